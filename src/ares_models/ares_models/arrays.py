@@ -1,0 +1,140 @@
+"""Structured dtypes: the plain data that kernels, nodes and campaigns share.
+
+A mission is compiled once into an :class:`MissionArrays`; a kernel gets the records
+(``arrays.environment[0]``) and reads them by name. Everything is SI, angles in rad,
+times are mission elapsed time in seconds, vectors are in the frame ``ares_eci``.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+MAX_JETTISONS = 8
+MAX_KNOTS = 8
+
+COAST = 0
+BURN = 1
+
+HEATING_LIMIT = 0
+MISSION_TIME = 1
+TIME_AFTER_IGNITION = 2
+
+ALTITUDE_SPHERICAL = 0
+ALTITUDE_ELLIPSOID = 1
+
+TARGET_RADIUS_SPEED_ANGLE_INCLINATION = 0
+TARGET_RADIUS_SPEED_ANGLE_PLANE = 1
+TARGET_KEPLERIAN = 2
+
+ENVIRONMENT = np.dtype(
+    [
+        ("mu", np.float64),  # m3/s2
+        ("g0", np.float64),  # m/s2, turns specific impulse into exhaust velocity
+        ("equatorial_radius", np.float64),  # m
+        ("polar_radius", np.float64),  # m
+        ("rotation_rate", np.float64),  # rad/s
+        ("j2", np.float64),  # zero: inverse-square gravity, Eq. 2.13
+        ("density_factor", np.float64),  # multiplies the tabulated density
+        ("altitude_model", np.int64),  # ALTITUDE_*
+    ],
+    align=True,
+)
+
+ARC = np.dtype(
+    [
+        ("kind", np.int64),  # COAST or BURN
+        ("stage", np.int64),
+        ("thrust", np.float64),  # N, full thrust; 0 for a coast
+        ("exhaust_velocity", np.float64),  # m/s; 1 for a coast
+        ("mass_flow", np.float64),  # kg/s at full thrust; 0 for a coast
+        ("duration", np.float64),  # s from ignition command to cut-off command; inf if free
+        ("begins_stage", np.int64),  # 1: the mass is reset to stack_mass when the arc begins
+        ("stack_mass", np.float64),  # kg, the stage and all above it, at the arc that begins it
+        ("propellant", np.float64),  # kg usable by the whole stage
+        # thrust-time curve: fraction of full thrust, linear between knots
+        ("start_knots", np.int64),  # 0: full thrust at once
+        ("start_time", np.float64, (MAX_KNOTS,)),  # s after the ignition command
+        ("start_fraction", np.float64, (MAX_KNOTS,)),
+        ("tail_knots", np.int64),  # 0: no thrust after the cut-off command
+        ("tail_time", np.float64, (MAX_KNOTS,)),  # s after the cut-off command
+        ("tail_fraction", np.float64, (MAX_KNOTS,)),
+        # what guidance needs of the curve, in seconds of full thrust
+        ("start_loss", np.float64),  # lost at the start
+        ("tail_gain", np.float64),  # gained after the cut-off command
+    ],
+    align=True,
+)
+
+JETTISON = np.dtype(
+    [
+        ("mass", np.float64),  # kg
+        ("criterion", np.int64),  # HEATING_LIMIT, MISSION_TIME or TIME_AFTER_IGNITION
+        ("value", np.float64),  # W/m2, s or s
+        ("stage", np.int64),  # not before the first burn of this stage
+    ],
+    align=True,
+)
+
+TARGET = np.dtype(
+    [
+        ("kind", np.int64),  # TARGET_*
+        ("radius", np.float64),
+        ("speed", np.float64),
+        ("flight_path_angle", np.float64),
+        ("inclination", np.float64),
+        ("ascending_node", np.float64),  # from the ECI x axis
+        ("semi_major_axis", np.float64),
+        ("eccentricity", np.float64),
+        ("argument_of_perigee", np.float64),
+    ],
+    align=True,
+)
+
+NAVIGATION = np.dtype(
+    [
+        ("time", np.float64),
+        ("position", np.float64, (3,)),
+        ("velocity", np.float64, (3,)),
+        ("mass", np.float64),
+        ("sensed_delta_v", np.float64, (3,)),  # integral of thrust acceleration since the start
+        ("heating_rate", np.float64),  # W/m2 measured; nan: unknown
+        ("arc", np.int64),  # index into the mission's arcs
+        ("arc_start_time", np.float64),
+        ("jettisoned", np.int64),  # bit k: jettison k is done
+    ],
+    align=True,
+)
+
+STEERING = np.dtype(
+    [
+        # direction(t) = unit(direction + direction_rate (t - reference_time))
+        ("reference_time", np.float64),
+        ("direction", np.float64, (3,)),  # unit vector
+        ("direction_rate", np.float64, (3,)),  # 1/s
+        ("cutoff_time", np.float64),  # predicted main-engine cut-off; nan: not known yet
+        ("jettison", np.int64),  # which jettison is timed by guidance; -1: none
+        ("jettison_time", np.float64),  # nan: none is due
+    ],
+    align=True,
+)
+
+
+@dataclass(frozen=True)
+class MissionArrays:
+    """A mission as the kernels see it.
+
+    Attributes:
+        environment: shape (1,), dtype ENVIRONMENT.
+        atmosphere: shape (n, 5): altitude m, then the coefficients c0..c3 of
+            log density = c0 + c1 x + c2 x^2 + c3 x^3 with x = h - altitude.
+        arcs: shape (n,), dtype ARC, in flight order.
+        jettisons: shape (n,), dtype JETTISON, in the order of the file; at most 8.
+        target: shape (1,), dtype TARGET.
+    """
+
+    environment: NDArray[np.void]
+    atmosphere: NDArray[np.float64]
+    arcs: NDArray[np.void]
+    jettisons: NDArray[np.void]
+    target: NDArray[np.void]

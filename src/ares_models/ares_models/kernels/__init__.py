@@ -1,0 +1,1 @@
+"""Compiled physics on plain floats, 3-tuples and structured arrays."""

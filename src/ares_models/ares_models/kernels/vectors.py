@@ -1,0 +1,87 @@
+"""Three-vectors as tuples of floats: they live in registers and allocate nothing."""
+
+import math
+
+from numpy.typing import NDArray
+
+from ares_models.jit import kernel
+
+Vector = tuple[float, float, float]
+
+
+@kernel
+def load(a: NDArray) -> Vector:
+    """First three elements of an array, as a tuple."""
+    return (a[0], a[1], a[2])
+
+
+@kernel
+def store(a: NDArray, x: Vector) -> None:
+    """Write a tuple into the first three elements of an array."""
+    a[0] = x[0]
+    a[1] = x[1]
+    a[2] = x[2]
+
+
+@kernel
+def add(x: Vector, y: Vector) -> Vector:
+    """x + y."""
+    return (x[0] + y[0], x[1] + y[1], x[2] + y[2])
+
+
+@kernel
+def sub(x: Vector, y: Vector) -> Vector:
+    """x - y."""
+    return (x[0] - y[0], x[1] - y[1], x[2] - y[2])
+
+
+@kernel
+def scale(s: float, x: Vector) -> Vector:
+    """s x."""
+    return (s * x[0], s * x[1], s * x[2])
+
+
+@kernel
+def axpy(s: float, x: Vector, y: Vector) -> Vector:
+    """s x + y."""
+    return (s * x[0] + y[0], s * x[1] + y[1], s * x[2] + y[2])
+
+
+@kernel
+def dot(x: Vector, y: Vector) -> float:
+    """x . y."""
+    return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
+
+
+@kernel
+def cross(x: Vector, y: Vector) -> Vector:
+    """x cross y."""
+    return (
+        x[1] * y[2] - x[2] * y[1],
+        x[2] * y[0] - x[0] * y[2],
+        x[0] * y[1] - x[1] * y[0],
+    )
+
+
+@kernel
+def norm(x: Vector) -> float:
+    """|x|."""
+    return math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
+
+
+@kernel
+def unit(x: Vector) -> Vector:
+    """x / |x|; nan for the zero vector."""
+    return scale(1.0 / norm(x), x)
+
+
+@kernel
+def angle_between(x: Vector, y: Vector) -> float:
+    """Angle between two vectors, rad, accurate for small angles too."""
+    return math.atan2(norm(cross(x, y)), dot(x, y))
+
+
+@kernel
+def is_finite(x: Vector) -> bool:
+    """True when no component is nan or infinite."""
+    return math.isfinite(x[0]) and math.isfinite(x[1]) and math.isfinite(x[2])
