@@ -1,0 +1,1 @@
+"""Ascent guidance: the laws, and the node that flies them."""

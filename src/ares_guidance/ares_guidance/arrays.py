@@ -1,0 +1,85 @@
+"""Structured dtypes of the guidance laws: named settings, state between cycles."""
+
+import numpy as np
+
+MAX_SEGMENTS = 32
+
+PHASE_IDLE = 0
+PHASE_CONVERGING = 1
+PHASE_TRACKING = 2
+PHASE_HOLD = 3
+PHASE_CUTOFF = 4
+
+ERROR_NONE = 0
+ERROR_NOT_CONVERGED = 1
+ERROR_NAVIGATION_INVALID = 2
+ERROR_STEERING_JUMP = 3
+ERROR_TIME_TO_GO_JUMP = 4
+ERROR_PROPELLANT_SHORT = 5
+ERROR_TARGET_UNREACHABLE = 6
+
+HEATING_MODELLED = 0
+HEATING_MEASURED = 1
+
+PEG_SETTINGS = np.dtype(
+    [
+        ("cycle_period", np.float64),  # s between guidance cycles
+        ("hold_time", np.float64),  # s before cut-off from which the steering is frozen
+        ("velocity_to_go_tolerance", np.float64),  # m/s, change in one iteration
+        ("jettison_time_tolerance", np.float64),  # s, change in one iteration
+        ("max_iterations", np.int64),  # in one cycle
+        ("steering_jump_limit", np.float64),  # rad between accepted solutions
+        ("time_to_go_jump_limit", np.float64),  # s between accepted solutions
+        ("max_stale_cycles", np.int64),  # then start again from nothing
+        ("heating_source", np.int64),  # HEATING_MEASURED or HEATING_MODELLED
+        ("heating_margin", np.float64),  # drop at limit x (1 - margin)
+    ],
+    align=True,
+)
+
+SEGMENT = np.dtype(
+    [
+        ("start", np.float64),  # s from now
+        ("duration", np.float64),  # s; inf for the free burn
+        ("exhaust_velocity", np.float64),  # m/s
+        ("tau", np.float64),  # s, mass over mass flow at the start of the segment
+        ("arc", np.int64),
+        ("capacity", np.float64),  # s until the propellant is gone
+    ],
+    align=True,
+)
+
+PEG_STATE = np.dtype(
+    [
+        ("phase", np.int64),  # PHASE_*
+        ("error", np.int64),  # ERROR_* of the last cycle
+        ("cycle", np.int64),
+        ("next_cycle_time", np.float64),
+        ("iterations", np.int64),  # of the last cycle
+        ("total_iterations", np.int64),
+        ("stale_cycles", np.int64),
+        ("time", np.float64),  # of the last navigation state
+        ("sensed_delta_v", np.float64, (3,)),
+        # the solution under iteration
+        ("time_to_go", np.float64),
+        ("velocity_to_go", np.float64, (3,)),
+        ("gravity_displacement", np.float64, (3,)),
+        ("displacement_bias", np.float64, (3,)),
+        ("desired_position", np.float64, (3,)),
+        ("plane_normal", np.float64, (3,)),
+        ("predicted_position", np.float64, (3,)),
+        ("predicted_velocity", np.float64, (3,)),
+        ("direction", np.float64, (3,)),
+        ("direction_rate", np.float64, (3,)),
+        ("reference_time", np.float64),
+        ("miss_speed", np.float64),  # m/s, change of velocity_to_go in the last iteration
+        ("propellant_short", np.int64),
+        ("tail_gain", np.float64),  # s of full thrust that follow the cut-off command
+        # heating jettisons
+        ("jettison_time", np.float64, (8,)),  # MET; inf: beyond cut-off, planned without
+        ("density_ratio", np.float64),  # measured over modelled heating; nan: unknown
+        ("segments", SEGMENT, (MAX_SEGMENTS,)),
+        ("segment_count", np.int64),
+    ],
+    align=True,
+)

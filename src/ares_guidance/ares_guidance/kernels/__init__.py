@@ -1,0 +1,1 @@
+"""Compiled guidance laws on plain records."""

@@ -1,0 +1,1 @@
+"""Many flights and pictures of flights: closed loops in compiled code, without ROS."""

@@ -1,0 +1,1 @@
+"""The truth: plant, engines, navigation errors, dispersions, and their node."""

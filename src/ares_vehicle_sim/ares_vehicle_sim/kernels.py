@@ -1,0 +1,423 @@
+"""The plant: Eq. 2.1 with staging, jettisons and cut-off at their exact times.
+
+Between events the state is integrated by Runge-Kutta 4; every discontinuity of the
+thrust, and every knot of a thrust-time curve, ends a step, so the impulse is exact.
+"""
+
+import math
+
+from numpy.typing import NDArray
+
+from ares_models.arrays import BURN, HEATING_LIMIT, MISSION_TIME
+from ares_models.jit import kernel
+from ares_models.kernels.environment import altitude, gravity, heating_rate
+from ares_models.kernels.vectors import (
+    Vector,
+    add,
+    angle_between,
+    axpy,
+    load,
+    scale,
+    store,
+    unit,
+)
+from ares_vehicle_sim.arrays import (
+    ARC_ENDED,
+    CUTOFF,
+    DEPLETION,
+    FLIGHT_COMPLETE,
+    FLIGHT_STARTED,
+    IGNITION,
+    IMPACT,
+    JETTISON_DONE,
+    MAX_EVENTS,
+    STAGING,
+)
+
+SAME_TIME = 1e-9
+SAME_BURNOUT = 1e-6
+SLEW_STEP = 0.02
+
+
+@kernel
+def curve_fraction(times: NDArray, fractions: NDArray, knots: int, t: float) -> float:
+    """Thrust fraction at ``t`` on a piecewise-linear curve, constant beyond its ends."""
+    if t <= times[0]:
+        return fractions[0]  # type: ignore[no-any-return]
+    for i in range(1, knots):
+        if t < times[i]:
+            w = (t - times[i - 1]) / (times[i] - times[i - 1])
+            return fractions[i - 1] + w * (fractions[i] - fractions[i - 1])  # type: ignore[no-any-return]
+    return fractions[knots - 1]  # type: ignore[no-any-return]
+
+
+@kernel
+def curve_area(times: NDArray, fractions: NDArray, knots: int, t: float) -> float:
+    """Integral of the thrust fraction from 0 to ``t``, s."""
+    area = 0.0
+    at = 0.0
+    level = fractions[0]
+    for i in range(knots):
+        if times[i] <= at:
+            level = fractions[i]
+            continue
+        end = min(t, times[i])
+        value = curve_fraction(times, fractions, knots, end)
+        area += 0.5 * (level + value) * (end - at)
+        at = end
+        level = value
+        if t <= times[i]:
+            return area
+    return area + level * max(0.0, t - at)  # type: ignore[no-any-return]
+
+
+@kernel
+def start_fraction(arc, t: float) -> float:  # type: ignore[no-untyped-def]
+    """Thrust fraction ``t`` seconds after the ignition command."""
+    if arc.start_knots == 0:
+        return 1.0
+    return curve_fraction(arc.start_time, arc.start_fraction, arc.start_knots, t)
+
+
+@kernel
+def thrust_now(plant, arcs: NDArray, t: float) -> tuple[float, float]:  # type: ignore[no-untyped-def]
+    """Thrust in N and mass flow in kg/s at time ``t`` within the present arc."""
+    thrust = 0.0
+    flow = 0.0
+    arc = arcs[plant.arc]
+    if plant.complete == 0 and arc.kind == BURN and plant.inserted == 0:
+        fraction = start_fraction(arc, t - plant.arc_start_time)
+        thrust += fraction * arc.thrust
+        flow += fraction * arc.mass_flow
+    if plant.tail_arc >= 0:
+        tail = arcs[plant.tail_arc]
+        fraction = curve_fraction(
+            tail.tail_time, tail.tail_fraction, tail.tail_knots, t - plant.tail_start_time
+        )
+        thrust += fraction * tail.thrust
+        flow += fraction * tail.mass_flow
+    return thrust, flow
+
+
+@kernel
+def commanded_direction(plant, t: float) -> Vector:  # type: ignore[no-untyped-def]
+    """Unit thrust direction of the command in force at time ``t``."""
+    command = plant.command
+    return unit(
+        axpy(t - command.reference_time, load(command.direction_rate), load(command.direction))
+    )
+
+
+@kernel
+def log_event(plant, kind: int, index: int, environment, atmosphere) -> None:  # type: ignore[no-untyped-def]
+    """Append an event with the present state."""
+    if plant.event_count >= MAX_EVENTS:
+        return
+    event = plant.events[plant.event_count]
+    plant.event_count += 1
+    event.type = kind
+    event.index = index
+    event.time = plant.time
+    event.mass = plant.mass
+    r = load(plant.position)
+    v = load(plant.velocity)
+    store(event.position, r)
+    store(event.velocity, v)
+    event.heating_rate = heating_rate(r, v, environment, atmosphere)
+
+
+@kernel
+def begin_arc(plant, k: int, environment, atmosphere, arcs, jettisons) -> None:  # type: ignore[no-untyped-def]
+    """Make arc ``k`` the present one: separation and ignition as it says."""
+    arc = arcs[k]
+    plant.arc = k
+    plant.arc_start_time = plant.time
+    if arc.begins_stage == 1 and k > 0:
+        plant.tail_arc = -1
+        plant.propellant_used = 0.0
+        plant.mass = arc.stack_mass
+        for j in range(jettisons.shape[0]):
+            if (plant.jettisoned >> j) & 1 == 0 and jettisons[j].stage < arc.stage:
+                plant.mass += jettisons[j].mass
+        log_event(plant, STAGING, arc.stage, environment, atmosphere)
+    if arc.kind == BURN:
+        if plant.ignited_stage < arc.stage:
+            plant.ignited_stage = arc.stage
+            plant.ignition_time = plant.time
+        log_event(plant, IGNITION, k, environment, atmosphere)
+
+
+@kernel
+def end_thrust(plant, arcs) -> None:  # type: ignore[no-untyped-def]
+    """Cut-off command to the present arc: its tail-off begins."""
+    if arcs[plant.arc].tail_knots > 0:
+        plant.tail_arc = plant.arc
+        plant.tail_start_time = plant.time
+
+
+@kernel
+def tail_end_time(plant, arcs) -> float:  # type: ignore[no-untyped-def]
+    """Time at which the running tail-off is over."""
+    tail = arcs[plant.tail_arc]
+    return plant.tail_start_time + tail.tail_time[tail.tail_knots - 1]  # type: ignore[no-any-return]
+
+
+@kernel
+def burnout_time(plant, arcs: NDArray) -> float:  # type: ignore[no-untyped-def]
+    """Time at which the present burn has used up its stage's propellant; inf in a coast."""
+    arc = arcs[plant.arc]
+    if arc.kind != BURN or plant.inserted == 1:
+        return math.inf
+    left = max(0.0, arc.propellant - plant.propellant_used) / arc.mass_flow
+    into = plant.time - plant.arc_start_time
+    if arc.start_knots == 0 or into >= arc.start_time[arc.start_knots - 1]:
+        return plant.time + left  # type: ignore[no-any-return]
+    wanted = left + curve_area(arc.start_time, arc.start_fraction, arc.start_knots, into)
+    low = into
+    high = into + left + arc.start_time[arc.start_knots - 1]
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if curve_area(arc.start_time, arc.start_fraction, arc.start_knots, middle) < wanted:
+            low = middle
+        else:
+            high = middle
+    return plant.arc_start_time + high  # type: ignore[no-any-return]
+
+
+@kernel
+def jettison_due(plant, jettisons: NDArray, j: int) -> float:  # type: ignore[no-untyped-def]
+    """Time at which jettison ``j`` is due; inf when done or not decided."""
+    if (plant.jettisoned >> j) & 1 == 1 or plant.ignited_stage < jettisons[j].stage:
+        return math.inf
+    if jettisons[j].criterion == HEATING_LIMIT:
+        due = plant.jettison_time[j]
+        return due if math.isfinite(due) else math.inf
+    if jettisons[j].criterion == MISSION_TIME:
+        return jettisons[j].value  # type: ignore[no-any-return]
+    if plant.ignited_stage > jettisons[j].stage:
+        return plant.time  # type: ignore[no-any-return]
+    return plant.ignition_time + jettisons[j].value  # type: ignore[no-any-return]
+
+
+@kernel
+def process_due_events(plant, environment, atmosphere, arcs, jettisons) -> None:  # type: ignore[no-untyped-def]
+    """Carry out everything that falls on the present instant."""
+    now = plant.time + SAME_TIME
+    changed = True
+    while changed and plant.complete == 0:
+        changed = False
+        for j in range(jettisons.shape[0]):
+            if jettison_due(plant, jettisons, j) <= now:
+                plant.jettisoned |= 1 << j
+                plant.mass -= jettisons[j].mass
+                log_event(plant, JETTISON_DONE, j, environment, atmosphere)
+                plant.peak_heating_after_jettison = 0.0
+        if plant.tail_arc >= 0 and tail_end_time(plant, arcs) <= now:
+            plant.tail_arc = -1
+            changed = True
+        arc = arcs[plant.arc]
+        if plant.inserted == 1:
+            if plant.tail_arc < 0:
+                plant.complete = 1
+                log_event(plant, FLIGHT_COMPLETE, 0, environment, atmosphere)
+        elif arc.kind == BURN and plant.command.cutoff_time <= now:
+            plant.inserted = 1
+            end_thrust(plant, arcs)
+            log_event(plant, CUTOFF, plant.arc, environment, atmosphere)
+            changed = True
+        elif plant.arc_start_time + arc.duration <= now:
+            end_thrust(plant, arcs)
+            log_event(plant, ARC_ENDED, plant.arc, environment, atmosphere)
+            begin_arc(plant, plant.arc + 1, environment, atmosphere, arcs, jettisons)
+            changed = True
+        elif burnout_time(plant, arcs) <= now:
+            log_event(plant, DEPLETION, plant.arc, environment, atmosphere)
+            following = plant.arc + 1
+            while (
+                following < arcs.shape[0]
+                and arcs[following].kind == BURN
+                and arcs[following].stage == arc.stage
+            ):
+                following += 1
+            if following >= arcs.shape[0]:
+                plant.complete = 1
+                log_event(plant, FLIGHT_COMPLETE, 0, environment, atmosphere)
+            else:
+                begin_arc(plant, following, environment, atmosphere, arcs, jettisons)
+                changed = True
+
+
+@kernel
+def next_break(plant, arcs, jettisons, until: float) -> float:  # type: ignore[no-untyped-def]
+    """Next instant at which the right-hand side changes its form, at most ``until``."""
+    at = until
+    floor = plant.time + SAME_TIME
+    for j in range(jettisons.shape[0]):
+        due = jettison_due(plant, jettisons, j)
+        if floor < due < at:
+            at = due
+    if plant.tail_arc >= 0:
+        tail = arcs[plant.tail_arc]
+        for i in range(tail.tail_knots):
+            knot = plant.tail_start_time + tail.tail_time[i]
+            if floor < knot < at:
+                at = knot
+    if plant.inserted == 1:
+        return at
+    arc = arcs[plant.arc]
+    end = plant.arc_start_time + arc.duration
+    if floor < end < at:
+        at = end
+    if arc.kind == BURN:
+        for i in range(arc.start_knots):
+            knot = plant.arc_start_time + arc.start_time[i]
+            if floor < knot < at:
+                at = knot
+        cutoff = plant.command.cutoff_time
+        if floor < cutoff < at:
+            at = cutoff
+        burnout = burnout_time(plant, arcs)
+        # a burn as long as its propellant ends by the clock
+        if floor < burnout < at and burnout < end - SAME_BURNOUT:
+            at = burnout
+    return at
+
+
+@kernel
+def acceleration(r: Vector, u: Vector, thrust: float, mass: float, environment) -> Vector:  # type: ignore[no-untyped-def]
+    """Gravity plus thrust, m/s2."""
+    return axpy(thrust / mass, u, gravity(r, environment))
+
+
+@kernel
+def integrate(plant, environment, arcs, options, end: float) -> None:  # type: ignore[no-untyped-def]
+    """One Runge-Kutta 4 step to ``end``; the thrust curve is linear in between."""
+    t = plant.time
+    h = end - t
+    middle = t + 0.5 * h
+    # sampled just inside the step: a knot may be a jump
+    inset = 1e-12 * h
+    t0, f0 = thrust_now(plant, arcs, t + inset)
+    t1, f1 = thrust_now(plant, arcs, end - inset)
+    tm = 0.5 * (t0 + t1)
+    fm = 0.5 * (f0 + f1)
+    if math.isfinite(options.attitude_rate_limit):
+        u0 = load(plant.direction)
+        u1 = commanded_direction(plant, end)
+        angle = angle_between(u0, u1)
+        reach = options.attitude_rate_limit * h
+        if angle > reach:
+            across = unit(axpy(-math.cos(angle), u0, u1))
+            u1 = add(scale(math.cos(reach), u0), scale(math.sin(reach), across))
+        um = unit(add(u0, u1))
+    else:
+        u0 = commanded_direction(plant, t)
+        um = commanded_direction(plant, middle)
+        u1 = commanded_direction(plant, end)
+    r = load(plant.position)
+    v = load(plant.velocity)
+    m = plant.mass
+    m_middle = m - 0.25 * h * (f0 + fm)
+    m_end = m - h * fm
+    a1 = acceleration(r, u0, t0, m, environment)
+    v2 = axpy(0.5 * h, a1, v)
+    a2 = acceleration(axpy(0.5 * h, v, r), um, tm, m_middle, environment)
+    v3 = axpy(0.5 * h, a2, v)
+    a3 = acceleration(axpy(0.5 * h, v2, r), um, tm, m_middle, environment)
+    v4 = axpy(h, a3, v)
+    a4 = acceleration(axpy(h, v3, r), u1, t1, m_end, environment)
+    sixth = h / 6.0
+    store(
+        plant.position, axpy(sixth, add(add(v, v4), scale(2.0, add(v2, v3))), r)
+    )
+    store(
+        plant.velocity, axpy(sixth, add(add(a1, a4), scale(2.0, add(a2, a3))), v)
+    )
+    # Simpson on the thrust acceleration: what an accelerometer integrates
+    sensed = add(
+        scale(t0 / m, u0), add(scale(4.0 * tm / m_middle, um), scale(t1 / m_end, u1))
+    )
+    store(plant.sensed_delta_v, axpy(sixth, sensed, load(plant.sensed_delta_v)))
+    store(plant.direction, u1)
+    plant.mass = m_end
+    plant.propellant_used += h * fm
+    plant.time = end
+
+
+@kernel
+def begin_flight(plant, environment, atmosphere, arcs, jettisons) -> None:  # type: ignore[no-untyped-def]
+    """Start the sequence from the state in ``plant`` (time, position, velocity set).
+
+    The mass is that of the first arc's stack unless it is set already.
+    """
+    plant.ignited_stage = -1
+    plant.tail_arc = -1
+    plant.arc = 0
+    plant.arc_start_time = plant.time
+    if not plant.mass > 0.0:
+        plant.mass = arcs[0].stack_mass
+    for j in range(plant.jettison_time.shape[0]):
+        plant.jettison_time[j] = math.nan
+    u = unit(load(plant.velocity))
+    store(plant.direction, u)
+    store(plant.command.direction, u)
+    plant.command.reference_time = plant.time
+    plant.command.cutoff_time = math.nan
+    plant.command.jettison = -1
+    log_event(plant, FLIGHT_STARTED, 0, environment, atmosphere)
+    begin_arc(plant, 0, environment, atmosphere, arcs, jettisons)
+
+
+@kernel
+def accept_command(plant, steering, jettisons) -> None:  # type: ignore[no-untyped-def]
+    """Put a checked command in force."""
+    command = plant.command
+    command.reference_time = steering.reference_time
+    store(command.direction, load(steering.direction))
+    store(command.direction_rate, load(steering.direction_rate))
+    command.cutoff_time = steering.cutoff_time
+    command.jettison = steering.jettison
+    command.jettison_time = steering.jettison_time
+    for j in range(jettisons.shape[0]):
+        plant.jettison_time[j] = math.nan
+    if 0 <= steering.jettison < jettisons.shape[0]:
+        plant.jettison_time[steering.jettison] = steering.jettison_time
+
+
+@kernel
+def flight_step(  # type: ignore[no-untyped-def]
+    plant, environment, atmosphere, arcs, jettisons, options, until: float
+) -> None:
+    """Advance the vehicle to ``until`` or to the end of the flight.
+
+    Args:
+        plant: record PLANT. Changed; events are appended to ``plant.events``.
+        environment: record ENVIRONMENT, the true one.
+        atmosphere: log-density table, the true one.
+        arcs: dtype ARC, with the true thrusts.
+        jettisons: dtype JETTISON.
+        options: record OPTIONS.
+        until: mission elapsed time, s.
+    """
+    process_due_events(plant, environment, atmosphere, arcs, jettisons)
+    largest = options.max_step
+    if math.isfinite(options.attitude_rate_limit):
+        largest = min(largest, SLEW_STEP)
+    while plant.complete == 0 and plant.time < until:
+        end = next_break(plant, arcs, jettisons, until)
+        steps = max(1, int(math.ceil((end - plant.time) / largest - 1e-9)))
+        start = plant.time
+        for i in range(1, steps + 1):
+            at = end if i == steps else start + (end - start) * i / steps
+            integrate(plant, environment, arcs, options, at)
+            if plant.jettisoned != 0:
+                heat = heating_rate(
+                    load(plant.position), load(plant.velocity), environment, atmosphere
+                )
+                if heat > plant.peak_heating_after_jettison:
+                    plant.peak_heating_after_jettison = heat
+        process_due_events(plant, environment, atmosphere, arcs, jettisons)
+    if plant.complete == 0 and altitude(load(plant.position), environment) < 0.0:
+        plant.complete = 1
+        log_event(plant, IMPACT, 0, environment, atmosphere)
+
