@@ -1,1 +1,1 @@
-"""Ascent guidance: the laws, and the node that flies them."""
+"""Powered explicit guidance as compiled functions, and its lifecycle node."""

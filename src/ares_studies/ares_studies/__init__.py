@@ -1,1 +1,1 @@
-"""Many flights and pictures of flights: closed loops in compiled code, without ROS."""
+"""Whole flights without ROS, in one compiled loop."""

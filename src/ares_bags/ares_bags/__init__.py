@@ -1,0 +1,1 @@
+"""Record, read and check flights as rosbag2-conformant MCAP bags."""

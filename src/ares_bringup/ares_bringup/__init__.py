@@ -1,0 +1,1 @@
+"""Launch files, node parameters and the ares command line."""
