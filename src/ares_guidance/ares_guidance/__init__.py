@@ -1,1 +1,1 @@
-"""Powered explicit guidance as compiled functions, and its lifecycle node."""
+"""Ascent guidance: the laws, and the node that flies them."""

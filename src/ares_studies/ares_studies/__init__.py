@@ -1,1 +1,1 @@
-"""Whole flights without ROS, in one compiled loop."""
+"""Many flights and pictures of flights: closed loops in compiled code, without ROS."""

@@ -1,1 +1,1 @@
-"""The true vehicle as compiled functions, and the node that owns the clock."""
+"""The truth: plant, engines, navigation errors, dispersions, and their node."""
