@@ -6,9 +6,13 @@ times are mission elapsed time in seconds, vectors are in the frame ``ares_eci``
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+#: One element of a structured array, as kernels take it: fields by attribute.
+Record = Any
 
 MAX_JETTISONS = 8
 MAX_KNOTS = 8

@@ -1,45 +1,32 @@
 """A whole flight in one compiled loop, through the same two steps as the nodes."""
 
+from typing import Any
+
 from ares_guidance.kernels.peg import guidance_step
+from ares_models.arrays import Record
 from ares_models.jit import kernel
-from ares_models.kernels.environment import heating_rate
-from ares_models.kernels.vectors import load, store
-from ares_vehicle_sim.kernels import accept_command, flight_step
+from ares_vehicle_sim.kernels import accept_command, flight_step, measure
+from numpy.typing import NDArray
 
 
 @kernel
-def measure(plant, environment, atmosphere, nav) -> None:  # type: ignore[no-untyped-def]
-    """Perfect navigation: the truth, as a navigation state."""
-    nav.time = plant.time
-    r = load(plant.position)
-    v = load(plant.velocity)
-    store(nav.position, r)
-    store(nav.velocity, v)
-    store(nav.sensed_delta_v, load(plant.sensed_delta_v))
-    nav.mass = plant.mass
-    nav.heating_rate = heating_rate(r, v, environment, atmosphere)
-    nav.arc = plant.arc
-    nav.arc_start_time = plant.arc_start_time
-    nav.jettisoned = plant.jettisoned
-
-
-@kernel
-def fly(  # type: ignore[no-untyped-def]
-    plant,
-    environment,
-    atmosphere,
-    arcs,
-    options,
-    believed_environment,
-    believed_atmosphere,
-    believed_arcs,
-    jettisons,
-    target,
-    settings,
-    state,
-    saved,
-    nav,
-    steering,
+def fly(
+    plant: Record,
+    environment: Record,
+    atmosphere: NDArray[Any],
+    arcs: NDArray[Any],
+    jettisons: NDArray[Any],
+    options: Record,
+    believed_environment: Record,
+    believed_atmosphere: NDArray[Any],
+    believed_arcs: NDArray[Any],
+    believed_jettisons: NDArray[Any],
+    target: Record,
+    settings: Record,
+    state: Record,
+    saved: Record,
+    nav: Record,
+    steering: Record,
     navigation_period: float,
 ) -> None:
     """Fly from a begun plant to the end of the flight.
@@ -56,7 +43,7 @@ def fly(  # type: ignore[no-untyped-def]
             believed_environment,
             believed_atmosphere,
             believed_arcs,
-            jettisons,
+            believed_jettisons,
             target,
             settings,
             state,
@@ -72,5 +59,5 @@ def fly(  # type: ignore[no-untyped-def]
             arcs,
             jettisons,
             options,
-            (start_ns + tick * period_ns) * 1e-9,
+            (start_ns + tick * period_ns) / 1e9,
         )

@@ -5,10 +5,9 @@ thrust, and every knot of a thrust-time curve, ends a step, so the impulse is ex
 """
 
 import math
+from typing import Any
 
-from numpy.typing import NDArray
-
-from ares_models.arrays import BURN, HEATING_LIMIT, MISSION_TIME
+from ares_models.arrays import BURN, HEATING_LIMIT, MISSION_TIME, Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import altitude, gravity, heating_rate
 from ares_models.kernels.vectors import (
@@ -21,6 +20,8 @@ from ares_models.kernels.vectors import (
     store,
     unit,
 )
+from numpy.typing import NDArray
+
 from ares_vehicle_sim.arrays import (
     ARC_ENDED,
     CUTOFF,
@@ -40,19 +41,19 @@ SLEW_STEP = 0.02
 
 
 @kernel
-def curve_fraction(times: NDArray, fractions: NDArray, knots: int, t: float) -> float:
+def curve_fraction(times: NDArray[Any], fractions: NDArray[Any], knots: int, t: float) -> float:
     """Thrust fraction at ``t`` on a piecewise-linear curve, constant beyond its ends."""
     if t <= times[0]:
-        return fractions[0]  # type: ignore[no-any-return]
+        return fractions[0]
     for i in range(1, knots):
         if t < times[i]:
             w = (t - times[i - 1]) / (times[i] - times[i - 1])
-            return fractions[i - 1] + w * (fractions[i] - fractions[i - 1])  # type: ignore[no-any-return]
-    return fractions[knots - 1]  # type: ignore[no-any-return]
+            return fractions[i - 1] + w * (fractions[i] - fractions[i - 1])
+    return fractions[knots - 1]
 
 
 @kernel
-def curve_area(times: NDArray, fractions: NDArray, knots: int, t: float) -> float:
+def curve_area(times: NDArray[Any], fractions: NDArray[Any], knots: int, t: float) -> float:
     """Integral of the thrust fraction from 0 to ``t``, s."""
     area = 0.0
     at = 0.0
@@ -68,11 +69,11 @@ def curve_area(times: NDArray, fractions: NDArray, knots: int, t: float) -> floa
         level = value
         if t <= times[i]:
             return area
-    return area + level * max(0.0, t - at)  # type: ignore[no-any-return]
+    return area + level * max(0.0, t - at)
 
 
 @kernel
-def start_fraction(arc, t: float) -> float:  # type: ignore[no-untyped-def]
+def start_fraction(arc: Record, t: float) -> float:
     """Thrust fraction ``t`` seconds after the ignition command."""
     if arc.start_knots == 0:
         return 1.0
@@ -80,7 +81,7 @@ def start_fraction(arc, t: float) -> float:  # type: ignore[no-untyped-def]
 
 
 @kernel
-def thrust_now(plant, arcs: NDArray, t: float) -> tuple[float, float]:  # type: ignore[no-untyped-def]
+def thrust_now(plant: Record, arcs: NDArray[Any], t: float) -> tuple[float, float]:
     """Thrust in N and mass flow in kg/s at time ``t`` within the present arc."""
     thrust = 0.0
     flow = 0.0
@@ -100,7 +101,7 @@ def thrust_now(plant, arcs: NDArray, t: float) -> tuple[float, float]:  # type: 
 
 
 @kernel
-def commanded_direction(plant, t: float) -> Vector:  # type: ignore[no-untyped-def]
+def commanded_direction(plant: Record, t: float) -> Vector:
     """Unit thrust direction of the command in force at time ``t``."""
     command = plant.command
     return unit(
@@ -109,7 +110,9 @@ def commanded_direction(plant, t: float) -> Vector:  # type: ignore[no-untyped-d
 
 
 @kernel
-def log_event(plant, kind: int, index: int, environment, atmosphere) -> None:  # type: ignore[no-untyped-def]
+def log_event(
+    plant: Record, kind: int, index: int, environment: Record, atmosphere: NDArray[Any]
+) -> None:
     """Append an event with the present state."""
     if plant.event_count >= MAX_EVENTS:
         return
@@ -127,7 +130,14 @@ def log_event(plant, kind: int, index: int, environment, atmosphere) -> None:  #
 
 
 @kernel
-def begin_arc(plant, k: int, environment, atmosphere, arcs, jettisons) -> None:  # type: ignore[no-untyped-def]
+def begin_arc(
+    plant: Record,
+    k: int,
+    environment: Record,
+    atmosphere: NDArray[Any],
+    arcs: NDArray[Any],
+    jettisons: NDArray[Any],
+) -> None:
     """Make arc ``k`` the present one: separation and ignition as it says."""
     arc = arcs[k]
     plant.arc = k
@@ -148,7 +158,7 @@ def begin_arc(plant, k: int, environment, atmosphere, arcs, jettisons) -> None: 
 
 
 @kernel
-def end_thrust(plant, arcs) -> None:  # type: ignore[no-untyped-def]
+def end_thrust(plant: Record, arcs: NDArray[Any]) -> None:
     """Cut-off command to the present arc: its tail-off begins."""
     if arcs[plant.arc].tail_knots > 0:
         plant.tail_arc = plant.arc
@@ -156,14 +166,14 @@ def end_thrust(plant, arcs) -> None:  # type: ignore[no-untyped-def]
 
 
 @kernel
-def tail_end_time(plant, arcs) -> float:  # type: ignore[no-untyped-def]
+def tail_end_time(plant: Record, arcs: NDArray[Any]) -> float:
     """Time at which the running tail-off is over."""
     tail = arcs[plant.tail_arc]
-    return plant.tail_start_time + tail.tail_time[tail.tail_knots - 1]  # type: ignore[no-any-return]
+    return plant.tail_start_time + tail.tail_time[tail.tail_knots - 1]
 
 
 @kernel
-def burnout_time(plant, arcs: NDArray) -> float:  # type: ignore[no-untyped-def]
+def burnout_time(plant: Record, arcs: NDArray[Any]) -> float:
     """Time at which the present burn has used up its stage's propellant; inf in a coast."""
     arc = arcs[plant.arc]
     if arc.kind != BURN or plant.inserted == 1:
@@ -171,7 +181,7 @@ def burnout_time(plant, arcs: NDArray) -> float:  # type: ignore[no-untyped-def]
     left = max(0.0, arc.propellant - plant.propellant_used) / arc.mass_flow
     into = plant.time - plant.arc_start_time
     if arc.start_knots == 0 or into >= arc.start_time[arc.start_knots - 1]:
-        return plant.time + left  # type: ignore[no-any-return]
+        return plant.time + left
     wanted = left + curve_area(arc.start_time, arc.start_fraction, arc.start_knots, into)
     low = into
     high = into + left + arc.start_time[arc.start_knots - 1]
@@ -181,11 +191,11 @@ def burnout_time(plant, arcs: NDArray) -> float:  # type: ignore[no-untyped-def]
             low = middle
         else:
             high = middle
-    return plant.arc_start_time + high  # type: ignore[no-any-return]
+    return plant.arc_start_time + high
 
 
 @kernel
-def jettison_due(plant, jettisons: NDArray, j: int) -> float:  # type: ignore[no-untyped-def]
+def jettison_due(plant: Record, jettisons: NDArray[Any], j: int) -> float:
     """Time at which jettison ``j`` is due; inf when done or not decided."""
     if (plant.jettisoned >> j) & 1 == 1 or plant.ignited_stage < jettisons[j].stage:
         return math.inf
@@ -193,14 +203,20 @@ def jettison_due(plant, jettisons: NDArray, j: int) -> float:  # type: ignore[no
         due = plant.jettison_time[j]
         return due if math.isfinite(due) else math.inf
     if jettisons[j].criterion == MISSION_TIME:
-        return jettisons[j].value  # type: ignore[no-any-return]
+        return jettisons[j].value
     if plant.ignited_stage > jettisons[j].stage:
-        return plant.time  # type: ignore[no-any-return]
-    return plant.ignition_time + jettisons[j].value  # type: ignore[no-any-return]
+        return plant.time
+    return plant.ignition_time + jettisons[j].value
 
 
 @kernel
-def process_due_events(plant, environment, atmosphere, arcs, jettisons) -> None:  # type: ignore[no-untyped-def]
+def process_due_events(
+    plant: Record,
+    environment: Record,
+    atmosphere: NDArray[Any],
+    arcs: NDArray[Any],
+    jettisons: NDArray[Any],
+) -> None:
     """Carry out everything that falls on the present instant."""
     now = plant.time + SAME_TIME
     changed = True
@@ -219,7 +235,7 @@ def process_due_events(plant, environment, atmosphere, arcs, jettisons) -> None:
         if plant.inserted == 1:
             if plant.tail_arc < 0:
                 plant.complete = 1
-                log_event(plant, FLIGHT_COMPLETE, 0, environment, atmosphere)
+                log_event(plant, FLIGHT_COMPLETE, plant.arc, environment, atmosphere)
         elif arc.kind == BURN and plant.command.cutoff_time <= now:
             plant.inserted = 1
             end_thrust(plant, arcs)
@@ -231,7 +247,7 @@ def process_due_events(plant, environment, atmosphere, arcs, jettisons) -> None:
             begin_arc(plant, plant.arc + 1, environment, atmosphere, arcs, jettisons)
             changed = True
         elif burnout_time(plant, arcs) <= now:
-            log_event(plant, DEPLETION, plant.arc, environment, atmosphere)
+            log_event(plant, DEPLETION, arc.stage, environment, atmosphere)
             following = plant.arc + 1
             while (
                 following < arcs.shape[0]
@@ -241,14 +257,14 @@ def process_due_events(plant, environment, atmosphere, arcs, jettisons) -> None:
                 following += 1
             if following >= arcs.shape[0]:
                 plant.complete = 1
-                log_event(plant, FLIGHT_COMPLETE, 0, environment, atmosphere)
+                log_event(plant, FLIGHT_COMPLETE, plant.arc, environment, atmosphere)
             else:
                 begin_arc(plant, following, environment, atmosphere, arcs, jettisons)
                 changed = True
 
 
 @kernel
-def next_break(plant, arcs, jettisons, until: float) -> float:  # type: ignore[no-untyped-def]
+def next_break(plant: Record, arcs: NDArray[Any], jettisons: NDArray[Any], until: float) -> float:
     """Next instant at which the right-hand side changes its form, at most ``until``."""
     at = until
     floor = plant.time + SAME_TIME
@@ -284,13 +300,15 @@ def next_break(plant, arcs, jettisons, until: float) -> float:  # type: ignore[n
 
 
 @kernel
-def acceleration(r: Vector, u: Vector, thrust: float, mass: float, environment) -> Vector:  # type: ignore[no-untyped-def]
+def acceleration(r: Vector, u: Vector, thrust: float, mass: float, environment: Record) -> Vector:
     """Gravity plus thrust, m/s2."""
     return axpy(thrust / mass, u, gravity(r, environment))
 
 
 @kernel
-def integrate(plant, environment, arcs, options, end: float) -> None:  # type: ignore[no-untyped-def]
+def integrate(
+    plant: Record, environment: Record, arcs: NDArray[Any], options: Record, end: float
+) -> None:
     """One Runge-Kutta 4 step to ``end``; the thrust curve is linear in between."""
     t = plant.time
     h = end - t
@@ -327,16 +345,10 @@ def integrate(plant, environment, arcs, options, end: float) -> None:  # type: i
     v4 = axpy(h, a3, v)
     a4 = acceleration(axpy(h, v3, r), u1, t1, m_end, environment)
     sixth = h / 6.0
-    store(
-        plant.position, axpy(sixth, add(add(v, v4), scale(2.0, add(v2, v3))), r)
-    )
-    store(
-        plant.velocity, axpy(sixth, add(add(a1, a4), scale(2.0, add(a2, a3))), v)
-    )
+    store(plant.position, axpy(sixth, add(add(v, v4), scale(2.0, add(v2, v3))), r))
+    store(plant.velocity, axpy(sixth, add(add(a1, a4), scale(2.0, add(a2, a3))), v))
     # Simpson on the thrust acceleration: what an accelerometer integrates
-    sensed = add(
-        scale(t0 / m, u0), add(scale(4.0 * tm / m_middle, um), scale(t1 / m_end, u1))
-    )
+    sensed = add(scale(t0 / m, u0), add(scale(4.0 * tm / m_middle, um), scale(t1 / m_end, u1)))
     store(plant.sensed_delta_v, axpy(sixth, sensed, load(plant.sensed_delta_v)))
     store(plant.direction, u1)
     plant.mass = m_end
@@ -345,7 +357,13 @@ def integrate(plant, environment, arcs, options, end: float) -> None:  # type: i
 
 
 @kernel
-def begin_flight(plant, environment, atmosphere, arcs, jettisons) -> None:  # type: ignore[no-untyped-def]
+def begin_flight(
+    plant: Record,
+    environment: Record,
+    atmosphere: NDArray[Any],
+    arcs: NDArray[Any],
+    jettisons: NDArray[Any],
+) -> None:
     """Start the sequence from the state in ``plant`` (time, position, velocity set).
 
     The mass is that of the first arc's stack unless it is set already.
@@ -369,7 +387,7 @@ def begin_flight(plant, environment, atmosphere, arcs, jettisons) -> None:  # ty
 
 
 @kernel
-def accept_command(plant, steering, jettisons) -> None:  # type: ignore[no-untyped-def]
+def accept_command(plant: Record, steering: Record, jettisons: NDArray[Any]) -> None:
     """Put a checked command in force."""
     command = plant.command
     command.reference_time = steering.reference_time
@@ -385,8 +403,14 @@ def accept_command(plant, steering, jettisons) -> None:  # type: ignore[no-untyp
 
 
 @kernel
-def flight_step(  # type: ignore[no-untyped-def]
-    plant, environment, atmosphere, arcs, jettisons, options, until: float
+def flight_step(
+    plant: Record,
+    environment: Record,
+    atmosphere: NDArray[Any],
+    arcs: NDArray[Any],
+    jettisons: NDArray[Any],
+    options: Record,
+    until: float,
 ) -> None:
     """Advance the vehicle to ``until`` or to the end of the flight.
 
@@ -419,5 +443,20 @@ def flight_step(  # type: ignore[no-untyped-def]
         process_due_events(plant, environment, atmosphere, arcs, jettisons)
     if plant.complete == 0 and altitude(load(plant.position), environment) < 0.0:
         plant.complete = 1
-        log_event(plant, IMPACT, 0, environment, atmosphere)
+        log_event(plant, IMPACT, plant.arc, environment, atmosphere)
 
+
+@kernel
+def measure(plant: Record, environment: Record, atmosphere: NDArray[Any], nav: Record) -> None:
+    """Perfect navigation: the truth, as a navigation state."""
+    nav.time = plant.time
+    r = load(plant.position)
+    v = load(plant.velocity)
+    store(nav.position, r)
+    store(nav.velocity, v)
+    store(nav.sensed_delta_v, load(plant.sensed_delta_v))
+    nav.mass = plant.mass
+    nav.heating_rate = heating_rate(r, v, environment, atmosphere)
+    nav.arc = plant.arc
+    nav.arc_start_time = plant.arc_start_time
+    nav.jettisoned = plant.jettisoned

@@ -7,7 +7,27 @@ full target at staging and jettison as well; here only the cut-off is targeted.
 """
 
 import math
+from typing import Any
 
+from ares_models.arrays import BURN, HEATING_LIMIT, Record
+from ares_models.jit import kernel
+from ares_models.kernels.environment import gravity, heating_rate, log_heating
+from ares_models.kernels.kepler import kepler
+from ares_models.kernels.vectors import (
+    Vector,
+    add,
+    angle_between,
+    axpy,
+    cross,
+    dot,
+    is_finite,
+    load,
+    norm,
+    scale,
+    store,
+    sub,
+    unit,
+)
 from numpy.typing import NDArray
 
 from ares_guidance.arrays import (
@@ -31,33 +51,14 @@ from ares_guidance.kernels.targets import (
     project_to_plane,
     target_speed,
 )
-from ares_models.arrays import BURN, HEATING_LIMIT
-from ares_models.jit import kernel
-from ares_models.kernels.environment import gravity, heating_rate, log_heating
-from ares_models.kernels.kepler import kepler
-from ares_models.kernels.vectors import (
-    Vector,
-    add,
-    angle_between,
-    axpy,
-    cross,
-    dot,
-    is_finite,
-    load,
-    norm,
-    scale,
-    store,
-    sub,
-    unit,
-)
 
 JETTISON_SEARCH_STEPS = 12
 CUTOFF_SEARCH_STEPS = 4
 
 
 @kernel
-def steered_thrust(  # type: ignore[no-untyped-def]
-    state, until: float, direction: Vector, rate: Vector, reference: float
+def steered_thrust(
+    state: Record, until: float, direction: Vector, rate: Vector, reference: float
 ) -> tuple[Vector, Vector]:
     """Velocity and displacement that the planned thrust gives from now to ``until``.
 
@@ -116,8 +117,15 @@ def gravity_effect(
 
 
 @kernel
-def predicted_log_heating(  # type: ignore[no-untyped-def]
-    nav, environment, atmosphere, state, direction: Vector, rate: Vector, reference: float, t: float
+def predicted_log_heating(
+    nav: Record,
+    environment: Record,
+    atmosphere: NDArray[Any],
+    state: Record,
+    direction: Vector,
+    rate: Vector,
+    reference: float,
+    t: float,
 ) -> tuple[float, float]:
     """Log of the modelled heating on the predicted path, and its slope.
 
@@ -152,11 +160,11 @@ def predicted_log_heating(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def heating_crossing(  # type: ignore[no-untyped-def]
-    nav,
-    environment,
-    atmosphere,
-    state,
+def heating_crossing(
+    nav: Record,
+    environment: Record,
+    atmosphere: NDArray[Any],
+    state: Record,
     direction: Vector,
     rate: Vector,
     reference: float,
@@ -206,7 +214,7 @@ def heating_crossing(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def first_ignition(stage: int, nav, arcs: NDArray) -> float:  # type: ignore[no-untyped-def]
+def first_ignition(stage: int, nav: Record, arcs: NDArray[Any]) -> float:
     """Time from now to the first ignition of a stage, s; 0 if it is past."""
     if arcs[nav.arc].stage > stage:
         return 0.0
@@ -222,14 +230,14 @@ def first_ignition(stage: int, nav, arcs: NDArray) -> float:  # type: ignore[no-
 
 
 @kernel
-def predict_jettisons(  # type: ignore[no-untyped-def]
-    nav,
-    environment,
-    atmosphere,
-    arcs,
-    jettisons,
-    settings,
-    state,
+def predict_jettisons(
+    nav: Record,
+    environment: Record,
+    atmosphere: NDArray[Any],
+    arcs: NDArray[Any],
+    jettisons: NDArray[Any],
+    settings: Record,
+    state: Record,
     direction: Vector,
     rate: Vector,
     reference: float,
@@ -276,7 +284,14 @@ def predict_jettisons(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def start_guess(nav, environment, arcs, jettisons, target, state) -> None:  # type: ignore[no-untyped-def]
+def start_guess(
+    nav: Record,
+    environment: Record,
+    arcs: NDArray[Any],
+    jettisons: NDArray[Any],
+    target: Record,
+    state: Record,
+) -> None:
     """First velocity-to-go: the scalar impulse along the velocity, Eqs. 5.29 and 5.35.
 
     Args: as in :func:`guidance_step`.
@@ -294,15 +309,11 @@ def start_guess(nav, environment, arcs, jettisons, target, state) -> None:  # ty
     t_go, _, _ = burn_time_to_go(state, norm(load(state.velocity_to_go)))
     state.time_to_go = t_go
     radius = norm(r)
-    store(
-        state.gravity_displacement, scale(-0.5 * environment.mu * t_go * t_go / radius**3, r)
-    )
+    store(state.gravity_displacement, scale(-0.5 * environment.mu * t_go * t_go / radius**3, r))
     store(state.displacement_bias, (0.0, 0.0, 0.0))
     ahead = axpy(0.5 * t_go, axpy(1.0, v, axpy(1.0, load(state.velocity_to_go), v)), r)
     normal, _ = plane_normal(target, ahead, axpy(1.0, load(state.velocity_to_go), v))
-    position, _, _ = desired_state(
-        target, environment.mu, project_to_plane(ahead, normal), normal
-    )
+    position, _, _ = desired_state(target, environment.mu, project_to_plane(ahead, normal), normal)
     store(state.desired_position, position)
     store(state.plane_normal, normal)
     store(state.direction, unit(load(state.velocity_to_go)))
@@ -311,8 +322,15 @@ def start_guess(nav, environment, arcs, jettisons, target, state) -> None:  # ty
 
 
 @kernel
-def iterate(  # type: ignore[no-untyped-def]
-    nav, environment, atmosphere, arcs, jettisons, target, settings, state
+def iterate(
+    nav: Record,
+    environment: Record,
+    atmosphere: NDArray[Any],
+    arcs: NDArray[Any],
+    jettisons: NDArray[Any],
+    target: Record,
+    settings: Record,
+    state: Record,
 ) -> tuple[float, float, bool]:
     """One predictor-corrector pass.
 
@@ -382,7 +400,9 @@ def iterate(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def held_cutoff(nav, environment, arcs, target, state) -> float:  # type: ignore[no-untyped-def]
+def held_cutoff(
+    nav: Record, environment: Record, arcs: NDArray[Any], target: Record, state: Record
+) -> float:
     """Time to go under frozen steering: when the speed will be that of the target.
 
     Args: as in :func:`guidance_step`.
@@ -392,7 +412,7 @@ def held_cutoff(nav, environment, arcs, target, state) -> float:  # type: ignore
     """
     arc = arcs[nav.arc]
     if arc.kind != BURN:
-        return state.time_to_go  # type: ignore[no-any-return]
+        return state.time_to_go
     r = load(nav.position)
     v = load(nav.velocity)
     direction = load(state.direction)
@@ -421,7 +441,7 @@ def held_cutoff(nav, environment, arcs, target, state) -> float:  # type: ignore
 
 
 @kernel
-def accept(nav, state, steering) -> None:  # type: ignore[no-untyped-def]
+def accept(nav: Record, state: Record, steering: Record) -> None:
     """Hand the solution under iteration to the vehicle."""
     steering.reference_time = state.reference_time
     store(steering.direction, load(state.direction))
@@ -430,7 +450,7 @@ def accept(nav, state, steering) -> None:  # type: ignore[no-untyped-def]
 
 
 @kernel
-def copy_solution(source, destination) -> None:  # type: ignore[no-untyped-def]
+def copy_solution(source: Record, destination: Record) -> None:
     """Copy what an iteration changes, so that a failed cycle leaves no trace."""
     destination.time_to_go = source.time_to_go
     destination.reference_time = source.reference_time
@@ -449,8 +469,17 @@ def copy_solution(source, destination) -> None:  # type: ignore[no-untyped-def]
 
 
 @kernel
-def solve(  # type: ignore[no-untyped-def]
-    nav, environment, atmosphere, arcs, jettisons, target, settings, state, saved, steering
+def solve(
+    nav: Record,
+    environment: Record,
+    atmosphere: NDArray[Any],
+    arcs: NDArray[Any],
+    jettisons: NDArray[Any],
+    target: Record,
+    settings: Record,
+    state: Record,
+    saved: Record,
+    steering: Record,
 ) -> None:
     """Iterate to convergence and pass the gates, or keep the last good solution.
 
@@ -469,10 +498,7 @@ def solve(  # type: ignore[no-untyped-def]
         state.miss_speed = miss
         if not (math.isfinite(miss) and math.isfinite(state.time_to_go)):
             break
-        if (
-            miss < settings.velocity_to_go_tolerance
-            and moved < settings.jettison_time_tolerance
-        ):
+        if miss < settings.velocity_to_go_tolerance and moved < settings.jettison_time_tolerance:
             error = ERROR_NONE
             break
     state.total_iterations += state.iterations
@@ -515,17 +541,17 @@ def solve(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def guidance_step(  # type: ignore[no-untyped-def]
-    nav,
-    environment,
-    atmosphere: NDArray,
-    arcs: NDArray,
-    jettisons: NDArray,
-    target,
-    settings,
-    state,
-    saved,
-    steering,
+def guidance_step(
+    nav: Record,
+    environment: Record,
+    atmosphere: NDArray[Any],
+    arcs: NDArray[Any],
+    jettisons: NDArray[Any],
+    target: Record,
+    settings: Record,
+    state: Record,
+    saved: Record,
+    steering: Record,
 ) -> None:
     """Answer one navigation state: a guidance cycle when it is due, else the last answer.
 

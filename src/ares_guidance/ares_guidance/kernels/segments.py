@@ -5,16 +5,19 @@ is the boundary of a "virtual stage" (Brand, Brown, Higgins 1974 for the multi-s
 """
 
 import math
+from typing import Any
 
+from ares_models.arrays import BURN, HEATING_LIMIT, MISSION_TIME, Record
+from ares_models.jit import kernel
 from numpy.typing import NDArray
 
 from ares_guidance.arrays import MAX_SEGMENTS
-from ares_models.arrays import BURN, HEATING_LIMIT, MISSION_TIME
-from ares_models.jit import kernel
 
 
 @kernel
-def stage_floor_mass(stage: int, arcs: NDArray, jettisons: NDArray, dropped: int) -> float:
+def stage_floor_mass(
+    stage: int, arcs: NDArray[Any], jettisons: NDArray[Any], dropped: int
+) -> float:
     """Mass of the stack when ``stage`` has burnt its propellant, kg.
 
     Args:
@@ -38,7 +41,7 @@ def stage_floor_mass(stage: int, arcs: NDArray, jettisons: NDArray, dropped: int
 
 
 @kernel
-def plan_segments(nav, arcs, jettisons, state) -> None:  # type: ignore[no-untyped-def]
+def plan_segments(nav: Record, arcs: NDArray[Any], jettisons: NDArray[Any], state: Record) -> None:
     """Fill ``state.segments`` from the present arc to the free burn.
 
     Heating jettisons stand at ``state.jettison_time``, the others where the mission puts
@@ -123,8 +126,8 @@ def plan_segments(nav, arcs, jettisons, state) -> None:  # type: ignore[no-untyp
 
 
 @kernel
-def thrust_integrals(  # type: ignore[no-untyped-def]
-    state, until: float
+def thrust_integrals(
+    state: Record, until: float
 ) -> tuple[float, float, float, float, float, float]:
     """Thrust integrals over the planned segments from now to ``until``.
 
@@ -183,7 +186,7 @@ def thrust_integrals(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def burn_time_to_go(state, delta_v: float) -> tuple[float, int, bool]:  # type: ignore[no-untyped-def]
+def burn_time_to_go(state: Record, delta_v: float) -> tuple[float, int, bool]:
     """Time at which the planned burn has given ``delta_v``.
 
     Args:

@@ -2,7 +2,7 @@
 
 import math
 
-from ares_models.arrays import TARGET_KEPLERIAN, TARGET_RADIUS_SPEED_ANGLE_INCLINATION
+from ares_models.arrays import TARGET_KEPLERIAN, TARGET_RADIUS_SPEED_ANGLE_INCLINATION, Record
 from ares_models.jit import kernel
 from ares_models.kernels.vectors import Vector, add, axpy, cross, dot, norm, scale, sub, unit
 
@@ -10,7 +10,7 @@ POLE = (0.0, 0.0, 1.0)
 
 
 @kernel
-def plane_normal(target, r: Vector, v: Vector) -> tuple[Vector, bool]:  # type: ignore[no-untyped-def]
+def plane_normal(target: Record, r: Vector, v: Vector) -> tuple[Vector, bool]:
     """Normal of the target plane, along the angular momentum.
 
     With the node free the plane is the one of exact inclination through ``r``, on the
@@ -50,8 +50,8 @@ def plane_normal(target, r: Vector, v: Vector) -> tuple[Vector, bool]:  # type: 
 
 
 @kernel
-def desired_state(  # type: ignore[no-untyped-def]
-    target, mu: float, radial: Vector, normal: Vector
+def desired_state(
+    target: Record, mu: float, radial: Vector, normal: Vector
 ) -> tuple[Vector, Vector, Vector]:
     """Desired cut-off state on the ray ``radial`` of the target plane.
 
@@ -84,15 +84,14 @@ def desired_state(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def target_speed(target, mu: float, radius: float) -> float:  # type: ignore[no-untyped-def]
+def target_speed(target: Record, mu: float, radius: float) -> float:
     """Speed to reach: the target's own, or that of its energy at ``radius``, m/s."""
     if target.kind == TARGET_KEPLERIAN:
         return math.sqrt(max(0.0, mu * (2.0 / radius - 1.0 / target.semi_major_axis)))
-    return target.speed  # type: ignore[no-any-return]
+    return target.speed
 
 
 @kernel
 def project_to_plane(r: Vector, normal: Vector) -> Vector:
     """Unit vector of the part of ``r`` that lies in the plane."""
     return unit(sub(r, scale(dot(r, normal), normal)))
-

@@ -1,6 +1,7 @@
 """Three-vectors as tuples of floats: they live in registers and allocate nothing."""
 
 import math
+from typing import Any
 
 from numpy.typing import NDArray
 
@@ -10,13 +11,13 @@ Vector = tuple[float, float, float]
 
 
 @kernel
-def load(a: NDArray) -> Vector:
+def load(a: NDArray[Any]) -> Vector:
     """First three elements of an array, as a tuple."""
     return (a[0], a[1], a[2])
 
 
 @kernel
-def store(a: NDArray, x: Vector) -> None:
+def store(a: NDArray[Any], x: Vector) -> None:
     """Write a tuple into the first three elements of an array."""
     a[0] = x[0]
     a[1] = x[1]

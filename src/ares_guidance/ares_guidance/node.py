@@ -1,0 +1,225 @@
+"""Guidance node: answers every navigation state with a thrust command."""
+
+import math
+import sys
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+from ares_models.arrays import HEATING_LIMIT, NAVIGATION
+from ares_models.mission import load_mission
+from ares_node.diagnostics import Diagnostics, Level
+from ares_node.node import FlightNode
+from ares_node.parameters import Parameter
+from ares_node.qos import FLIGHT, GUIDANCE_STATUS, NAV_STATE, THRUST_COMMAND
+from ares_node.run import run_node
+from ares_node.time import NANOSECONDS, ns_from_stamp
+
+from ares_guidance.peg import HEATING_SOURCES, Peg, PegSettings
+from ares_msgs.msg import GuidanceStatus, NavState, ThrustCommand
+
+LAWS = {"peg": GuidanceStatus.LAW_PEG}
+
+ERROR_TEXTS = {
+    GuidanceStatus.NOT_CONVERGED: "no convergence within the iterations allowed",
+    GuidanceStatus.NAVIGATION_INVALID: "navigation state refused: not finite, or no such arc",
+    GuidanceStatus.STEERING_JUMP: "solution refused: it turns the thrust too far",
+    GuidanceStatus.TIME_TO_GO_JUMP: "solution refused: it moves the cut-off too far",
+    GuidanceStatus.PROPELLANT_SHORT: "the target needs more propellant than is left",
+    GuidanceStatus.TARGET_UNREACHABLE: "no plane of the target's inclination through the "
+    "predicted cut-off",
+}
+
+PARAMETERS = (
+    Parameter("mission", "ares_v", "Shipped mission's name, or path of a mission file."),
+    Parameter("law", "peg", "Guidance law.", choices=tuple(LAWS)),
+    Parameter(
+        "expected_recorders",
+        0,
+        "Recorders that must be connected before the first answer.",
+        minimum=0,
+        maximum=16,
+    ),
+    Parameter(
+        "heating_source",
+        "measured",
+        "What times the jettison: the measured heating, or the on-board atmosphere alone.",
+        choices=tuple(HEATING_SOURCES),
+    ),
+) + tuple(
+    Parameter(
+        item.name,
+        item.default,
+        item.metadata["text"],
+        unit=item.metadata["unit"],
+        minimum=item.metadata["minimum"],
+        maximum=item.metadata["maximum"],
+    )
+    for item in fields(PegSettings)
+    if item.metadata
+)
+
+#: Wall time in s between looks for the recorders, until they are there.
+WATCH_PERIOD = 0.02
+
+
+class GuidanceNode(FlightNode):
+    """Runs a guidance law on each navigation state; its clock is the stamps."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        """Declare the parameters; everything else waits for `configure`."""
+        super().__init__("guidance", parameters=PARAMETERS, **kwargs)
+
+    def configure(self) -> None:
+        """Read the mission, compile the law, create the endpoints."""
+        values = self.values
+        arrays = load_mission(values["mission"]).arrays()
+        self._heating_jettisons = int(np.sum(arrays.jettisons["criterion"] == HEATING_LIMIT))
+        self._law = Peg(
+            arrays, PegSettings(**{item.name: values[item.name] for item in fields(PegSettings)})
+        )
+        self._nav = np.zeros(1, NAVIGATION)
+        self._diagnostics = Diagnostics(self)
+        self._command_out = self.create_publisher(ThrustCommand, THRUST_COMMAND, FLIGHT)
+        self._status_out = self.create_publisher(GuidanceStatus, GUIDANCE_STATUS, FLIGHT)
+        self._nav_in = self.create_subscription(NavState, NAV_STATE, self._on_nav_state, FLIGHT)
+        self._held_back: NavState | None = None
+        self._recorded = values["expected_recorders"] == 0
+        self._last_ns: int | None = None
+        self._forget()
+
+    def activate(self) -> None:
+        """Begin to answer."""
+        self._active = True
+        self._watch = self.wall_timer(WATCH_PERIOD, self._on_watch)
+
+    def deactivate(self) -> None:
+        """Stop answering."""
+        self._active = False
+        self.destroy_timer(self._watch)
+
+    def cleanup(self) -> None:
+        """Free the endpoints."""
+        self.destroy_publisher(self._command_out)
+        self.destroy_publisher(self._status_out)
+        self.destroy_subscription(self._nav_in)
+
+    def _forget(self) -> None:
+        self._law.reset()
+        self._reported = int(GuidanceStatus.NONE)
+        self._without_jettison = False
+
+    def _on_watch(self) -> None:
+        """A command that nobody records would be missing in the bag."""
+        expected = self.values["expected_recorders"]
+        if not self._recorded:
+            self._recorded = (
+                self._status_out.get_subscription_count() >= expected
+                and self._command_out.get_subscription_count() >= 1 + expected
+            )
+        if self._recorded:
+            self._watch.cancel()
+            if self._held_back is not None:
+                message, self._held_back = self._held_back, None
+                self._answer(message)
+
+    def _on_nav_state(self, message: NavState) -> None:
+        if not getattr(self, "_active", False):
+            return
+        if not self._recorded:
+            self._held_back = message
+            return
+        self._answer(message)
+
+    def _answer(self, message: NavState) -> None:
+        now = ns_from_stamp(message.stamp)
+        if self._last_ns is not None and now < self._last_ns:
+            self._diagnostics.report(
+                Level.WARN, "flight time went back: starting again from nothing", now
+            )
+            self._forget()
+        self._last_ns = now
+        nav = self._nav[0]
+        nav["time"] = now / NANOSECONDS
+        for name in ("position", "velocity", "sensed_delta_v"):
+            nav[name] = getattr(message, name)
+        for name in ("mass", "heating_rate", "arc", "arc_start_time", "jettisoned"):
+            nav[name] = getattr(message, name)
+        law = self._law
+        due = law.step(nav)
+        if law.steered:
+            steering = law.steering[0]
+            self._command_out.publish(
+                ThrustCommand(
+                    stamp=message.stamp,
+                    nav_stamp=message.stamp,
+                    reference_time=float(steering["reference_time"]),
+                    direction=steering["direction"],
+                    direction_rate=steering["direction_rate"],
+                    cutoff_time=float(steering["cutoff_time"]),
+                    jettison=int(steering["jettison"]),
+                    jettison_time=float(steering["jettison_time"]),
+                )
+            )
+        if due:
+            self._status_out.publish(self._status(message))
+        self._report(now)
+
+    def _jettison_after_cutoff(self) -> bool:
+        """A heating jettison is still aboard and the plan does without it."""
+        aboard = self._heating_jettisons > int(self._nav[0]["jettisoned"]).bit_count()
+        return bool(aboard and self._law.converged and self._law.steering[0]["jettison"] < 0)
+
+    def _status(self, message: NavState) -> GuidanceStatus:
+        state = self._law.state
+        steering = self._law.steering[0]
+        return GuidanceStatus(
+            stamp=message.stamp,
+            cycle=int(state["cycle"]),
+            law=LAWS[self.values["law"]],
+            phase=int(state["phase"]),
+            error_code=int(state["error"]),
+            converged=self._law.converged,
+            iterations=int(state["iterations"]),
+            total_iterations=int(state["total_iterations"]),
+            stale_cycles=int(state["stale_cycles"]),
+            time_to_go=float(state["time_to_go"]) if self._law.converged else math.nan,
+            cutoff_time=float(steering["cutoff_time"]),
+            velocity_to_go=state["velocity_to_go"],
+            predicted_position=state["predicted_position"],
+            predicted_velocity=state["predicted_velocity"],
+            miss_speed=float(state["miss_speed"]),
+            jettison_time=float(steering["jettison_time"]),
+            jettison_after_cutoff=self._jettison_after_cutoff(),
+            density_ratio=float(state["density_ratio"]),
+        )
+
+    def _report(self, now: int) -> None:
+        error = int(self._law.state["error"])
+        if error != self._reported:
+            self._reported = error
+            if error == GuidanceStatus.NONE:
+                self._diagnostics.report(Level.OK, "solution good again", now)
+            else:
+                stale = int(self._law.state["stale_cycles"])
+                self._diagnostics.report(
+                    Level.WARN, ERROR_TEXTS[error], now, {"stale_cycles": stale}
+                )
+        without = self._jettison_after_cutoff()
+        if without != self._without_jettison:
+            self._without_jettison = without
+            if without:
+                self._diagnostics.report(
+                    Level.WARN,
+                    "the heating limit is not met before cut-off: planning without the jettison",
+                    now,
+                )
+
+
+def main() -> int:
+    """Run the node as a process."""
+    return run_node(GuidanceNode, name="guidance")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,177 @@
+"""Multi-stage Powered Explicit Guidance as an object: navigation states in, steering out."""
+
+import math
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+from ares_models.arrays import STEERING, MissionArrays
+from numpy.typing import NDArray
+
+from ares_guidance.arrays import (
+    HEATING_MEASURED,
+    HEATING_MODELLED,
+    MAX_SEGMENTS,
+    PEG_SETTINGS,
+    PEG_STATE,
+    PHASE_CONVERGING,
+    PHASE_IDLE,
+)
+from ares_guidance.kernels.peg import guidance_step
+
+
+def _setting(
+    default: Any, text: str, unit: str = "", minimum: float = 0.0, maximum: float = math.inf
+) -> Any:
+    return field(
+        default=default,
+        metadata={"text": text, "unit": unit, "minimum": minimum, "maximum": maximum},
+    )
+
+
+@dataclass(frozen=True)
+class PegSettings:
+    """Cycle and gates of the law; each gate decides whether a solution may be flown."""
+
+    cycle_period_s: float = _setting(1.0, "Flight time between guidance cycles.", "s", 0.001, 100.0)
+    hold_time_s: float = _setting(
+        5.0,
+        "Time to go from which the steering is held and only the cut-off is refined.",
+        "s",
+        0.0,
+        120.0,
+    )
+    velocity_to_go_tolerance_m_s: float = _setting(
+        0.01, "Converged when an iteration changes velocity-to-go by less.", "m/s", 1e-9, 100.0
+    )
+    jettison_time_tolerance_s: float = _setting(
+        0.1, "Converged when an iteration moves the predicted jettison by less.", "s", 1e-6, 100.0
+    )
+    max_iterations: int = _setting(60, "Iterations allowed in one cycle.", "", 1, 10_000)
+    steering_jump_limit_deg: float = _setting(
+        10.0, "A solution that turns the thrust by more is refused.", "deg", 0.0, 180.0
+    )
+    time_to_go_jump_limit_s: float = _setting(
+        20.0, "A solution that moves the cut-off by more is refused.", "s", 0.0, 1e4
+    )
+    max_stale_cycles: int = _setting(
+        3, "Cycles on the last good solution before starting again from nothing.", "", 0, 10_000
+    )
+    heating_source: str = "measured"
+    heating_margin: float = _setting(
+        1e-4, "Fraction of the heating limit that the jettison stays below.", "", 0.0, 0.5
+    )
+
+    def __post_init__(self) -> None:
+        """Check every value.
+
+        Raises:
+            ValueError: naming the setting, its value and what was expected.
+        """
+        if self.heating_source not in HEATING_SOURCES:
+            raise ValueError(
+                f"heating_source is {self.heating_source!r}; expected "
+                + " or ".join(HEATING_SOURCES)
+            )
+        for item in fields(self):
+            if not item.metadata:
+                continue
+            value = getattr(self, item.name)
+            low, high = item.metadata["minimum"], item.metadata["maximum"]
+            if not low <= value <= high:
+                raise ValueError(f"{item.name} is {value}; expected {low:g} to {high:g}")
+
+    def record(self) -> NDArray[np.void]:
+        """The settings as the kernel reads them, shape (1,), dtype PEG_SETTINGS."""
+        record = np.zeros(1, PEG_SETTINGS)
+        record["cycle_period"] = self.cycle_period_s
+        record["hold_time"] = self.hold_time_s
+        record["velocity_to_go_tolerance"] = self.velocity_to_go_tolerance_m_s
+        record["jettison_time_tolerance"] = self.jettison_time_tolerance_s
+        record["max_iterations"] = self.max_iterations
+        record["steering_jump_limit"] = math.radians(self.steering_jump_limit_deg)
+        record["time_to_go_jump_limit"] = self.time_to_go_jump_limit_s
+        record["max_stale_cycles"] = self.max_stale_cycles
+        record["heating_source"] = HEATING_SOURCES[self.heating_source]
+        record["heating_margin"] = self.heating_margin
+        return record
+
+
+HEATING_SOURCES = {"measured": HEATING_MEASURED, "model": HEATING_MODELLED}
+
+
+class Peg:
+    """The law and its memory between navigation states.
+
+    Attributes:
+        state: record PEG_STATE, what the law thinks; read only by custom.
+        steering: shape (1,), dtype STEERING, the present answer.
+    """
+
+    def __init__(self, arrays: MissionArrays, settings: PegSettings | None = None) -> None:
+        """Prepare for the first navigation state.
+
+        Args:
+            arrays: the mission as guidance believes it.
+            settings: cycle and gates.
+
+        Raises:
+            ValueError: the mission has more arcs and jettisons than the law has room for.
+        """
+        parts = len(arrays.arcs) + len(arrays.jettisons)
+        if parts > MAX_SEGMENTS:
+            raise ValueError(
+                f"mission has {parts} arcs and jettisons; PEG has room for {MAX_SEGMENTS}"
+            )
+        self._arrays = arrays
+        self._settings = (settings or PegSettings()).record()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the flight."""
+        self._state = np.zeros(1, PEG_STATE)
+        self._saved = np.zeros(1, PEG_STATE)
+        self.steering = np.zeros(1, STEERING)
+        self.steering["cutoff_time"] = math.nan
+        self.steering["jettison"] = -1
+        self.steering["jettison_time"] = math.nan
+
+    @property
+    def state(self) -> Any:
+        """What the law thinks, record PEG_STATE."""
+        return self._state[0]
+
+    @property
+    def steered(self) -> bool:
+        """A direction has been given: the answer may be flown."""
+        return bool(self.state["phase"] != PHASE_IDLE)
+
+    @property
+    def converged(self) -> bool:
+        """The answer is a converged solution or holds one."""
+        return bool(self.state["phase"] > PHASE_CONVERGING)
+
+    def step(self, nav: Any) -> bool:
+        """Answer one navigation state.
+
+        Args:
+            nav: record NAVIGATION.
+
+        Returns:
+            whether a guidance cycle was due; `steering` is the answer either way.
+        """
+        before = int(self.state["cycle"])
+        arrays = self._arrays
+        guidance_step(
+            nav,
+            arrays.environment[0],
+            arrays.atmosphere,
+            arrays.arcs,
+            arrays.jettisons,
+            arrays.target[0],
+            self._settings[0],
+            self._state[0],
+            self._saved[0],
+            self.steering[0],
+        )
+        return int(self.state["cycle"]) != before

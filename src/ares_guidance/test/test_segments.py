@@ -1,0 +1,120 @@
+"""Thrust integrals against quadrature, on plans with staging, drops and coasts."""
+
+import math
+
+import numpy as np
+import pytest
+from ares_guidance.arrays import PEG_STATE
+from ares_guidance.kernels.segments import burn_time_to_go, plan_segments, thrust_integrals
+from ares_models.arrays import (
+    ARC,
+    BURN,
+    COAST,
+    HEATING_LIMIT,
+    JETTISON,
+    MISSION_TIME,
+    NAVIGATION,
+    TIME_AFTER_IGNITION,
+)
+from scipy.integrate import quad
+
+
+def three_stage_plan(jettison_time=math.inf):
+    """A burn, a coast with a staging before it, two burns of one stage, a free burn."""
+    arcs = np.zeros(5, ARC)
+    arcs["kind"] = [BURN, COAST, BURN, BURN, BURN]
+    arcs["stage"] = [0, 1, 1, 1, 2]
+    arcs["begins_stage"] = [1, 1, 0, 0, 1]
+    arcs["thrust"] = [5.0e6, 0.0, 9.0e5, 6.0e5, 2.0e5]
+    arcs["exhaust_velocity"] = [4000.0, 1.0, 4300.0, 4350.0, 4500.0]
+    arcs["mass_flow"] = arcs["thrust"] / arcs["exhaust_velocity"]
+    arcs["duration"] = [120.0, 15.0, 200.0, 80.0, math.inf]
+    arcs["stack_mass"] = [300e3, 110e3, 110e3, 110e3, 40e3]
+    arcs["propellant"] = [160e3, 60e3, 60e3, 60e3, 30e3]
+    jettisons = np.zeros(3, JETTISON)
+    jettisons["mass"] = [1500.0, 700.0, 300.0]
+    jettisons["criterion"] = [HEATING_LIMIT, MISSION_TIME, TIME_AFTER_IGNITION]
+    jettisons["value"] = [1135.0, 60.0, 25.0]
+    jettisons["stage"] = [1, 0, 1]
+    nav = np.zeros(1, NAVIGATION)
+    nav["time"] = 10.0
+    nav["mass"] = 300e3 - 10.0 * arcs["mass_flow"][0]
+    state = np.zeros(1, PEG_STATE)
+    state["jettison_time"] = jettison_time
+    plan_segments(nav[0], arcs, jettisons, state[0])
+    return arcs, jettisons, nav, state
+
+
+def acceleration(segments, t):
+    """Thrust acceleration of the plan at ``t``, m/s2."""
+    for segment in segments:
+        into = t - segment["start"]
+        if 0.0 <= into < segment["duration"]:
+            return segment["exhaust_velocity"] / (segment["tau"] - into)
+    return 0.0
+
+
+@pytest.mark.parametrize("until", [5.0, 49.0, 90.0, 113.0, 130.0, 250.0, 400.0, 470.0, 600.0])
+def test_integrals_agree_with_quadrature(until):
+    _, _, _, state = three_stage_plan(jettison_time=300.0)
+    segments = state[0]["segments"][: state[0]["segment_count"]]
+    edges = [e for s in segments for e in (s["start"], s["start"] + s["duration"]) if e < until]
+
+    def integral(weight):
+        at = sorted({0.0, *edges, until})
+        return sum(
+            quad(lambda t: acceleration(segments, t) * weight(t), a, b, epsabs=1e-9, epsrel=1e-12)[
+                0
+            ]
+            for a, b in zip(at, at[1:], strict=False)
+        )
+
+    l_sum, j_sum, s_sum, q_sum, p_sum, h_sum = thrust_integrals(state[0], until)
+    # int int a s^n ds dt = int a(s) s^n (T - s) ds
+    expected = [
+        (l_sum, integral(lambda t: 1.0)),
+        (j_sum, integral(lambda t: t)),
+        (h_sum, integral(lambda t: t * t)),
+        (s_sum, integral(lambda t: until - t)),
+        (q_sum, integral(lambda t: t * (until - t))),
+        (p_sum, integral(lambda t: t * t * (until - t))),
+    ]
+    for got, want in expected:
+        assert got == pytest.approx(want, rel=1e-9, abs=1e-6)
+
+
+def test_plan_drops_mass_where_the_mission_says():
+    arcs, jettisons, nav, state = three_stage_plan(jettison_time=300.0)
+    segments = state[0]["segments"][: state[0]["segment_count"]]
+    starts = segments["start"] + 10.0
+    # core, core after the timed drop, coast, ring at 25 s, heating drop, second burn, third stage
+    assert starts == pytest.approx([10.0, 60.0, 135.0, 160.0, 300.0, 335.0, 415.0])
+    masses = segments["tau"] * arcs["mass_flow"][segments["arc"]]
+    assert masses[0] - masses[1] == pytest.approx(50.0 * arcs["mass_flow"][0] + 700.0)
+    assert masses[2] == pytest.approx(110e3)
+    assert masses[3] == pytest.approx(110e3 - 25.0 * arcs["mass_flow"][2] - 300.0)
+    assert masses[4] == pytest.approx(masses[3] - 140.0 * arcs["mass_flow"][2] - 1500.0)
+    assert masses[-1] == pytest.approx(40e3)
+    assert math.isinf(segments["duration"][-1])
+
+
+def test_a_fairing_that_stays_on_rides_to_the_next_stage():
+    _, _, _, state = three_stage_plan(jettison_time=math.inf)
+    last = state[0]["segments"][state[0]["segment_count"] - 1]
+    assert last["tau"] * 2.0e5 / 4500.0 == pytest.approx(40e3 + 1500.0)
+    assert last["capacity"] == pytest.approx(30e3 / (2.0e5 / 4500.0))
+
+
+@pytest.mark.parametrize("delta_v", [100.0, 2500.0, 5000.0, 9000.0])
+def test_burn_time_inverts_the_first_integral(delta_v):
+    _, _, _, state = three_stage_plan()
+    t_go, _, _ = burn_time_to_go(state[0], delta_v)
+    assert thrust_integrals(state[0], t_go)[0] == pytest.approx(delta_v, rel=1e-12)
+
+
+def test_propellant_short_is_reported():
+    _, _, _, state = three_stage_plan()
+    _, last, short = burn_time_to_go(state[0], 30e3)
+    assert short
+    assert last == state[0]["segment_count"] - 1
+    assert not burn_time_to_go(state[0], 6000.0)[2]

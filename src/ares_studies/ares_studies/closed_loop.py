@@ -1,0 +1,116 @@
+"""Closed-loop flights without ROS: the nodes' two steps, called in turn."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from ares_guidance.arrays import PEG_STATE
+from ares_guidance.peg import Peg, PegSettings
+from ares_models.arrays import NAVIGATION, STEERING
+from ares_models.mission import Mission
+from ares_vehicle_sim.arrays import OPTIONS, PLANT
+from ares_vehicle_sim.dispersions import Dispersions, disperse
+from ares_vehicle_sim.kernels import begin_flight
+from ares_vehicle_sim.simulator import Simulator, SimulatorOptions
+from numpy.typing import NDArray
+
+from ares_studies.kernels import fly
+
+
+@dataclass(frozen=True)
+class Flight:
+    """The end of a flight.
+
+    Attributes:
+        plant: record PLANT with the true final state and the events.
+        guidance: record PEG_STATE.
+    """
+
+    plant: Any
+    guidance: Any
+
+    @property
+    def events(self) -> NDArray[np.void]:
+        """What happened, dtype EVENT."""
+        return self.plant["events"][: self.plant["event_count"]]  # type: ignore[no-any-return]
+
+
+def fly_compiled(
+    mission: Mission,
+    settings: PegSettings | None = None,
+    options: SimulatorOptions | None = None,
+    dispersions: Dispersions | None = None,
+    seed: int = 0,
+) -> Flight:
+    """Fly a mission with PEG and perfect navigation in one compiled loop.
+
+    Args:
+        mission: what is flown.
+        settings: cycle and gates of the law.
+        options: how the plant is stepped.
+        dispersions: one-sigma values of the vehicle; navigation errors are not modelled here.
+        seed: seed of the dispersions.
+
+    Raises:
+        ValueError: the dispersions hold navigation errors.
+    """
+    options = options or SimulatorOptions()
+    dispersions = dispersions or Dispersions()
+    if dispersions.navigation != Dispersions().navigation:
+        raise ValueError("navigation errors need fly_stepwise; the compiled loop has none")
+    believed = mission.arrays()
+    start = mission.start()
+    vehicle = disperse(believed, start.position, start.velocity, dispersions, seed)
+    true = vehicle.arrays
+    plant = np.zeros(1, PLANT)
+    plant["time"] = start.time_s
+    plant["position"] = vehicle.position
+    plant["velocity"] = vehicle.velocity
+    plant_options = np.zeros(1, OPTIONS)
+    plant_options["max_step"] = options.integration_step_s
+    plant_options["attitude_rate_limit"] = options.attitude_rate_limit_rad_s
+    state = np.zeros(1, PEG_STATE)
+    steering = np.zeros(1, STEERING)
+    steering["cutoff_time"] = math.nan
+    begin_flight(plant[0], true.environment[0], true.atmosphere, true.arcs, true.jettisons)
+    fly(
+        plant[0],
+        true.environment[0],
+        true.atmosphere,
+        true.arcs,
+        true.jettisons,
+        plant_options[0],
+        believed.environment[0],
+        believed.atmosphere,
+        believed.arcs,
+        believed.jettisons,
+        believed.target[0],
+        (settings or PegSettings()).record()[0],
+        state[0],
+        np.zeros(1, PEG_STATE)[0],
+        np.zeros(1, NAVIGATION)[0],
+        steering[0],
+        options.navigation_period_s,
+    )
+    return Flight(plant[0], state[0])
+
+
+def fly_stepwise(
+    mission: Mission,
+    settings: PegSettings | None = None,
+    options: SimulatorOptions | None = None,
+    dispersions: Dispersions | None = None,
+    seed: int = 0,
+) -> Flight:
+    """Fly a mission through the objects that the nodes hold, navigation errors included.
+
+    Args: as :func:`fly_compiled`.
+    """
+    simulator = Simulator(mission, options, dispersions, seed)
+    law = Peg(mission.arrays(), settings)
+    while not simulator.complete:
+        law.step(simulator.navigation)
+        simulator.command(law.steering)
+        simulator.advance()
+    return Flight(simulator.plant, law.state)

@@ -1,0 +1,360 @@
+"""Vehicle simulator node: owns /clock and flies in lock-step with guidance."""
+
+import math
+import sys
+import time
+from typing import Any
+
+import numpy as np
+from ares_models.arrays import STEERING
+from ares_models.mission import load_mission
+from ares_node.diagnostics import Diagnostics, Level
+from ares_node.node import FlightNode, NodeError
+from ares_node.parameters import Parameter
+from ares_node.qos import (
+    CLOCK,
+    CLOCK_QOS,
+    EVENTS,
+    FLIGHT,
+    FLIGHT_EVENT,
+    NAV_STATE,
+    THRUST_COMMAND,
+    VEHICLE_STATE,
+)
+from ares_node.run import EXIT_CANNOT_START, EXIT_OK, run_node
+from ares_node.time import NANOSECONDS, ns_from_seconds, ns_from_stamp, stamp_from_ns
+from rclpy.publisher import Publisher
+from rosgraph_msgs.msg import Clock
+
+from ares_msgs.msg import FlightEvent, NavState, ThrustCommand, VehicleState
+from ares_vehicle_sim.dispersions import Dispersions, load_dispersions
+from ares_vehicle_sim.simulator import CommandRefused, Simulator, SimulatorOptions
+
+#: Wall time in s between looks at the graph and at the clock.
+WATCH_PERIOD = 0.02
+#: Wall time in s that other nodes get to be discovered before the flight starts.
+DISCOVERY_TIME = 0.2
+#: After this many answers in a row were lost, the flight goes on without waiting for more.
+LINK_LOST_AFTER = 3
+#: Wall time in s between steps on a lost link: an answer can still come through.
+LOST_LINK_PERIOD = 0.001
+#: The same refusal is reported at most once in this flight time, s.
+REPORT_PERIOD = 1.0
+
+PARAMETERS = (
+    Parameter("mission", "ares_v", "Shipped mission's name, or path of a mission file."),
+    Parameter(
+        "navigation_period_s",
+        0.1,
+        "Flight time between navigation states.",
+        unit="s",
+        minimum=0.001,
+        maximum=10.0,
+    ),
+    Parameter(
+        "pace",
+        0.0,
+        "Real-time factor; 0 flies as fast as guidance answers. The trajectory is the same.",
+        minimum=0.0,
+    ),
+    Parameter("seed", 0, "Seed of dispersions and navigation errors.", minimum=0),
+    Parameter("dispersions", "", "Path of a dispersions file; empty flies the mission exactly."),
+    Parameter(
+        "attitude_rate_limit_deg_s",
+        0.0,
+        "Fastest turn of the thrust; 0 lets it follow the command at once.",
+        unit="deg/s",
+        minimum=0.0,
+    ),
+    Parameter(
+        "command_timeout_s",
+        1.0,
+        "Wall time to wait for an answer before flying on with the last good command.",
+        unit="s",
+        minimum=0.001,
+    ),
+    Parameter(
+        "start_timeout_s",
+        30.0,
+        "Wall time to wait for guidance and the recorders before giving up.",
+        unit="s",
+        minimum=0.0,
+    ),
+    Parameter(
+        "expected_recorders",
+        0,
+        "Recorders that must be connected before the flight starts.",
+        minimum=0,
+        maximum=16,
+    ),
+    Parameter(
+        "exit_when_complete",
+        False,
+        "End the process after the flight; otherwise it stays until a signal.",
+    ),
+)
+
+
+class VehicleSimNode(FlightNode):
+    """Publishes navigation state, truth, events and the clock; flies the commands.
+
+    The flight starts when guidance and the expected recorders are connected. Each
+    navigation state waits for the command that answers it, then the vehicle moves on.
+    """
+
+    def __init__(self, **kwargs: Any) -> None:
+        """Declare the parameters; everything else waits for `configure`."""
+        super().__init__("vehicle_sim", parameters=PARAMETERS, **kwargs)
+        self._simulator: Simulator | None = None
+
+    def configure(self) -> None:
+        """Read mission and dispersions, compile the plant, create the publishers."""
+        values = self.values
+        dispersions = Dispersions()
+        if values["dispersions"]:
+            dispersions = load_dispersions(values["dispersions"])
+        limit = math.radians(values["attitude_rate_limit_deg_s"]) or math.inf
+        self._simulator = Simulator(
+            load_mission(values["mission"]),
+            SimulatorOptions(
+                navigation_period_s=values["navigation_period_s"],
+                attitude_rate_limit_rad_s=limit,
+            ),
+            dispersions,
+            values["seed"],
+        )
+        self._pace: float = values["pace"]
+        self._diagnostics = Diagnostics(self)
+        self._clock_out = self.create_publisher(Clock, CLOCK, CLOCK_QOS)
+        self._nav_out = self.create_publisher(NavState, NAV_STATE, FLIGHT)
+        self._truth_out = self.create_publisher(VehicleState, VEHICLE_STATE, FLIGHT)
+        self._event_out = self.create_publisher(FlightEvent, FLIGHT_EVENT, EVENTS)
+        self._command_in = self.create_subscription(
+            ThrustCommand, THRUST_COMMAND, self._on_command, FLIGHT
+        )
+        self._steering = np.zeros(1, STEERING)
+        self._flying = False
+        self._waiting = False
+        self._lost_in_a_row = 0
+        self._last_report: dict[str, int] = {}
+        self._second_simulator = False
+
+    def activate(self) -> None:
+        """Begin to wait for the other nodes; the flight follows."""
+        self._activated_at = time.monotonic()
+        self._watch = self.wall_timer(WATCH_PERIOD, self._on_watch)
+
+    def deactivate(self) -> None:
+        """Stop; a flight under way cannot be taken up again."""
+        self.destroy_timer(self._watch)
+        self._waiting = False
+
+    def cleanup(self) -> None:
+        """Free the endpoints and the flight."""
+        for publisher in (self._clock_out, self._nav_out, self._truth_out, self._event_out):
+            self.destroy_publisher(publisher)
+        self.destroy_subscription(self._command_in)
+        self._simulator = None
+
+    @property
+    def simulator(self) -> Simulator:
+        """The flight; there is one from `configure` to `cleanup`."""
+        if self._simulator is None:
+            raise NodeError("not configured")
+        return self._simulator
+
+    # ---- the wall clock: start, pace, lost answers
+
+    def _on_watch(self) -> None:
+        now = time.monotonic()
+        if not self._flying:
+            if not self.simulator.complete:
+                self._try_to_start(now)
+            return
+        if self.count_publishers(NAV_STATE) > 1 and not self._second_simulator:
+            self._second_simulator = True
+            self._report(
+                Level.WARN, "another simulator publishes nav_state; it is not part of this flight"
+            )
+        if self._waiting and now >= self._answer_deadline:
+            self._waiting = False
+            self._lost_in_a_row += 1
+            self._report(
+                Level.WARN,
+                f"no answer within {self.values['command_timeout_s']:g} s; flying on with the "
+                "last good command",
+            )
+            if self._lost_in_a_row == LINK_LOST_AFTER:
+                self._report(
+                    Level.ERROR,
+                    f"{LINK_LOST_AFTER} answers lost in a row: flying on without guidance",
+                )
+                self.destroy_timer(self._watch)
+                self._watch = self.wall_timer(LOST_LINK_PERIOD, self._on_lost_link)
+            self._step()
+
+    def _on_lost_link(self) -> None:
+        if self._waiting:
+            self._waiting = False
+            self._step()
+        if not self._flying or self._lost_in_a_row == 0:
+            self.destroy_timer(self._watch)
+            self._watch = self.wall_timer(WATCH_PERIOD, self._on_watch)
+
+    def _try_to_start(self, now: float) -> None:
+        waited = now - self._activated_at
+        missing = self._missing_peers()
+        if waited < DISCOVERY_TIME:
+            return
+        others = self.count_publishers(NAV_STATE) - 1
+        if others > 0:
+            self._give_up(f"another simulator already publishes {self._nav_out.topic_name}")
+        elif not missing:
+            self._start()
+        elif waited > self.values["start_timeout_s"]:
+            self._give_up(f"no {missing} on the graph after {waited:.0f} s")
+
+    def _missing_peers(self) -> str:
+        recorders: int = self.values["expected_recorders"]
+        if self.count_publishers(THRUST_COMMAND) == 0:
+            return "guidance"
+        if _readers(self._nav_out) < 1 + recorders:
+            return f"reader of {self._nav_out.topic_name}"
+        for publisher in (self._truth_out, self._event_out):
+            if _readers(publisher) < recorders:
+                return f"recorder of {publisher.topic_name}"
+        return ""
+
+    def _give_up(self, reason: str) -> None:
+        print(f"{self.get_name()}: {reason}", file=sys.stderr, flush=True)
+        self.failure = reason
+        self._report(Level.ERROR, reason)
+        self.destroy_timer(self._watch)
+        self.finish(EXIT_CANNOT_START)
+
+    # ---- the flight
+
+    def _start(self) -> None:
+        self._flying = True
+        self._started_at = time.monotonic()
+        self._start_ns = self.simulator.time_ns
+        self._publish()
+
+    def _publish(self) -> None:
+        simulator = self.simulator
+        stamp = stamp_from_ns(simulator.time_ns)
+        self._clock_out.publish(Clock(clock=stamp))
+        truth = VehicleState(stamp=stamp, sequence=simulator.sequence)
+        for name, value in simulator.truth().items():
+            setattr(truth, name, value)
+        self._truth_out.publish(truth)
+        for event in simulator.new_events():
+            self._event_out.publish(_event_message(event))
+        if simulator.complete:
+            self._end()
+            return
+        nav = simulator.navigation
+        self._waiting = True
+        self._answer_deadline = time.monotonic() + self.values["command_timeout_s"]
+        self._nav_out.publish(
+            NavState(
+                stamp=stamp,
+                sequence=simulator.sequence,
+                position=nav["position"],
+                velocity=nav["velocity"],
+                mass=float(nav["mass"]),
+                sensed_delta_v=nav["sensed_delta_v"],
+                heating_rate=float(nav["heating_rate"]),
+                arc=int(nav["arc"]),
+                arc_start_time=float(nav["arc_start_time"]),
+                jettisoned=int(nav["jettisoned"]),
+            )
+        )
+
+    def _on_command(self, message: ThrustCommand) -> None:
+        if not self._flying or self.simulator.complete:
+            return
+        answered = ns_from_stamp(message.nav_stamp)
+        if answered != self.simulator.time_ns:
+            self._report(
+                Level.WARN,
+                f"command refused: nav_stamp is {answered / NANOSECONDS:.9g} s; expected "
+                f"{self.simulator.time_ns / NANOSECONDS:.9g} s",
+            )
+            return
+        if not self._waiting:
+            self._report(Level.WARN, "command refused: this navigation state has its answer")
+            return
+        self._waiting = False
+        self._lost_in_a_row = 0
+        steering = self._steering
+        for name in ("reference_time", "direction", "direction_rate", "cutoff_time"):
+            steering[name] = getattr(message, name)
+        steering["jettison"] = message.jettison
+        steering["jettison_time"] = message.jettison_time
+        try:
+            self.simulator.command(steering)
+        except CommandRefused as error:
+            self._report(Level.WARN, f"command refused: {error}; flying on with the last good one")
+        self._step()
+
+    def _step(self) -> None:
+        delay = self._delay_for_pace()
+        if delay > 0.0:
+            self._paced = self.wall_timer(delay, self._on_pace)
+        else:
+            self._advance()
+
+    def _advance(self) -> None:
+        self.simulator.advance()
+        self._publish()
+
+    def _on_pace(self) -> None:
+        self.destroy_timer(self._paced)
+        self._advance()
+
+    def _delay_for_pace(self) -> float:
+        if self._pace == 0.0:
+            return 0.0
+        flown = (self.simulator.time_ns - self._start_ns) / NANOSECONDS
+        due = self._started_at + (flown + self.values["navigation_period_s"]) / self._pace
+        return due - time.monotonic()
+
+    def _end(self) -> None:
+        self._flying = False
+        if self.values["exit_when_complete"]:
+            self.finish(EXIT_OK if self.simulator.ended_well else 1)
+
+    def _report(self, level: Level, message: str) -> None:
+        kind = message.split(":")[0] + message.split(";")[0][:40]
+        now = self.simulator.time_ns
+        last = self._last_report.get(kind)
+        if last is None or now - last >= REPORT_PERIOD * NANOSECONDS:
+            self._last_report[kind] = now
+            self._diagnostics.report(level, message, now)
+
+
+def _readers(publisher: Publisher) -> int:
+    return int(publisher.get_subscription_count())
+
+
+def _event_message(event: Any) -> FlightEvent:
+    return FlightEvent(
+        stamp=stamp_from_ns(ns_from_seconds(float(event["time"]))),
+        time=float(event["time"]),
+        type=int(event["type"]),
+        index=int(event["index"]),
+        position=event["position"],
+        velocity=event["velocity"],
+        mass=float(event["mass"]),
+        heating_rate=float(event["heating_rate"]),
+    )
+
+
+def main() -> int:
+    """Run the node as a process."""
+    return run_node(VehicleSimNode, name="vehicle_sim")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
