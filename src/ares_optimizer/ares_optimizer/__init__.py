@@ -1,0 +1,1 @@
+"""The off-line optimizer: direct, indirect and analytic solutions of the ascent."""

@@ -1,0 +1,1 @@
+"""Compiled pieces of the optimizer, on plain floats, tuples and structured arrays."""

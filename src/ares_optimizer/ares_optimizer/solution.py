@@ -1,0 +1,218 @@
+"""What every method of the optimizer returns, and how it is printed.
+
+Times are mission elapsed time in s, vectors stand in the frame ``ares_eci``.
+"""
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class OptimizerError(ValueError):
+    """A request that cannot be worked on: unknown method, bad guess, bad state."""
+
+
+@dataclass(frozen=True)
+class SteeringArc:
+    """A piece of the flight with one steering law.
+
+    The thrust direction at t is unit(direction + direction_rate (t - reference_time_s)),
+    Eq. 3.36. A coast has ``delta_v_m_s`` 0.
+
+    Attributes:
+        start_s, end_s: the piece.
+        reference_time_s: where ``direction`` holds.
+        direction: shape (3,), unit vector.
+        direction_rate: shape (3,), 1/s.
+        start_mass_kg: just after ``start_s``, drops done.
+        end_mass_kg: just before ``end_s``, drops not done.
+        delta_v_m_s: integral of thrust acceleration.
+    """
+
+    start_s: float
+    end_s: float
+    reference_time_s: float
+    direction: tuple[float, float, float]
+    direction_rate: tuple[float, float, float]
+    start_mass_kg: float
+    end_mass_kg: float
+    delta_v_m_s: float
+
+
+@dataclass(frozen=True)
+class ConstraintCheck:
+    """One constraint as the independent integration finds it.
+
+    Attributes:
+        name: what is constrained, in words.
+        value: what it came to, in ``unit``.
+        limit: what it must be (an equality) or must not pass.
+        active: True when it holds the optimum: an equality, or an inequality at its limit.
+        unit: of value and limit.
+        satisfied: within the tolerance of the verification.
+        multiplier: kg of final mass per ``unit`` of the limit, positive when more of it
+            helps; nan when the method does not give it.
+    """
+
+    name: str
+    value: float
+    limit: float
+    active: bool
+    unit: str
+    satisfied: bool
+    multiplier: float = math.nan
+
+
+@dataclass(frozen=True)
+class Verification:
+    """The flight re-integrated by an integrator that shares nothing with the solver.
+
+    Attributes:
+        radius_m, speed_m_s, flight_path_angle_deg, inclination_deg, ascending_node_deg:
+            at cut-off.
+        m_f_kg: mass at cut-off.
+        fmhr_w_m2: heating at the jettison that the heating limit governs; nan without one.
+        peak_fmhr_after_jettison_w_m2: greatest heating from there to cut-off; nan without one.
+        position_defect_m, velocity_defect_m_s, mass_defect_kg: greatest distance between the
+            solver's own nodes and the integration, interior and terminal.
+    """
+
+    radius_m: float
+    speed_m_s: float
+    flight_path_angle_deg: float
+    inclination_deg: float
+    ascending_node_deg: float
+    m_f_kg: float
+    fmhr_w_m2: float
+    peak_fmhr_after_jettison_w_m2: float
+    position_defect_m: float
+    velocity_defect_m_s: float
+    mass_defect_kg: float
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """The flight, sampled.
+
+    Attributes:
+        time_s: shape (n,). A drop or a boundary stands twice, before and after.
+        position: shape (n, 3), m.
+        velocity: shape (n, 3), m/s.
+        mass: shape (n,), kg.
+        direction: shape (n, 3), unit vectors; the last one is kept through a coast.
+        heating_rate: shape (n,), W/m2.
+    """
+
+    time_s: Array
+    position: Array
+    velocity: Array
+    mass: Array
+    direction: Array
+    heating_rate: Array
+
+
+@dataclass(frozen=True)
+class Costates:
+    """Costates along the flight, |lambda_v| = 1 at its start.
+
+    Attributes:
+        time_s: shape (n,). A jettison stands twice, before and after the jump.
+        lambda_r: shape (n, 3), 1/s.
+        lambda_v: shape (n, 3), no unit.
+        hamiltonian: shape (n,), lambda_r . V + lambda_v . g + |lambda_v| T/m, m/s2.
+        hamiltonian_spread: per piece of the flight, (greatest - least) / greatest |H|.
+        jump_pi: pi of Eqs. 3.44-3.51 per heating jettison, per unit lambda_v and W/m2.
+    """
+
+    time_s: Array
+    lambda_r: Array
+    lambda_v: Array
+    hamiltonian: Array
+    hamiltonian_spread: tuple[float, ...]
+    jump_pi: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Solution:
+    """An optimal (or failed) ascent.
+
+    Attributes:
+        method: ``direct11``, ``direct14``, ``direct20``, ``jump``, ``indirect``,
+            ``closed_form``.
+        converged: optimal and verified; never True for anything else.
+        reason: one line; on failure it names the constraint in the way and by how much.
+        jettison_times_s: one per jettison of the mission; nan: not dropped, or before the start.
+        t_meco_s: cut-off time; nan without a trajectory.
+        m_f_kg: mass at cut-off; nan without a trajectory.
+        iterations: of the solver, restarts included.
+        solve_ms: wall time of the solve alone, without compilation and verification.
+        arcs: steering law, one per piece.
+        constraints: the table of constraints.
+        verification: the independent integration; None when there is no trajectory.
+        trajectory: sampled flight; None when there is no trajectory.
+        costates: None when the method gives none.
+        parameters: shape (n,), the solver's own variables: a guess for the next call.
+        restarts: further starts that the solver had to make.
+        notes: further figures by name, with unit suffix.
+    """
+
+    method: str
+    converged: bool
+    reason: str
+    jettison_times_s: tuple[float, ...]
+    t_meco_s: float
+    m_f_kg: float
+    iterations: int
+    solve_ms: float
+    arcs: tuple[SteeringArc, ...] = ()
+    constraints: tuple[ConstraintCheck, ...] = ()
+    verification: Verification | None = None
+    trajectory: Trajectory | None = None
+    costates: Costates | None = None
+    parameters: Array | None = None
+    restarts: int = 0
+    notes: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def t_plf_s(self) -> float:
+        """Time of the fairing jettison: the last drop of the mission; nan without one."""
+        done = [t for t in self.jettison_times_s if math.isfinite(t)]
+        return max(done) if done else math.nan
+
+    def to_json(self) -> dict[str, Any]:
+        """The published summary, ready for ``json.dumps``: what is unknown is None."""
+        v = self.verification
+        return {
+            "method": self.method,
+            "converged": self.converged,
+            "reason": self.reason,
+            "t_plf_s": _number(self.t_plf_s),
+            "t_meco_s": _number(self.t_meco_s),
+            "m_f_kg": _number(self.m_f_kg),
+            "iterations": self.iterations,
+            "solve_ms": _number(self.solve_ms),
+            "verification": None
+            if v is None
+            else {
+                "radius_m": _number(v.radius_m),
+                "speed_m_s": _number(v.speed_m_s),
+                "flight_path_angle_deg": _number(v.flight_path_angle_deg),
+                "inclination_deg": _number(v.inclination_deg),
+                "fmhr_w_m2": _number(v.fmhr_w_m2),
+            },
+        }
+
+
+def _number(value: float) -> float | None:
+    """A float that JSON can carry."""
+    return float(value) if math.isfinite(value) else None
+
+
+def failed(method: str, reason: str, *, iterations: int = 0, solve_ms: float = 0.0) -> Solution:
+    """A failure without a trajectory."""
+    return Solution(method, False, reason, (), math.nan, math.nan, iterations, solve_ms)

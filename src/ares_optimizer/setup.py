@@ -1,0 +1,22 @@
+"""Packaging of ares_optimizer."""
+
+from setuptools import find_packages, setup
+
+PACKAGE = "ares_optimizer"
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    description="Direct, indirect and analytic solutions of the optimal ascent.",
+    license="Apache-2.0",
+    maintainer="Ares maintainers",
+    maintainer_email="ares-maintainers@example.org",
+    packages=find_packages(exclude=["test", "test.*"]),
+    package_data={PACKAGE: ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+    ],
+    python_requires=">=3.11",
+    zip_safe=False,
+)
