@@ -1,0 +1,48 @@
+"""Names and QoS profiles of the graph, in one place.
+
+The depth of the flight topics covers a reader that falls behind for a while: at lock-step
+rates of some kHz the usual depth of 10 loses messages without a word.
+"""
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+NAMESPACE = "ares"
+
+NAV_STATE = "nav_state"
+VEHICLE_STATE = "vehicle_state"
+THRUST_COMMAND = "thrust_command"
+GUIDANCE_STATUS = "guidance_status"
+FLIGHT_EVENT = "flight_event"
+CLOCK = "/clock"
+DIAGNOSTICS = "/diagnostics"
+SOLVE_TRAJECTORY = "solve_trajectory"
+
+
+def reliable(depth: int, *, keep_for_late: bool = False) -> QoSProfile:
+    """A reliable keep-last profile of the given depth.
+
+    `keep_for_late` makes it transient local: a reader that joins late gets the last
+    `depth` messages too.
+    """
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=(
+            DurabilityPolicy.TRANSIENT_LOCAL if keep_for_late else DurabilityPolicy.VOLATILE
+        ),
+    )
+
+
+#: nav_state, vehicle_state, thrust_command, guidance_status: both ends.
+FLIGHT = reliable(1000)
+#: flight_event: both ends.
+EVENTS = reliable(100, keep_for_late=True)
+#: /diagnostics, publishing side.
+DIAGNOSTIC = reliable(100)
+#: /clock, publishing side. Reliable serves best-effort readers (rclpy) and reliable ones.
+CLOCK_QOS = reliable(10)
+#: What the recorder asks for: deep enough to hold a whole flight of the default length.
+RECORDER = reliable(10_000)
+#: What the recorder asks for on flight_event.
+RECORDER_EVENTS = reliable(10_000, keep_for_late=True)

@@ -1,0 +1,188 @@
+"""The process around a node: start, spin, stop on a signal, exit status."""
+
+import os
+import re
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from types import FrameType
+
+import rclpy
+from rclpy.context import Context
+from rclpy.exceptions import ParameterException
+from rclpy.executors import Executor
+from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
+
+from ares_node.node import FlightNode
+from ares_node.parameters import ParameterError
+
+#: Longest time in s that an idle process sleeps; a signal or a message wakes it at once.
+SPIN_TIMEOUT = 0.5
+
+EXIT_OK = 0
+EXIT_FAILED = 1
+EXIT_CANNOT_START = 2
+
+UnknownROSArgsError = rclpy_implementation.UnknownROSArgsError
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+class _Stopped(BaseException):
+    """A signal came while the node was still starting."""
+
+
+class StopSignals:
+    """SIGINT and SIGTERM as a flag, with the context left valid.
+
+    rclpy's own handlers, and those that the EventsExecutor installs over them, shut the
+    context down at once; a recorder could then no longer take the messages in its queues.
+    """
+
+    def __init__(self) -> None:
+        self.requested = False
+        self.starting = True
+        self._wake: Callable[[], None] | None = None
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        self.requested = True
+        if self.starting:
+            raise _Stopped
+
+    def install(self) -> None:
+        """Take both signals (again): an executor that was just created took them itself."""
+        for number in _SIGNALS:
+            signal.signal(number, self._handle)
+
+    def wake_with(self, wake: Callable[[], None] | None) -> None:
+        """What to call, from another thread, to end a sleep inside compiled code."""
+        self._wake = wake
+
+    @contextmanager
+    def watch(self) -> Iterator[None]:
+        """Hold both signals; the former handlers return at the end."""
+        former = {number: signal.getsignal(number) for number in _SIGNALS}
+        readable, writable = os.pipe()
+        os.set_blocking(writable, False)
+        former_fd = signal.set_wakeup_fd(writable, warn_on_full_buffer=False)
+
+        def relay() -> None:
+            while os.read(readable, 1) != b"\0":
+                wake = self._wake
+                if wake is not None:
+                    wake()
+
+        # Python runs its handlers between bytecodes only: an executor asleep in compiled
+        # code would not notice before its timeout
+        thread = threading.Thread(target=relay, name="stop-signals", daemon=True)
+        thread.start()
+        self.install()
+        try:
+            yield
+        finally:
+            signal.set_wakeup_fd(former_fd)
+            os.write(writable, b"\0")
+            thread.join()
+            os.close(readable)
+            os.close(writable)
+            for number, handler in former.items():
+                signal.signal(number, handler)
+
+
+def one_line(error: BaseException) -> str:
+    """The text of an error on one line, without the source positions that rcl appends."""
+    text = " ".join(str(error).split())
+    return re.sub(r", at \S+:\d+", "", text)
+
+
+def _complain(name: str, reason: str) -> None:
+    print(f"{name}: {reason}", file=sys.stderr, flush=True)
+
+
+def run_node(
+    factory: Callable[..., FlightNode],
+    argv: Sequence[str] | None = None,
+    *,
+    name: str | None = None,
+) -> int:
+    """Run one node as a process until it is done or a signal comes.
+
+    Must be called from the main thread. Discovery stays on this machine unless
+    ROS_AUTOMATIC_DISCOVERY_RANGE says otherwise.
+
+    Args:
+        factory: the node's class; called with `context=`.
+        argv: command line without the program's name (`--ros-args ...`); default sys.argv[1:].
+        name: what error lines begin with before there is a node; default the program's name.
+
+    Returns:
+        The exit status: the node's `exit_code` after a run (0 after a signal, unless the
+        node says otherwise), 2 if it could not start, 1 after a defect. In the last two
+        cases the reason is on standard error.
+    """
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    who = name or os.path.basename(sys.argv[0])
+    stop = StopSignals()
+    with stop.watch():
+        try:
+            return _run(factory, arguments, who, stop)
+        except _Stopped:
+            return EXIT_OK
+
+
+def _run(
+    factory: Callable[..., FlightNode], arguments: list[str], who: str, stop: StopSignals
+) -> int:
+    context = Context()
+    node: FlightNode | None = None
+    executor: Executor | None = None
+    try:
+        try:
+            rclpy.init(
+                args=arguments, context=context, signal_handler_options=SignalHandlerOptions.NO
+            )
+            left = remove_ros_args(arguments)
+            if left:
+                _complain(who, f"argument {left[0]!r} is not known; expected --ros-args ...")
+                return EXIT_CANNOT_START
+            node = factory(context=context)
+        except UnknownROSArgsError as error:
+            _complain(who, f"ROS argument {one_line(error)} is not known; expected --ros-args ...")
+            return EXIT_CANNOT_START
+        except (ParameterError, ParameterException, RuntimeError) as error:
+            # malformed ROS arguments come as subclasses of RuntimeError
+            _complain(who, one_line(error))
+            return EXIT_CANNOT_START
+        executor = EventsExecutor(context=context)
+        stop.install()
+        stop.wake_with(executor.wake)
+        executor.add_node(node)
+        if node.values["autostart"] and not node.start():
+            _complain(node.get_name(), node.failure or "could not start")
+            return EXIT_CANNOT_START
+        stop.starting = False
+        try:
+            while not (stop.requested or node.done) and context.ok():
+                executor.spin_once(timeout_sec=SPIN_TIMEOUT)
+            node.drain(executor)
+        except Exception:
+            traceback.print_exc()
+            node.exit_code = EXIT_FAILED
+        return node.exit_code
+    finally:
+        stop.starting = False
+        stop.wake_with(None)
+        if node is not None:
+            # an error while tearing down must not hide the exit status
+            with suppress(Exception):
+                node.stop()
+            if executor is not None:
+                executor.shutdown()
+            node.destroy_node()
+        context.try_shutdown()

@@ -1,0 +1,64 @@
+"""A node with every way to end, run as a process by test_run.py."""
+
+import sys
+import time
+from typing import Any
+
+from ares_node.diagnostics import Diagnostics, Level
+from ares_node.node import FlightNode, NodeError
+from ares_node.parameters import Parameter
+from ares_node.run import run_node
+from rclpy.executors import Executor
+
+MODES = (
+    "run", "finish", "refuse", "refuse_activation", "defect", "defect_in_callback", "slow_start"
+)  # fmt: skip
+
+
+class DemoNode(FlightNode):
+    """Reports on /diagnostics until told to stop."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        mode = Parameter("mode", "run", "How to behave.", choices=MODES)
+        super().__init__("demo", parameters=[mode], **kwargs)
+
+    def configure(self) -> None:
+        mode = self.values["mode"]
+        if mode == "refuse":
+            raise NodeError("the tank\nis empty")
+        if mode == "defect":
+            raise KeyError("lost")
+        if mode == "slow_start":
+            print("starting", flush=True)
+            time.sleep(60.0)
+        self.diagnostics = Diagnostics(self)
+        self.ticks = 0
+
+    def activate(self) -> None:
+        if self.values["mode"] == "refuse_activation":
+            raise NodeError("the valve is shut")
+        self.timer = self.create_timer(0.01, self.tick)
+
+    def tick(self) -> None:
+        self.ticks += 1
+        self.diagnostics.report(Level.OK, "alive", self.ticks, {"ticks": self.ticks})
+        if self.ticks == 1:
+            print("running", flush=True)
+        if self.values["mode"] == "defect_in_callback":
+            raise KeyError("lost in a callback")
+        if self.values["mode"] == "finish" and self.ticks == 5:
+            self.finish(3)
+
+    def deactivate(self) -> None:
+        self.destroy_timer(self.timer)
+        print("deactivated", flush=True)
+
+    def cleanup(self) -> None:
+        print("cleaned up", flush=True)
+
+    def drain(self, executor: Executor) -> None:
+        print(f"drained {self.context.ok()}", flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(run_node(DemoNode, name="demo"))

@@ -1,0 +1,130 @@
+"""A node as a process: exit status, one-line reasons, signals."""
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from ares_node.diagnostics import Level
+from ares_node.testing import spin_until
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.context import Context
+from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.node import Node
+
+DEMO = Path(__file__).with_name("demo_node.py")
+
+
+def start(environment: dict[str, str], *arguments: str) -> "subprocess.Popen[str]":
+    return subprocess.Popen(
+        [sys.executable, str(DEMO), *arguments],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def run(environment: dict[str, str], *arguments: str) -> tuple[int, str, str]:
+    process = start(environment, *arguments)
+    out, err = process.communicate(timeout=30)
+    return process.returncode, out, err
+
+
+def test_a_node_that_ends_the_run_sets_the_status(ros_environment: dict[str, str]) -> None:
+    status, out, err = run(ros_environment, "--ros-args", "-p", "mode:=finish")
+    assert (status, err) == (3, "")
+    assert out.split("\n")[:4] == ["running", "drained True", "deactivated", "cleaned up"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["--ros-args", "-p", "mode:=refuse"], "demo: the tank is empty"),
+        (["--ros-args", "-p", "mode:=refuse_activation"], "demo: the valve is shut"),
+        (["--ros-args", "-p", "mood:=run"],
+         "demo: parameter mood is not known; expected one of autostart, mode"),
+        (["--fast"], "demo: argument '--fast' is not known; expected --ros-args ..."),
+    ],
+)  # fmt: skip
+def test_a_node_that_cannot_start(
+    ros_environment: dict[str, str], arguments: list[str], line: str
+) -> None:
+    status, _, err = run(ros_environment, *arguments)
+    assert (status, err) == (2, line + "\n")
+
+
+@pytest.mark.parametrize("arguments", [["-p", "a:b"], ["--params-file", "none.yaml"], ["--what"]])
+def test_malformed_ros_arguments(ros_environment: dict[str, str], arguments: list[str]) -> None:
+    status, _, err = run(ros_environment, "--ros-args", *arguments)
+    assert status == 2
+    assert "Traceback" not in err
+    assert sum(line.startswith("demo: ") for line in err.splitlines()) == 1
+
+
+def test_a_defect_is_loud(ros_environment: dict[str, str]) -> None:
+    status, _, err = run(ros_environment, "--ros-args", "-p", "mode:=defect")
+    assert status == 2
+    assert "Traceback" in err and err.endswith("demo: KeyError: 'lost'\n")
+    status, out, err = run(ros_environment, "--ros-args", "-p", "mode:=defect_in_callback")
+    assert status == 1
+    assert "lost in a callback" in err
+    assert "cleaned up" in out
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_run_cleanly_and_at_once(
+    ros_environment: dict[str, str], number: signal.Signals
+) -> None:
+    process = start(ros_environment)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "running\n"
+    process.send_signal(number)
+    begin = time.monotonic()
+    out, err = process.communicate(timeout=30)
+    assert (process.returncode, err) == (0, "")
+    assert out == "drained True\ndeactivated\ncleaned up\n"
+    assert time.monotonic() - begin < 5.0
+
+
+def test_a_signal_while_starting(ros_environment: dict[str, str]) -> None:
+    process = start(ros_environment, "--ros-args", "-p", "mode:=slow_start")
+    assert process.stdout is not None
+    assert process.stdout.readline() == "starting\n"
+    process.send_signal(signal.SIGTERM)
+    _, err = process.communicate(timeout=30)
+    assert (process.returncode, err) == (0, "")
+
+
+def test_idle_process_wakes_on_a_signal(ros_environment: dict[str, str]) -> None:
+    """Without autostart nothing ever calls back: only the signal can end the sleep."""
+    process = start(ros_environment, "--ros-args", "-p", "autostart:=false")
+    time.sleep(1.5)
+    process.send_signal(signal.SIGTERM)
+    out, err = process.communicate(timeout=30)
+    assert (process.returncode, out, err) == (0, "drained True\n", "")
+
+
+def test_reports_carry_name_stamp_and_values(
+    ros_context: Context, ros_environment: dict[str, str]
+) -> None:
+    node = Node("listener", context=ros_context)
+    executor = EventsExecutor(context=ros_context)
+    executor.add_node(node)
+    heard: list[DiagnosticArray] = []
+    node.create_subscription(DiagnosticArray, "/diagnostics", heard.append, 10)
+    process = start(ros_environment)
+    try:
+        assert spin_until(executor, lambda: bool(heard), timeout=20.0)
+    finally:
+        process.terminate()
+        process.communicate(timeout=30)
+        executor.shutdown()
+        node.destroy_node()
+    status = heard[0].status[0]
+    assert status.name == "ares/demo"
+    assert (status.level, status.message) == (Level.OK.value, "alive")
+    assert heard[0].header.stamp.sec == 0
+    assert int(status.values[0].value) == heard[0].header.stamp.nanosec
