@@ -1,0 +1,220 @@
+"""The plant against closed forms and an independent integrator."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from ares_models.arrays import (
+    ARC,
+    BURN,
+    COAST,
+    ENVIRONMENT,
+    HEATING_LIMIT,
+    JETTISON,
+    MISSION_TIME,
+    STEERING,
+    TIME_AFTER_IGNITION,
+)
+from ares_vehicle_sim import arrays as names
+from ares_vehicle_sim.arrays import OPTIONS, PLANT
+from ares_vehicle_sim.kernels import accept_command, begin_flight, curve_area, flight_step
+
+MU = 3.986e14
+VACUUM = np.array([[0.0, -100.0, -1e-5, 0.0, 0.0], [1e6, -110.0, -1e-5, 0.0, 0.0]])
+
+
+class Vehicle:
+    """Two stages: a burn, then a coast, a fixed burn and a free one."""
+
+    def __init__(self, mu=MU, criterion=HEATING_LIMIT, value=1135.0, jettison_stage=1):
+        self.environment = np.zeros(1, ENVIRONMENT)
+        self.environment["mu"] = mu
+        self.environment["equatorial_radius"] = 6378140.0
+        self.environment["polar_radius"] = 6356750.0
+        self.environment["density_factor"] = 1.0
+        self.arcs = np.zeros(4, ARC)
+        self.arcs["kind"] = [BURN, COAST, BURN, BURN]
+        self.arcs["stage"] = [0, 1, 1, 1]
+        self.arcs["begins_stage"] = [1, 1, 0, 0]
+        self.arcs["thrust"] = [5.0e6, 0.0, 9.0e5, 6.0e5]
+        self.arcs["exhaust_velocity"] = [4000.0, 1.0, 4300.0, 4300.0]
+        self.arcs["mass_flow"] = self.arcs["thrust"] / self.arcs["exhaust_velocity"]
+        self.arcs["duration"] = [100.0, 10.0, 60.0, math.inf]
+        self.arcs["stack_mass"] = [300e3, 110e3, 110e3, 110e3]
+        self.arcs["propellant"] = [125e3, 80e3, 80e3, 80e3]
+        self.jettisons = np.zeros(1, JETTISON)
+        self.jettisons["mass"] = 2000.0
+        self.jettisons["criterion"] = criterion
+        self.jettisons["value"] = value
+        self.jettisons["stage"] = jettison_stage
+        self.options = np.zeros(1, OPTIONS)
+        self.options["max_step"] = 0.1
+        self.options["attitude_rate_limit"] = math.inf
+        self.plant = np.zeros(1, PLANT)
+        self.plant["time"] = 50.0
+        self.plant["position"] = [6.5e6, 0.0, 0.0]
+        self.plant["velocity"] = [500.0, 2000.0, 300.0]
+        self.steering = np.zeros(1, STEERING)
+        self.steering["direction"] = [0.0, 1.0, 0.0]
+        self.steering["reference_time"] = 50.0
+        self.steering["cutoff_time"] = math.nan
+        self.steering["jettison"] = -1
+        self.steering["jettison_time"] = math.nan
+
+    def fly(self, until, period=0.1):
+        plant = self.plant[0]
+        begin_flight(plant, self.environment[0], VACUUM, self.arcs, self.jettisons)
+        accept_command(plant, self.steering[0], self.jettisons)
+        ticks = round((until - 50.0) / period)
+        for k in range(1, ticks + 1):
+            flight_step(
+                plant,
+                self.environment[0],
+                VACUUM,
+                self.arcs,
+                self.jettisons,
+                self.options[0],
+                50.0 + k * period,
+            )
+        return plant
+
+    def events(self, kind):
+        logged = self.plant[0]["events"][: self.plant[0]["event_count"]]
+        return logged[logged["type"] == kind]
+
+
+def test_rocket_equation_without_gravity():
+    vehicle = Vehicle(mu=0.0)
+    plant = vehicle.fly(140.0)
+    gained = plant["velocity"][1] - 2000.0
+    mass = 300e3 - 90.0 * 1250.0
+    assert plant["mass"] == pytest.approx(mass, rel=1e-14)
+    assert gained == pytest.approx(4000.0 * math.log(300e3 / mass), abs=1e-6)
+    assert plant["sensed_delta_v"] == pytest.approx([0.0, gained, 0.0], abs=1e-6)
+
+
+@pytest.mark.parametrize("period", [0.1, 0.25, 1.0])
+def test_events_stand_at_their_exact_times(period):
+    vehicle = Vehicle(criterion=TIME_AFTER_IGNITION, value=7.0123)
+    vehicle.steering["cutoff_time"] = 251.23456
+    plant = vehicle.fly(260.0, period)
+    assert vehicle.events(names.STAGING)["time"] == pytest.approx([150.0], abs=1e-9)
+    assert vehicle.events(names.IGNITION)["time"] == pytest.approx([50.0, 160.0, 220.0], abs=1e-9)
+    assert vehicle.events(names.JETTISON_DONE)["time"] == pytest.approx([167.0123], abs=1e-9)
+    assert vehicle.events(names.CUTOFF)["time"] == pytest.approx([251.23456], abs=1e-9)
+    assert plant["complete"] == 1
+    assert plant["inserted"] == 1
+    burnt = 60.0 * vehicle.arcs["mass_flow"][2] + 31.23456 * vehicle.arcs["mass_flow"][3]
+    assert plant["mass"] == pytest.approx(110e3 - 2000.0 - burnt, abs=1e-6)
+
+
+def test_agrees_with_an_independent_integrator():
+    vehicle = Vehicle()
+    vehicle.steering["direction"] = [0.6, 0.8, 0.0]
+    vehicle.steering["direction_rate"] = [-4e-3, 3e-3, 1e-3]
+    plant = vehicle.fly(150.0)
+
+    def rates(t, x):
+        r, v, m = x[:3], x[3:6], x[6]
+        w = vehicle.steering["direction"][0] + (t - 50.0) * vehicle.steering["direction_rate"][0]
+        thrust = 5.0e6 / m * w / np.linalg.norm(w)
+        return [*v, *(thrust - MU * r / np.linalg.norm(r) ** 3), -1250.0]
+
+    reference = solve_ivp(
+        rates,
+        (50.0, 150.0),
+        [6.5e6, 0.0, 0.0, 500.0, 2000.0, 300.0, 300e3],
+        method="DOP853",
+        rtol=1e-13,
+        atol=1e-9,
+    ).y[:, -1]
+    assert plant["position"] == pytest.approx(reference[:3], abs=1e-4)
+    assert plant["velocity"] == pytest.approx(reference[3:6], abs=1e-6)
+
+
+def test_thrust_curves_have_their_exact_area():
+    vehicle = Vehicle(mu=0.0)
+    arc = vehicle.arcs
+    arc["start_knots"][2] = 3
+    arc["start_time"][2, :3] = [0.0, 1.03, 3.17]
+    arc["start_fraction"][2, :3] = [0.0, 0.1, 1.0]
+    arc["tail_knots"][3] = 3
+    arc["tail_time"][3, :3] = [0.0, 0.256, 1.5]
+    arc["tail_fraction"][3, :3] = [1.0, 0.17, 0.0]
+    vehicle.steering["cutoff_time"] = 249.87
+    plant = vehicle.fly(260.0)
+    lost = 3.17 - (0.5 * 0.1 * 1.03 + 0.5 * 1.1 * 2.14)
+    gained = 0.5 * 1.17 * 0.256 + 0.5 * 0.17 * 1.244
+    burnt = (60.0 - lost) * arc["mass_flow"][2] + (29.87 + gained) * arc["mass_flow"][3]
+    assert plant["mass"] == pytest.approx(110e3 - burnt, abs=1e-7)
+    assert vehicle.events(names.FLIGHT_COMPLETE)["time"] == pytest.approx([251.37], abs=1e-9)
+    assert curve_area(arc["start_time"][2], arc["start_fraction"][2], 3, 3.17) == pytest.approx(
+        3.17 - lost
+    )
+    velocity = 4300.0 * math.log(110e3 / (110e3 - burnt))
+    first = 4000.0 * math.log(300e3 / (300e3 - 125e3))
+    assert plant["velocity"][1] == pytest.approx(2000.0 + first + velocity, abs=1e-3)
+
+
+def test_commanded_jettison_between_navigation_states():
+    vehicle = Vehicle()
+    vehicle.steering["jettison"] = 0
+    vehicle.steering["jettison_time"] = 187.654321
+    plant = vehicle.fly(200.0)
+    assert vehicle.events(names.JETTISON_DONE)["time"] == pytest.approx([187.654321], abs=1e-9)
+    assert plant["jettisoned"] == 1
+
+
+def test_jettison_waits_for_its_stage():
+    vehicle = Vehicle(criterion=MISSION_TIME, value=120.0)
+    vehicle.fly(200.0)
+    assert vehicle.events(names.JETTISON_DONE)["time"] == pytest.approx([160.0], abs=1e-9)
+
+
+def test_a_part_that_stays_on_is_carried_over_staging():
+    vehicle = Vehicle(jettison_stage=0)
+    assert vehicle.fly(155.0)["mass"] == pytest.approx(112e3)
+
+
+def test_depletion_ends_a_flight_without_cutoff():
+    vehicle = Vehicle()
+    vehicle.arcs["propellant"][1:] = 20e3
+    plant = vehicle.fly(300.0)
+    left = 20e3 - 60.0 * vehicle.arcs["mass_flow"][2]
+    spent = 220.0 + left / vehicle.arcs["mass_flow"][3]
+    assert vehicle.events(names.DEPLETION)["time"] == pytest.approx([spent], abs=1e-6)
+    assert plant["complete"] == 1
+    assert plant["inserted"] == 0
+    assert len(vehicle.events(names.CUTOFF)) == 0
+
+
+def test_early_depletion_goes_on_to_the_next_stage():
+    vehicle = Vehicle()
+    vehicle.arcs["propellant"][0] = 110e3
+    vehicle.fly(200.0)
+    assert vehicle.events(names.DEPLETION)["time"] == pytest.approx([138.0], abs=1e-6)
+    assert vehicle.events(names.STAGING)["time"] == pytest.approx([138.0], abs=1e-6)
+
+
+def test_attitude_rate_limit():
+    vehicle = Vehicle()
+    vehicle.options["attitude_rate_limit"] = math.radians(3.0)
+    vehicle.plant["velocity"] = [2000.0, 0.0, 0.0]
+    plant = vehicle.fly(60.0)
+    turned = math.degrees(math.atan2(plant["direction"][1], plant["direction"][0]))
+    assert turned == pytest.approx(30.0, abs=0.1)
+    assert np.linalg.norm(plant["direction"]) == pytest.approx(1.0, abs=1e-12)
+    plant = vehicle.fly(100.0)
+    assert plant["direction"] == pytest.approx([0.0, 1.0, 0.0], abs=1e-12)
+
+
+def test_the_ground_ends_a_flight():
+    vehicle = Vehicle()
+    vehicle.plant["velocity"] = [-3000.0, 100.0, 0.0]
+    vehicle.steering["direction"] = [-1.0, 0.0, 0.0]
+    plant = vehicle.fly(200.0)
+    assert len(vehicle.events(names.IMPACT)) == 1
+    assert plant["complete"] == 1
+    assert plant["inserted"] == 0
