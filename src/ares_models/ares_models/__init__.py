@@ -1,0 +1,1 @@
+"""Physics and mission data: no ROS, no guidance."""

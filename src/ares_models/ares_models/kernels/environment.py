@@ -11,13 +11,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import ALTITUDE_SPHERICAL
+from ares_models.arrays import ALTITUDE_SPHERICAL, Record
 from ares_models.jit import kernel
 from ares_models.kernels.vectors import Vector, dot, norm, scale
 
 
 @kernel
-def gravity(r: Vector, environment: np.void) -> Vector:
+def gravity(r: Vector, environment: Record) -> Vector:
     """Gravitational acceleration, m/s2: Eq. 2.13, with J2 about the z axis if it is not 0.
 
     Args:
@@ -25,11 +25,11 @@ def gravity(r: Vector, environment: np.void) -> Vector:
         environment: record of dtype ENVIRONMENT.
     """
     square = dot(r, r)
-    k = -environment["mu"] / (square * math.sqrt(square))
-    j2 = environment["j2"]
+    k = -environment.mu / (square * math.sqrt(square))
+    j2 = environment.j2
     if j2 == 0.0:
         return scale(k, r)
-    radius = environment["equatorial_radius"]
+    radius = environment.equatorial_radius
     q = 1.5 * j2 * radius * radius / square
     s = 5.0 * r[2] * r[2] / square
     across = k * (1.0 + q * (1.0 - s))
@@ -38,7 +38,7 @@ def gravity(r: Vector, environment: np.void) -> Vector:
 
 
 @kernel
-def altitude(r: Vector, environment: np.void) -> float:
+def altitude(r: Vector, environment: Record) -> float:
     """Altitude, m: Eq. 2.15 over the ellipsoid, or r - R_equatorial if so chosen.
 
     Printed with a misplaced bracket; meant is
@@ -47,28 +47,28 @@ def altitude(r: Vector, environment: np.void) -> float:
     """
     square = dot(r, r)
     radius = math.sqrt(square)
-    equatorial: float = environment["equatorial_radius"]
-    if environment["altitude_model"] == ALTITUDE_SPHERICAL:
+    equatorial: float = environment.equatorial_radius
+    if environment.altitude_model == ALTITUDE_SPHERICAL:
         return radius - equatorial
-    polar: float = environment["polar_radius"]
+    polar: float = environment.polar_radius
     k = 1.0 - polar * polar / (equatorial * equatorial)
     cos_square = (r[0] * r[0] + r[1] * r[1]) / square
     return radius - polar / math.sqrt(1.0 - k * cos_square)
 
 
 @kernel
-def altitude_gradient(r: Vector, environment: np.void) -> Vector:
+def altitude_gradient(r: Vector, environment: Record) -> Vector:
     """Gradient of :func:`altitude` with respect to position, no unit."""
     square = dot(r, r)
     up = scale(1.0 / math.sqrt(square), r)
-    if environment["altitude_model"] == ALTITUDE_SPHERICAL:
+    if environment.altitude_model == ALTITUDE_SPHERICAL:
         return up
-    ratio = environment["polar_radius"] / environment["equatorial_radius"]
+    ratio = environment.polar_radius / environment.equatorial_radius
     k = 1.0 - ratio * ratio
     cos_square = (r[0] * r[0] + r[1] * r[1]) / square
     base = 1.0 - k * cos_square
     # d(surface radius)/d(cos^2 lat), times the gradient of cos^2 lat
-    s = environment["polar_radius"] * 0.5 * k / (base * math.sqrt(base))
+    s = environment.polar_radius * 0.5 * k / (base * math.sqrt(base))
     a = 2.0 * s * r[2] / square
     b = a * r[2] / square
     return (up[0] - b * r[0], up[1] - b * r[1], up[2] - b * r[2] + a)
@@ -101,23 +101,23 @@ def log_density(h: float, atmosphere: NDArray[np.float64]) -> tuple[float, float
 
 
 @kernel
-def density(r: Vector, environment: np.void, atmosphere: NDArray[np.float64]) -> float:
+def density(r: Vector, environment: Record, atmosphere: NDArray[np.float64]) -> float:
     """Density at a position, kg/m3, the mission's density factor included."""
-    factor: float = environment["density_factor"]
+    factor: float = environment.density_factor
     value, _ = log_density(altitude(r, environment), atmosphere)
     return factor * math.exp(value)
 
 
 @kernel
-def relative_velocity(r: Vector, v: Vector, environment: np.void) -> Vector:
+def relative_velocity(r: Vector, v: Vector, environment: Record) -> Vector:
     """Velocity against the air that turns with the Earth, m/s: V - omega x r, Eq. 2.4."""
-    rate = environment["rotation_rate"]
+    rate = environment.rotation_rate
     return (v[0] + rate * r[1], v[1] - rate * r[0], v[2])
 
 
 @kernel
 def heating_rate(
-    r: Vector, v: Vector, environment: np.void, atmosphere: NDArray[np.float64]
+    r: Vector, v: Vector, environment: Record, atmosphere: NDArray[np.float64]
 ) -> float:
     """Free molecular heating 0.5 rho V_rel^3, W/m2: Eqs. 2.2 and 2.3 in SI.
 
@@ -129,7 +129,7 @@ def heating_rate(
 
 @kernel
 def log_heating_gradient(
-    r: Vector, v: Vector, environment: np.void, atmosphere: NDArray[np.float64]
+    r: Vector, v: Vector, environment: Record, atmosphere: NDArray[np.float64]
 ) -> tuple[float, Vector, Vector]:
     """Logarithm of :func:`heating_rate` with its gradients.
 
@@ -141,14 +141,14 @@ def log_heating_gradient(
     value, slope = log_density(altitude(r, environment), atmosphere)
     up = altitude_gradient(r, environment)
     k = 3.0 / square
-    rate = environment["rotation_rate"]
+    rate = environment.rotation_rate
     by_velocity = scale(k, relative)
     by_position = (
         slope * up[0] - rate * by_velocity[1],
         slope * up[1] + rate * by_velocity[0],
         slope * up[2],
     )
-    log_rate = math.log(0.5 * environment["density_factor"]) + value + 1.5 * math.log(square)
+    log_rate = math.log(0.5 * environment.density_factor) + value + 1.5 * math.log(square)
     return log_rate, by_position, by_velocity
 
 
@@ -156,7 +156,7 @@ def log_heating_gradient(
 def log_heating(
     r: Vector,
     v: Vector,
-    environment: np.void,
+    environment: Record,
     atmosphere: NDArray[np.float64],
     acceleration: Vector,
 ) -> tuple[float, float]:

@@ -137,7 +137,7 @@ def kepler(r: Vector, v: Vector, dt: float, mu: float) -> tuple[Vector, Vector]:
             done = True
         elif not low < trial < high:
             trial = 2.0 * x if high == math.inf else 0.5 * (low + high)
-            done = trial == low or trial == high
+            done = trial in (low, high)
         x = trial
 
     f = 1.0 - u2 / r0

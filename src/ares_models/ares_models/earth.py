@@ -1,0 +1,130 @@
+"""The figure and the rotation of the Earth (Eqs. 2.14 to 2.16)."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ares_models.kernels import states
+
+
+@dataclass(frozen=True)
+class LaunchAngles:
+    """An inertial state as a flight plan gives it.
+
+    Attributes:
+        radius: m.
+        latitude: geocentric, rad.
+        right_ascension: from the inertial x axis, rad.
+        speed: inertial, m/s.
+        flight_path_angle: of the inertial velocity, rad.
+        azimuth: of the inertial velocity, from north towards east, rad.
+    """
+
+    radius: float
+    latitude: float
+    right_ascension: float
+    speed: float
+    flight_path_angle: float
+    azimuth: float
+
+    def state(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Position (m) and velocity (m/s), each shape (3,); Eqs. 2.14 and 2.18."""
+        r, v = states.state_from_angles(
+            self.radius,
+            self.latitude,
+            self.right_ascension,
+            self.speed,
+            self.flight_path_angle,
+            self.azimuth,
+        )
+        return np.array(r), np.array(v)
+
+    @classmethod
+    def from_state(cls, position: ArrayLike, velocity: ArrayLike) -> "LaunchAngles":
+        """The angles of a state: position m, velocity m/s, each shape (3,)."""
+        r = np.asarray(position, dtype=np.float64)
+        v = np.asarray(velocity, dtype=np.float64)
+        return cls(
+            *states.angles_from_state(
+                (float(r[0]), float(r[1]), float(r[2])), (float(v[0]), float(v[1]), float(v[2]))
+            )
+        )
+
+
+@dataclass(frozen=True)
+class Earth:
+    """Ellipsoid of revolution that turns about z.
+
+    Attributes:
+        equatorial_radius: m.
+        polar_radius: m.
+        rotation_rate: rad/s.
+    """
+
+    equatorial_radius: float
+    polar_radius: float
+    rotation_rate: float
+
+    @property
+    def flattening(self) -> float:
+        """Eq. 2.16."""
+        return (self.equatorial_radius - self.polar_radius) / self.equatorial_radius
+
+    def surface_radius(self, latitude: float) -> float:
+        """Distance of the surface from the centre, m, at a geocentric latitude in rad.
+
+        The subtrahend of Eq. 2.15 (bracket as it must be, see
+        :func:`ares_models.kernels.environment.altitude`).
+        """
+        k = 1.0 - (1.0 - self.flattening) ** 2
+        return self.polar_radius / math.sqrt(1.0 - k * math.cos(latitude) ** 2)
+
+    def geodetic_latitude(self, latitude: float) -> float:
+        """Geodetic latitude of the surface point at a geocentric latitude, both rad."""
+        ratio = (1.0 - self.flattening) ** 2
+        return math.atan2(math.sin(latitude), ratio * math.cos(latitude))
+
+    def geocentric_latitude(self, geodetic_latitude: float) -> float:
+        """Geocentric latitude of the surface point at a geodetic latitude, both rad."""
+        ratio = (1.0 - self.flattening) ** 2
+        return math.atan2(ratio * math.sin(geodetic_latitude), math.cos(geodetic_latitude))
+
+    def latitude_longitude(
+        self, position: ArrayLike, time: float, angle_at_zero: float = 0.0
+    ) -> tuple[float, float]:
+        """Geocentric latitude and longitude under an inertial position.
+
+        Args:
+            position: inertial, m, shape (3,).
+            time: mission elapsed time, s.
+            angle_at_zero: right ascension of zero longitude at time 0, rad.
+
+        Returns:
+            Latitude in -pi/2..pi/2 and longitude in -pi..pi, rad, east positive.
+        """
+        x, y, z = (float(c) for c in np.asarray(position, dtype=np.float64))
+        longitude = math.atan2(y, x) - angle_at_zero - self.rotation_rate * time
+        return math.atan2(z, math.hypot(x, y)), math.remainder(longitude, 2.0 * math.pi)
+
+    def position(
+        self,
+        latitude: float,
+        longitude: float,
+        radius: float,
+        time: float,
+        angle_at_zero: float = 0.0,
+    ) -> NDArray[np.float64]:
+        """Inertial position over a place at a time, m, shape (3,); Eq. 2.14 times radius.
+
+        Args:
+            latitude: geocentric, rad.
+            longitude: east positive, rad.
+            radius: m.
+            time: mission elapsed time, s.
+            angle_at_zero: right ascension of zero longitude at time 0, rad.
+        """
+        right_ascension = longitude + angle_at_zero + self.rotation_rate * time
+        _, _, up = states.east_north_up(latitude, right_ascension)
+        return radius * np.array(up)

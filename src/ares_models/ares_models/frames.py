@@ -1,0 +1,98 @@
+"""Changes of axes as 3x3 matrices (Eqs. 2.6 to 2.11).
+
+A matrix ``T_b_from_a`` turns the components of a vector in axes a into those in axes b;
+its columns are the unit vectors of a, written in b (Eq. 2.6). It is orthonormal, so the
+way back is the transpose (Eq. 2.7).
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ares_models.kernels import states
+
+Matrix = NDArray[np.float64]
+
+
+def transformation(axes: Sequence[ArrayLike]) -> Matrix:
+    """Transformation whose columns are three unit vectors, Eq. 2.6.
+
+    Args:
+        axes: the unit vectors of the old axes, in components of the new ones; each (3,).
+
+    Returns:
+        Shape (3, 3), T_new_from_old.
+    """
+    return np.column_stack([np.asarray(axis, dtype=np.float64) for axis in axes])
+
+
+def inverse(matrix: Matrix) -> Matrix:
+    """The way back, Eq. 2.7: the transpose."""
+    return matrix.T.copy()
+
+
+def inertial_from_relative_velocity(position: ArrayLike, relative_velocity: ArrayLike) -> Matrix:
+    """Relative-velocity axes to inertial axes, Eqs. 2.8 to 2.11.
+
+    i along the velocity against the air, j horizontal (r cross V_rel), k = i cross j. The
+    print calls k "upward"; with this j it is i x (r x i) = r - (r . i) i and so it is.
+
+    Args:
+        position: inertial, m, shape (3,).
+        relative_velocity: inertial components, m/s, shape (3,).
+
+    Returns:
+        Shape (3, 3), T_inertial_from_relative.
+
+    Raises:
+        ValueError: the velocity is zero or along the position, so that no axes exist.
+    """
+    r = np.asarray(position, dtype=np.float64)
+    v = np.asarray(relative_velocity, dtype=np.float64)
+    speed = float(np.linalg.norm(v))
+    side = np.cross(r, v)
+    length = float(np.linalg.norm(side))
+    if not length > 1e-12 * float(np.linalg.norm(r)) * speed:
+        raise ValueError(
+            "relative_velocity: expected a velocity that is neither zero nor vertical, "
+            f"found {v.tolist()} m/s"
+        )
+    i = v / speed
+    j = side / length
+    return transformation([i, j, np.cross(i, j)])
+
+
+def inertial_from_east_north_up(latitude: float, right_ascension: float) -> Matrix:
+    """East, north, up axes at a place to inertial axes.
+
+    Args:
+        latitude: geocentric, rad.
+        right_ascension: from the inertial x axis, rad.
+
+    Returns:
+        Shape (3, 3).
+    """
+    return transformation(states.east_north_up(float(latitude), float(right_ascension)))
+
+
+def earth_fixed_from_inertial(
+    time: float, rotation_rate: float, angle_at_zero: float = 0.0
+) -> Matrix:
+    """Inertial axes to axes that turn with the Earth about z.
+
+    The thesis' inertial x axis passes through zero longitude at mission time 0
+    (section 2.4), which is ``angle_at_zero`` = 0.
+
+    Args:
+        time: mission elapsed time, s.
+        rotation_rate: rad/s.
+        angle_at_zero: right ascension of zero longitude at time 0, rad.
+
+    Returns:
+        Shape (3, 3).
+    """
+    angle = angle_at_zero + rotation_rate * time
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
