@@ -1,0 +1,31 @@
+# Everything goes through ./ares, which prepares the workspace when it must.
+# Flags for the flight: make fly FLAGS="--in-process --mission ares_v"
+
+.DEFAULT_GOAL := help
+.PHONY: help prepare fly test lint format clean
+
+help: ## list the targets
+	@echo "make TARGET [FLAGS=...]"
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  \1\t\2/p' Makefile | expand -t 12
+	@echo "./ares --help lists the verbs of the command line"
+
+prepare: ## make the workspace ready, nothing else
+	@./ares prepare
+
+fly: ## fly the default mission and print the result
+	@./ares fly $(FLAGS)
+
+test: ## linters, type checker and every test
+	@./ares test $(FLAGS)
+
+lint: ## linters and type checker
+	@./ares exec ruff check .
+	@./ares exec ruff format --check .
+	@./ares exec mypy
+
+format: ## lay out the code
+	@./ares exec ruff check --fix .
+	@./ares exec ruff format .
+
+clean: ## remove all that the preparation has made
+	rm -rf .venv build install log

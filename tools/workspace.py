@@ -1,0 +1,791 @@
+"""Prepare the workspace, then run the project's command line in it.
+
+Needs nothing but a Python with its standard library and a compiler. What it makes:
+
+    .venv/          Python packages: ROS 2 Jazzy wheels (unless a sourced Jazzy is used),
+                    build tools, libraries, test tools, all at the versions in requirements/
+    build/ install/ the colcon workspace of src/
+    build/kernels/  machine code of the numeric kernels, one folder per state of their sources
+
+Each part carries a stamp, written last and holding a digest of what the part was made from.
+A part whose stamp is missing or differs is made anew, so that an interruption at any point
+is repaired by the next call. A lock keeps two calls from preparing at the same time.
+"""
+
+import contextlib
+import dataclasses
+import fcntl
+import hashlib
+import importlib.util
+import json
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import sysconfig
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+ROS_DISTRO = "jazzy"
+PYTHONS = ((3, 11), (3, 12), (3, 13))
+# Raise it when a change of this file must remake everything.
+GENERATION = "1"
+
+ROS_REQUIREMENTS = ("ros-jazzy.txt",)
+REQUIREMENTS = ("build.txt", "runtime.txt", "dev.txt")
+
+VERBS = """Workspace:
+  prepare            make the workspace ready, nothing else
+  exec COMMAND ...   run a command in the prepared environment
+  env                print that environment for a shell: eval "$(./ares env)"
+  test [ARG ...]     linters, type checker and all tests; arguments go to pytest"""
+
+
+class WorkspaceError(Exception):
+    """The workspace cannot be prepared; the text is the one line to print."""
+
+
+def say(text: str) -> None:
+    """Print one line for the user, apart from what a verb prints on stdout."""
+    print(f"ares: {text}", file=sys.stderr, flush=True)
+
+
+# --- what the parts are made from --------------------------------------------------------
+
+
+def digest(parts: Iterable[str | bytes]) -> str:
+    """Hash a sequence of texts; where one ends and the next begins counts."""
+    state = hashlib.sha256()
+    for part in parts:
+        raw = part.encode() if isinstance(part, str) else part
+        state.update(b"%d:" % len(raw))
+        state.update(raw)
+    return state.hexdigest()[:16]
+
+
+def _files(folder: Path) -> list[Path]:
+    """All files below a folder, sorted; caches and hidden files left out."""
+    return sorted(
+        path
+        for path in folder.rglob("*")
+        if path.is_file()
+        and not any(
+            part.startswith(".") or part == "__pycache__" or part.endswith(".egg-info")
+            for part in path.relative_to(folder).parts
+        )
+    )
+
+
+def packages(root: Path) -> list[Path]:
+    """Folders of the packages in src/."""
+    return sorted(path.parent for path in root.glob("src/*/package.xml"))
+
+
+def environment_digest(root: Path, python: str, ros: str) -> str:
+    """Digest of what .venv is made from.
+
+    Args:
+        root: top of the project.
+        python: version, such as "3.12".
+        ros: prefix of the sourced ROS 2; empty for the wheels.
+    """
+    names = REQUIREMENTS if ros else ROS_REQUIREMENTS + REQUIREMENTS
+    pins = [(root / "requirements" / name).read_bytes() for name in names]
+    return digest([GENERATION, str(root), python, ros, *pins])
+
+
+def interface_digest(root: Path, environment: str) -> str:
+    """Digest of what the compiled (CMake) packages are made from."""
+    parts: list[str | bytes] = [GENERATION, environment]
+    for package in packages(root):
+        if (package / "CMakeLists.txt").exists():
+            for path in _files(package):
+                parts += [path.relative_to(root).as_posix(), path.read_bytes()]
+    return digest(parts)
+
+
+def package_digest(root: Path) -> str:
+    """Digest of what the installed layout of the Python packages depends on.
+
+    Their modules are linked, not copied: an edit needs no new build.
+    """
+    parts: list[str | bytes] = []
+    for package in packages(root):
+        for name in ("package.xml", "setup.py", "setup.cfg"):
+            if (package / name).exists():
+                parts += [f"{package.name}/{name}", (package / name).read_bytes()]
+        for folder in ("launch", "params", "resource"):
+            parts += [path.relative_to(root).as_posix() for path in _files(package / folder)]
+    return digest(parts)
+
+
+_IMPORT = re.compile(r"^from[ \t]+([.\w]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n]*)", re.MULTILINE)
+_PLAIN_IMPORT = re.compile(r"^import[ \t]+([.\w]+)", re.MULTILINE)
+
+
+def kernel_digest(root: Path) -> str:
+    """Digest of the modules with kernels and of all project modules they import.
+
+    numba compiles what a kernel calls, and the constants it reads, into the kernel, but its
+    own cache looks at the kernel's file only.
+    """
+    texts: dict[str, str] = {}
+    for package in packages(root):
+        for path in (package / package.name).rglob("*.py"):
+            relative = path.relative_to(package).with_suffix("")
+            parts = relative.parts[:-1] if relative.name == "__init__" else relative.parts
+            texts[".".join(parts)] = path.read_text(encoding="utf-8")
+    waiting = [name for name, text in texts.items() if re.search(r"^@kernel\b", text, re.MULTILINE)]
+    seen: set[str] = set()
+    while waiting:
+        name = waiting.pop()
+        if name in seen or name not in texts:
+            continue
+        seen.add(name)
+        for source, imported in _IMPORT.findall(texts[name]):
+            module = _absolute(source, name, texts)
+            waiting += [module, *(f"{module}.{word}" for word in re.findall(r"\w+", imported))]
+        waiting += _PLAIN_IMPORT.findall(texts[name])
+    return digest(part for name in sorted(seen) for part in (name, texts[name]))
+
+
+def _absolute(source: str, importer: str, modules: Mapping[str, str]) -> str:
+    """Resolve a relative import such as ``..arrays`` in the module that writes it."""
+    dots = len(source) - len(source.lstrip("."))
+    if not dots:
+        return source
+    parts = importer.split(".")
+    is_package = any(name.startswith(importer + ".") for name in modules)
+    base = parts[: len(parts) - dots + is_package]
+    return ".".join([*base, *filter(None, [source[dots:]])])
+
+
+# --- prerequisites -----------------------------------------------------------------------
+
+
+def find_compiler(variable: str, names: Sequence[str], environ: Mapping[str, str]) -> str | None:
+    """Path of the compiler that ``variable`` or, if unset, one of ``names`` gives."""
+    words = shlex.split(environ.get(variable, ""))
+    for name in words[:1] or names:
+        found = shutil.which(name, path=environ.get("PATH", os.defpath))
+        if found:
+            return found
+    return None
+
+
+def check_prerequisites(environ: Mapping[str, str]) -> None:
+    """Raise WorkspaceError, naming what to install, if something needed is missing."""
+    python = f"python{sys.version_info[0]}.{sys.version_info[1]}"
+    if not find_compiler("CC", ("cc", "gcc", "clang"), environ):
+        raise WorkspaceError(
+            "no C compiler found (cc, gcc, clang or $CC): install one,"
+            " for example `apt install build-essential`"
+        )
+    if not find_compiler("CXX", ("c++", "g++", "clang++"), environ):
+        raise WorkspaceError(
+            "no C++ compiler found (c++, g++, clang++ or $CXX), which ROS 2 messages need:"
+            " install one, for example `apt install build-essential`"
+        )
+    if not (Path(sysconfig.get_path("include")) / "Python.h").exists():
+        raise WorkspaceError(
+            f"{python} has no header files: install them, for example `apt install {python}-dev`"
+        )
+    if not importlib.util.find_spec("ensurepip") or not importlib.util.find_spec("venv"):
+        raise WorkspaceError(
+            f"{python} cannot make virtual environments: install that part of it,"
+            f" for example `apt install {python}-venv`"
+        )
+
+
+# --- a sourced ROS 2 -----------------------------------------------------------------------
+
+
+def sourced_ros(root: Path, environ: Mapping[str, str]) -> str:
+    """Prefix of the ROS 2 Jazzy that is sourced in ``environ``; empty if there is none."""
+    if environ.get("ROS_DISTRO") != ROS_DISTRO:
+        return ""
+    for prefix in split_path(environ.get("AMENT_PREFIX_PATH", "")):
+        if Path(prefix, "share/rclpy/package.xml").exists() and Path(prefix) != root / ".venv":
+            return prefix
+    return ""
+
+
+def find_ros_python(environ: Mapping[str, str]) -> str | None:
+    """A Python that can import the rclpy of the sourced ROS 2; this one if possible."""
+    candidates = [base_python()]
+    if not environ.get("PYTHON"):
+        candidates += ["python3", "/usr/bin/python3"]
+    test = f"import sys, rclpy; assert sys.version_info[:2] in {PYTHONS!r}; print(sys.executable)"
+    for candidate in candidates:
+        with contextlib.suppress(OSError):
+            answer = subprocess.run(
+                [candidate, "-c", test],
+                env=dict(environ),
+                capture_output=True,
+                text=True,
+                check=False,
+            )
+            if answer.returncode == 0:
+                return answer.stdout.strip()
+    return None
+
+
+def base_python() -> str:
+    """The interpreter that runs this, outside of any virtual environment."""
+    base = getattr(sys, "_base_executable", None)
+    return str(base or sys.executable)
+
+
+# --- the environment -----------------------------------------------------------------------
+
+
+def split_path(value: str) -> list[str]:
+    """Entries of a search path, empty ones left out."""
+    return [entry for entry in value.split(os.pathsep) if entry]
+
+
+def _below(entry: str, prefixes: Iterable[str]) -> bool:
+    return any(entry == prefix or entry.startswith(prefix + os.sep) for prefix in prefixes)
+
+
+SEARCH_PATHS = ("PATH", "PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH")
+
+
+def without_foreign_ros(environ: Mapping[str, str], root: Path, ros: str) -> dict[str, str]:
+    """Copy of ``environ`` without the traces of a ROS 2, or another clone, that is not used."""
+    result = dict(environ)
+    foreign: list[str] = []
+    other = environ.get("ARES_WORKSPACE", "")
+    if other and other != str(root):
+        foreign.append(other)
+    if not ros and "ROS_DISTRO" in environ:
+        foreign += split_path(environ.get("AMENT_PREFIX_PATH", ""))
+        for name in ("ROS_DISTRO", "COLCON_PREFIX_PATH"):
+            result.pop(name, None)
+    foreign = [prefix for prefix in foreign if prefix not in ("/", "/usr", "/usr/local")]
+    for name in SEARCH_PATHS:
+        if foreign and name in result:
+            kept = [x for x in split_path(result[name]) if not _below(x, foreign)]
+            result[name] = os.pathsep.join(kept)
+    return result
+
+
+@dataclasses.dataclass(frozen=True)
+class Workspace:
+    """A prepared, or half prepared, workspace.
+
+    Attributes:
+        root: top of the project.
+        python: version of Python in .venv, such as "3.12".
+        ros: prefix of the sourced ROS 2 that it is built on; empty for the wheels.
+        sourced: prefix of the ROS 2 that was sourced when .venv was made; empty for none.
+    """
+
+    root: Path
+    python: str
+    ros: str = ""
+    sourced: str = ""
+
+    @property
+    def venv(self) -> Path:
+        """The virtual environment."""
+        return self.root / ".venv"
+
+    @property
+    def site_packages(self) -> Path:
+        """Where its packages are."""
+        return self.venv / "lib" / f"python{self.python}" / "site-packages"
+
+    @property
+    def interpreter(self) -> Path:
+        """Its Python."""
+        return self.venv / "bin" / "python"
+
+    @property
+    def log(self) -> Path:
+        """Output of the last preparation."""
+        return self.root / "build" / "prepare.log"
+
+    @property
+    def kernels(self) -> Path:
+        """Folder of the compiled kernels as their sources are now."""
+        return self.root / "build" / "kernels" / kernel_digest(self.root)
+
+    def environment(self, environ: Mapping[str, str], build: bool = False) -> dict[str, str]:
+        """The environment in which the project runs, made from the user's.
+
+        Args:
+            environ: the user's environment; one made by this function is fine too.
+            build: leave out the workspace itself, for the tools that make it.
+        """
+        result = without_foreign_ros(environ, self.root, self.ros)
+        venv, install = str(self.venv), str(self.root / "install")
+        front: dict[str, list[str]] = {name: [] for name in SEARCH_PATHS}
+        front["PATH"] = [f"{venv}/bin"]
+        if not build:
+            front["AMENT_PREFIX_PATH"] += [install]
+            front["LD_LIBRARY_PATH"] += [f"{install}/lib"]
+            # the sources themselves, then what colcon knows of them (entry points)
+            mine = [path for path in packages(self.root) if (path / "setup.py").exists()]
+            front["PYTHONPATH"] += [str(path) for path in mine]
+            front["PYTHONPATH"] += [str(self.root / "build" / path.name) for path in mine]
+            front["PYTHONPATH"] += [f"{install}/lib/python{self.python}/site-packages"]
+        if not self.ros:
+            front["AMENT_PREFIX_PATH"] += [venv]
+            front["LD_LIBRARY_PATH"] += [f"{venv}/lib"]
+            front["LD_LIBRARY_PATH"] += sorted(map(str, self.site_packages.glob("ros_*.libs")))
+            # the wheels restart each Python to set LD_LIBRARY_PATH unless this is set
+            result["_ROS_WHEELS_BOOTSTRAP_COMPLETE"] = "1"
+        front["CMAKE_PREFIX_PATH"] = [
+            *front["AMENT_PREFIX_PATH"],
+            *split_path(result.get("AMENT_PREFIX_PATH", "")),
+        ]
+        for name, entries in front.items():
+            old = [entry for entry in split_path(result.get(name, "")) if entry not in entries]
+            if entries or old:
+                result[name] = os.pathsep.join([*dict.fromkeys(entries), *old])
+        result["VIRTUAL_ENV"] = venv
+        result.pop("PYTHONHOME", None)
+        previous = result.get("NUMBA_CACHE_DIR", "")
+        owner = result.get("ARES_WORKSPACE", "")
+        if not previous or (owner and _below(previous, [f"{owner}/build/kernels"])):
+            result["NUMBA_CACHE_DIR"] = str(self.kernels)
+        result["ARES_WORKSPACE"] = str(self.root)
+        result.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        result.setdefault("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp")
+        result.setdefault("ROS_LOG_DIR", str(self.root / "log" / "ros"))
+        result.setdefault("PYTHONUNBUFFERED", "1")
+        return result
+
+
+# --- stamps --------------------------------------------------------------------------------
+
+
+def read_stamp(path: Path) -> dict[str, str]:
+    """The content of a stamp; empty if there is none or it is damaged."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    if not isinstance(content, dict):
+        return {}
+    return {str(key): str(value) for key, value in content.items()}
+
+
+def write_stamp(path: Path, content: Mapping[str, str]) -> None:
+    """Write a stamp at once or not at all."""
+    partial = path.with_name(path.name + ".partial")
+    partial.write_text(json.dumps(dict(content), indent=1) + "\n", encoding="utf-8")
+    os.replace(partial, path)
+
+
+def venv_stamp(root: Path) -> Path:
+    """Stamp that says what .venv was made from."""
+    return root / ".venv" / ".ready"
+
+
+def build_stamp(root: Path) -> Path:
+    """Stamp that says what build/ and install/ were made from."""
+    return root / "build" / ".ready"
+
+
+def prepared_environment(root: Path, environ: Mapping[str, str]) -> Workspace | None:
+    """The workspace if its .venv is complete and the one that ``environ`` asks for."""
+    stamp = read_stamp(venv_stamp(root))
+    python, ros = stamp.get("python", ""), stamp.get("ros", "")
+    if not python or not os.access(root / ".venv" / "bin" / "python", os.X_OK):
+        return None
+    if environ.get("PYTHON") and python != "{}.{}".format(*sys.version_info):
+        return None
+    sourced = sourced_ros(root, environ)
+    if sourced and sourced != stamp.get("sourced"):
+        return None
+    if ros and not Path(ros, "share/rclpy/package.xml").exists():
+        return None
+    if stamp.get("digest") != environment_digest(root, python, ros):
+        return None
+    return Workspace(root, python, ros, stamp.get("sourced", ""))
+
+
+def build_digests(workspace: Workspace) -> dict[str, str]:
+    """What the stamp of the built workspace must say."""
+    root = workspace.root
+    made_from = environment_digest(root, workspace.python, workspace.ros)
+    return {"interfaces": interface_digest(root, made_from), "packages": package_digest(root)}
+
+
+def is_built(workspace: Workspace) -> bool:
+    """True if build/ and install/ are complete and up to date."""
+    root = workspace.root
+    return (root / "install/setup.sh").exists() and (
+        read_stamp(build_stamp(root)) == build_digests(workspace)
+    )
+
+
+# --- preparation ---------------------------------------------------------------------------
+
+
+@contextlib.contextmanager
+def preparation_lock(root: Path) -> Iterator[int]:
+    """Hold the lock of the preparation; yields its descriptor.
+
+    Children inherit the descriptor: if this process is killed, the lock is free only when
+    its pip or colcon has ended too.
+    """
+    (root / "build").mkdir(exist_ok=True)
+    descriptor = os.open(root / "build" / ".lock", os.O_RDWR | os.O_CREAT, 0o666)
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            say("another call is preparing the workspace; waiting for it")
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield descriptor
+    finally:
+        os.close(descriptor)
+
+
+NO_NETWORK = re.compile(
+    r"name resolution|not known|NewConnectionError|ConnectTimeout|Connection refused"
+    r"|Network is unreachable|Max retries|[Rr]ead timed out|ProxyError|from versions: none"
+)
+
+
+def cause_of_failure(output: str) -> str:
+    """The line of a log that says best why a command failed."""
+    missing = re.search(r"(?:satisfies the requirement|found for) (\S+)", output)
+    if NO_NETWORK.search(output):
+        what = f" (pip could not get {missing[1]})" if missing else ""
+        return f"no network or package index{what}: connect, or tell pip where its index is"
+    if missing:
+        return f"the package index has no {missing[1]} for this Python and machine"
+    if "No space left on device" in output:
+        return "the disk is full"
+    lines = [line.strip() for line in output.splitlines() if line.strip()]
+    blamed = [line for line in lines if re.search(r"\b[Ee]rror\b|ERROR", line)]
+    return (blamed or lines or ["no output"])[-1][:200]
+
+
+def run_logged(
+    command: Sequence[str],
+    workspace: Workspace,
+    environ: Mapping[str, str],
+    lock: int,
+    task: str,
+) -> None:
+    """Run a command with its output in the log.
+
+    Raises:
+        WorkspaceError: it failed.
+    """
+    log = workspace.log
+    log.parent.mkdir(exist_ok=True)
+    with log.open("a", encoding="utf-8") as stream:
+        stream.write(f"$ {shlex.join(command)}\n")
+        stream.flush()
+        begin = stream.tell()
+        status = subprocess.run(
+            list(command),
+            cwd=workspace.root,
+            env=dict(environ),
+            stdin=subprocess.DEVNULL,
+            stdout=stream,
+            stderr=stream,
+            pass_fds=(lock,),
+            check=False,
+        ).returncode
+    if status != 0:
+        with log.open("rb") as raw:
+            raw.seek(begin)
+            output = raw.read().decode(errors="replace")
+        raise WorkspaceError(f"{task} failed: {cause_of_failure(output)} (log: {log})")
+
+
+def relocate_cmake(share: Path, include: str, site_packages: str) -> int:
+    """Point the wheels' exported CMake targets at this machine's Python; returns file count."""
+    build_machine = re.compile(
+        r"/opt/python/cp\d+-cp\d+/(include/python3\.\d+|lib/python3\.\d+/site-packages)"
+    )
+    changed = 0
+    for path in sorted(share.rglob("*.cmake")):
+        text = path.read_text(encoding="utf-8")
+        moved = build_machine.sub(
+            lambda match: include if match[1].startswith("include") else site_packages, text
+        )
+        if moved != text:
+            path.write_text(moved, encoding="utf-8")
+            changed += 1
+    return changed
+
+
+def remove(path: Path) -> None:
+    """Remove a file, a link or a folder, if it is there."""
+    if path.is_symlink() or path.is_file():
+        path.unlink()
+    elif path.exists():
+        shutil.rmtree(path)
+
+
+def make_environment(root: Path, environ: Mapping[str, str], lock: int) -> Workspace:
+    """Make .venv from nothing."""
+    python, ros = base_python(), ""
+    sourced = sourced_ros(root, environ)
+    distro = environ.get("ROS_DISTRO", "")
+    if sourced:
+        ros_python = find_ros_python(environ)
+        if ros_python:
+            python, ros = ros_python, sourced
+            say(f"using the sourced ROS 2 {ROS_DISTRO} in {ros}")
+        else:
+            say(f"no Python can import the rclpy in {sourced}; using ROS 2 wheels instead")
+    elif distro and distro != ROS_DISTRO:
+        say(f"the sourced ROS 2 is {distro}, this needs {ROS_DISTRO}; using ROS 2 wheels instead")
+    version = subprocess.run(
+        [python, "-I", "-S", "-c", "import sys; print('{}.{}'.format(*sys.version_info))"],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout.strip()
+    workspace = Workspace(root, version, ros, sourced)
+    build_environ = workspace.environment(environ, build=True)
+    if not ros:
+        build_environ.pop("PYTHONPATH", None)
+    # settings that would make pip install elsewhere
+    for name in ("PIP_TARGET", "PIP_PREFIX", "PIP_ROOT", "PIP_REQUIRE_VIRTUALENV"):
+        build_environ.pop(name, None)
+    build_environ |= {"PIP_USER": "0", "PIP_NO_INPUT": "1", "PIP_DISABLE_PIP_VERSION_CHECK": "1"}
+
+    say(f"making a Python {version} environment in .venv")
+    remove(workspace.venv)
+    options = ["--system-site-packages"] if ros else []
+    run_logged(
+        [python, "-m", "venv", *options, str(workspace.venv)],
+        workspace,
+        build_environ,
+        lock,
+        "making .venv",
+    )
+    what = "the libraries" if ros else "ROS 2 Jazzy and the libraries"
+    say(f"installing {what} into .venv (once, about a minute)")
+    names = REQUIREMENTS if ros else ROS_REQUIREMENTS + REQUIREMENTS
+    run_logged(
+        [str(workspace.interpreter), "-m", "pip", "install", "--no-deps", "--progress-bar=off"]
+        + [f"--requirement={root / 'requirements' / name}" for name in names],
+        workspace,
+        build_environ,
+        lock,
+        "installing into .venv",
+    )
+    if not ros:
+        include = subprocess.run(
+            [python, "-I", "-S", "-c", "import sysconfig; print(sysconfig.get_path('include'))"],
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout.strip()
+        relocate_cmake(workspace.venv / "share", include, str(workspace.site_packages))
+    stamp = {
+        "digest": environment_digest(root, version, ros),
+        "python": version,
+        "ros": ros,
+        "sourced": sourced,
+    }
+    write_stamp(venv_stamp(root), stamp)
+    return workspace
+
+
+def build(workspace: Workspace, environ: Mapping[str, str], lock: int) -> None:
+    """Build src/ with colcon into build/ and install/."""
+    root = workspace.root
+    stamp = build_stamp(root)
+    digests = build_digests(workspace)
+    if (
+        read_stamp(stamp).get("interfaces") == digests["interfaces"]
+        and (root / "install/setup.sh").exists()
+    ):
+        say("building the Python packages anew")
+    else:
+        say("building the messages and packages (half a minute)")
+        for path in (root / "build").glob("ares_*"):
+            remove(path)
+        remove(root / "install")
+    remove(stamp)
+    build_environ = workspace.environment(environ, build=True)
+    if not workspace.ros:
+        build_environ.pop("PYTHONPATH", None)
+    build_environ |= {
+        # no settings of the user, no pop-up at the end
+        "COLCON_HOME": str(root / "build" / ".colcon"),
+        "COLCON_DEFAULTS_FILE": os.devnull,
+        "COLCON_EXTENSION_BLOCKLIST": "colcon_core.event_handler.desktop_notification",
+        "PYTHONWARNINGS": "ignore",
+    }
+    colcon = [str(workspace.interpreter), "-m", "colcon", "--log-base", "log", "build"]
+    colcon += ["--base-paths", "src", "--build-base", "build", "--install-base", "install"]
+    colcon += ["--merge-install", "--symlink-install"]
+    colcon += ["--event-handlers", "console_cohesion+"]
+    colcon += ["--cmake-args", "-G", "Ninja", "-DBUILD_TESTING=OFF", "-DCMAKE_BUILD_TYPE=Release"]
+    colcon += [f"-DPython3_EXECUTABLE={workspace.interpreter}"]
+    run_logged(colcon, workspace, build_environ, lock, "colcon build")
+    run_logged(
+        [str(workspace.interpreter), "-c", "import rclpy, ares_msgs.msg, ares_msgs.srv"],
+        workspace,
+        workspace.environment(environ),
+        lock,
+        "importing the built messages",
+    )
+    write_stamp(stamp, digests)
+
+
+def warm_kernels(workspace: Workspace, environ: Mapping[str, str], lock: int) -> None:
+    """Compile the kernels into a folder of their own and drop the outdated ones."""
+    folder = workspace.kernels
+    if (folder / ".ready").exists():
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    say("compiling the numeric kernels (once, until they change)")
+    try:
+        run_logged(
+            [str(workspace.interpreter), "-m", "ares_studies.warm_up"],
+            workspace,
+            workspace.environment(environ),
+            lock,
+            "compiling the kernels",
+        )
+    except WorkspaceError as problem:
+        # whoever needs the kernels compiles them, or fails with the true reason
+        say(f"{problem}; going on without")
+        return
+    (folder / ".ready").touch()
+    for other in folder.parent.iterdir():
+        if other != folder:
+            remove(other)
+
+
+def kernels_wanting(workspace: Workspace, environ: Mapping[str, str]) -> bool:
+    """True if the kernels are not compiled in the folder that this workspace uses."""
+    folder = workspace.kernels
+    if workspace.environment(environ)["NUMBA_CACHE_DIR"] != str(folder):
+        return False
+    warm_up = workspace.root / "src/ares_studies/ares_studies/warm_up.py"
+    return warm_up.exists() and not (folder / ".ready").exists()
+
+
+def prepare(root: Path, environ: Mapping[str, str], kernels: bool) -> Workspace:
+    """Make whatever is missing or out of date.
+
+    Args:
+        root: top of the project.
+        environ: the user's environment.
+        kernels: compile the numeric kernels too.
+
+    Raises:
+        WorkspaceError: something needed is missing, or a step failed.
+    """
+    workspace = prepared_environment(root, environ)
+    if workspace and is_built(workspace) and not (kernels and kernels_wanting(workspace, environ)):
+        return workspace
+    with preparation_lock(root) as lock:
+        # what another call has made meanwhile counts
+        workspace = prepared_environment(root, environ)
+        fresh = not workspace or not is_built(workspace)
+        if fresh:
+            check_prerequisites(environ)
+            remove(root / "build" / "prepare.log")
+        if not workspace:
+            workspace = make_environment(root, environ, lock)
+        if fresh and not is_built(workspace):
+            build(workspace, environ, lock)
+        if kernels and kernels_wanting(workspace, environ):
+            warm_kernels(workspace, environ, lock)
+    return workspace
+
+
+# --- verbs ---------------------------------------------------------------------------------
+
+
+def print_environment(workspace: Workspace, environ: Mapping[str, str]) -> None:
+    """Print what a shell must evaluate to be in the prepared environment."""
+    target = workspace.environment(environ)
+    for name in sorted(set(environ) - set(target)):
+        print(f"unset {name}")
+    for name in sorted(target):
+        if environ.get(name) != target[name]:
+            print(f"export {name}={shlex.quote(target[name])}")
+
+
+def run_tests(workspace: Workspace, environ: Mapping[str, str], arguments: Sequence[str]) -> int:
+    """Run the linters, the type checker and the tests; returns the exit status.
+
+    pytest runs even if a linter objects, and comes last.
+    """
+    environment = workspace.environment(environ)
+
+    def run(options: Sequence[str]) -> int:
+        command = [str(workspace.interpreter), *options]
+        return subprocess.run(command, cwd=workspace.root, env=environment, check=False).returncode
+
+    failed: list[str] = []
+    steps = {
+        "ruff check": ["ruff", "check", "."],
+        "ruff format": ["ruff", "format", "--check", "."],
+        "mypy": ["mypy"],
+    }
+    for name, (module, *options) in steps.items():
+        say(f"running {name}")
+        if run(["-m", module, *options]) != 0:
+            failed.append(name)
+    if failed:
+        say(f"failed: {', '.join(failed)}; this run fails whatever the tests say")
+    say("running the tests")
+    status = run(["-m", "pytest", "--cov", "--numprocesses=2", "--dist=loadfile", *arguments])
+    return status or (1 if failed else 0)
+
+
+def main(arguments: list[str]) -> int:
+    """Run one call of ``./ares``; returns the exit status unless another program takes over."""
+    if sys.version_info[:2] not in PYTHONS:
+        raise WorkspaceError(
+            f"Python {sys.version_info[0]}.{sys.version_info[1]} at {sys.executable} does not fit:"
+            " install Python 3.11, 3.12 or 3.13, or name one in PYTHON"
+        )
+    verb, rest = (arguments[0], list(arguments[1:])) if arguments else ("", [])
+    asks_help = verb in ("", "env", "-h") or "--help" in arguments
+    workspace = prepare(ROOT, os.environ, kernels=not asks_help)
+    if verb == "prepare":
+        say("the workspace is prepared")
+        return 0
+    if verb == "env":
+        print_environment(workspace, os.environ)
+        return 0
+    if verb == "test":
+        return run_tests(workspace, os.environ, rest)
+    environment = workspace.environment(os.environ)
+    command = [str(workspace.interpreter), "-m", "ares_bringup.cli", *arguments]
+    if arguments in ([], ["--help"], ["-h"]):
+        status = subprocess.run(command, env=environment, check=False).returncode
+        print(VERBS)
+        return status
+    if verb == "exec":
+        if not rest:
+            raise WorkspaceError("exec needs a command, for example: ./ares exec ruff check")
+        found = shutil.which(rest[0], path=environment["PATH"])
+        if not found:
+            raise WorkspaceError(f"exec: no command {rest[0]!r} in the prepared environment")
+        command = [found, *rest[1:]]
+    sys.stdout.flush()
+    os.execve(command[0], command, environment)
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main(sys.argv[1:]))
+    except WorkspaceError as problem:
+        say(str(problem))
+        sys.exit(2)
+    except KeyboardInterrupt:
+        say("interrupted; the next call goes on from here")
+        sys.exit(130)
