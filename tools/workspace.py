@@ -37,7 +37,8 @@ GENERATION = "1"
 ROS_REQUIREMENTS = ("ros-jazzy.txt",)
 REQUIREMENTS = ("build.txt", "runtime.txt", "dev.txt")
 
-VERBS = """Workspace:
+VERBS = """\
+Workspace:
   prepare            make the workspace ready, nothing else
   exec COMMAND ...   run a command in the prepared environment
   env                print that environment for a shell: eval "$(./ares env)"
