@@ -1,6 +1,7 @@
 """Thrust integrals against quadrature, on plans with staging, drops and coasts."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -66,13 +67,13 @@ def test_integrals_agree_with_quadrature(until):
             quad(lambda t: acceleration(segments, t) * weight(t), a, b, epsabs=1e-9, epsrel=1e-12)[
                 0
             ]
-            for a, b in zip(at, at[1:], strict=False)
+            for a, b in pairwise(at)
         )
 
     l_sum, j_sum, s_sum, q_sum, p_sum, h_sum = thrust_integrals(state[0], until)
     # int int a s^n ds dt = int a(s) s^n (T - s) ds
     expected = [
-        (l_sum, integral(lambda t: 1.0)),
+        (l_sum, integral(lambda _: 1.0)),
         (j_sum, integral(lambda t: t)),
         (h_sum, integral(lambda t: t * t)),
         (s_sum, integral(lambda t: until - t)),
@@ -84,7 +85,7 @@ def test_integrals_agree_with_quadrature(until):
 
 
 def test_plan_drops_mass_where_the_mission_says():
-    arcs, jettisons, nav, state = three_stage_plan(jettison_time=300.0)
+    arcs, _, _, state = three_stage_plan(jettison_time=300.0)
     segments = state[0]["segments"][: state[0]["segment_count"]]
     starts = segments["start"] + 10.0
     # core, core after the timed drop, coast, ring at 25 s, heating drop, second burn, third stage

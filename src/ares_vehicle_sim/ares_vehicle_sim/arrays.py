@@ -62,3 +62,24 @@ PLANT = np.dtype(
     ],
     align=True,
 )
+
+TRUTH = np.dtype(
+    [
+        ("position", np.float64, (3,)),
+        ("velocity", np.float64, (3,)),
+        ("mass", np.float64),
+        ("thrust_direction", np.float64, (3,)),
+        ("thrust", np.float64),
+        ("mass_flow", np.float64),
+        ("altitude", np.float64),
+        ("relative_speed", np.float64),
+        ("flight_path_angle", np.float64),
+        ("inclination", np.float64),
+        ("ascending_node", np.float64),
+        ("density", np.float64),
+        ("heating_rate", np.float64),
+        ("arc", np.int64),
+        ("jettisoned", np.int64),
+    ],
+    align=True,
+)

@@ -9,13 +9,21 @@ from typing import Any
 
 from ares_models.arrays import BURN, HEATING_LIMIT, MISSION_TIME, Record
 from ares_models.jit import kernel
-from ares_models.kernels.environment import altitude, gravity, heating_rate
+from ares_models.kernels.environment import (
+    altitude,
+    density,
+    gravity,
+    heating_rate,
+    relative_velocity,
+)
+from ares_models.kernels.states import insertion_quantities
 from ares_models.kernels.vectors import (
     Vector,
     add,
     angle_between,
     axpy,
     load,
+    norm,
     scale,
     store,
     unit,
@@ -460,3 +468,30 @@ def measure(plant: Record, environment: Record, atmosphere: NDArray[Any], nav: R
     nav.arc = plant.arc
     nav.arc_start_time = plant.arc_start_time
     nav.jettisoned = plant.jettisoned
+
+
+@kernel
+def describe(
+    plant: Record,
+    environment: Record,
+    atmosphere: NDArray[Any],
+    arcs: NDArray[Any],
+    truth: Record,
+) -> None:
+    """Fill a record TRUTH with the true state and what follows from it."""
+    r = load(plant.position)
+    v = load(plant.velocity)
+    store(truth.position, r)
+    store(truth.velocity, v)
+    truth.mass = plant.mass
+    store(truth.thrust_direction, load(plant.direction))
+    truth.thrust, truth.mass_flow = thrust_now(plant, arcs, plant.time)
+    truth.altitude = altitude(r, environment)
+    truth.relative_speed = norm(relative_velocity(r, v, environment))
+    _, _, truth.flight_path_angle, truth.inclination, truth.ascending_node = insertion_quantities(
+        r, v
+    )
+    truth.density = density(r, environment, atmosphere)
+    truth.heating_rate = heating_rate(r, v, environment, atmosphere)
+    truth.arc = plant.arc
+    truth.jettisoned = plant.jettisoned

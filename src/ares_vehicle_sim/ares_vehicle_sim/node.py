@@ -27,6 +27,7 @@ from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 
 from ares_msgs.msg import FlightEvent, NavState, ThrustCommand, VehicleState
+from ares_vehicle_sim.arrays import TRUTH
 from ares_vehicle_sim.dispersions import Dispersions, load_dispersions
 from ares_vehicle_sim.simulator import CommandRefused, Simulator, SimulatorOptions
 
@@ -244,10 +245,14 @@ class VehicleSimNode(FlightNode):
         simulator = self.simulator
         stamp = stamp_from_ns(simulator.time_ns)
         self._clock_out.publish(Clock(clock=stamp))
-        truth = VehicleState(stamp=stamp, sequence=simulator.sequence)
-        for name, value in simulator.truth().items():
-            setattr(truth, name, value)
-        self._truth_out.publish(truth)
+        truth = simulator.truth()
+        self._truth_out.publish(
+            VehicleState(
+                stamp=stamp,
+                sequence=simulator.sequence,
+                **{name: _plain(truth[name]) for name in TRUTH.names},
+            )
+        )
         for event in simulator.new_events():
             self._event_out.publish(_event_message(event))
         if simulator.complete:
@@ -326,12 +331,17 @@ class VehicleSimNode(FlightNode):
             self.finish(EXIT_OK if self.simulator.ended_well else 1)
 
     def _report(self, level: Level, message: str) -> None:
-        kind = message.split(":")[0] + message.split(";")[0][:40]
+        kind = message.split(":", maxsplit=1)[0] + message.split(";", maxsplit=1)[0][:40]
         now = self.simulator.time_ns
         last = self._last_report.get(kind)
         if last is None or now - last >= REPORT_PERIOD * NANOSECONDS:
             self._last_report[kind] = now
             self._diagnostics.report(level, message, now)
+
+
+def _plain(value: Any) -> Any:
+    """A Python number, or the array itself: message fields are not type-checked."""
+    return value if isinstance(value, np.ndarray) else value.item()
 
 
 def _readers(publisher: Publisher) -> int:

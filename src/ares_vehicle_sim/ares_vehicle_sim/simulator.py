@@ -6,20 +6,17 @@ from typing import Any
 
 import numpy as np
 from ares_models.arrays import NAVIGATION, MissionArrays
-from ares_models.kernels.environment import altitude, density, heating_rate, relative_velocity
-from ares_models.kernels.vectors import load, norm
 from ares_models.mission import Mission
-from ares_models.orbits import insertion_state
 from numpy.typing import NDArray
 
-from ares_vehicle_sim.arrays import OPTIONS, PLANT
+from ares_vehicle_sim.arrays import OPTIONS, PLANT, TRUTH
 from ares_vehicle_sim.dispersions import Dispersions, NavigationErrorModel, disperse
 from ares_vehicle_sim.kernels import (
     accept_command,
     begin_flight,
+    describe,
     flight_step,
     measure,
-    thrust_now,
 )
 
 NANOSECONDS = 1_000_000_000
@@ -77,6 +74,7 @@ class Simulator:
         self._plant["position"] = vehicle.position
         self._plant["velocity"] = vehicle.velocity
         self._nav = np.zeros(1, NAVIGATION)
+        self._truth = np.zeros(1, TRUTH)
         self._start_ns = round(start.time_s * NANOSECONDS)
         self._period_ns = round(options.navigation_period_s * NANOSECONDS)
         self._tick = 0
@@ -185,32 +183,17 @@ class Simulator:
         self._events_read = count
         return events  # type: ignore[no-any-return]
 
-    def truth(self) -> dict[str, Any]:
-        """The true state in the words of VehicleState; vectors have shape (3,)."""
+    def truth(self) -> Any:
+        """The true state in the words of VehicleState, record TRUTH."""
         arrays = self._arrays
-        plant = self.plant
-        environment = arrays.environment[0]
-        r = load(plant["position"])
-        v = load(plant["velocity"])
-        thrust, mass_flow = thrust_now(plant, arrays.arcs, float(plant["time"]))
-        orbit = insertion_state(plant["position"], plant["velocity"])
-        return {
-            "position": plant["position"],
-            "velocity": plant["velocity"],
-            "mass": float(plant["mass"]),
-            "thrust_direction": plant["direction"],
-            "thrust": thrust,
-            "mass_flow": mass_flow,
-            "altitude": altitude(r, environment),
-            "relative_speed": norm(relative_velocity(r, v, environment)),
-            "flight_path_angle": orbit.flight_path_angle,
-            "inclination": orbit.inclination,
-            "ascending_node": orbit.ascending_node,
-            "density": density(r, environment, arrays.atmosphere),
-            "heating_rate": heating_rate(r, v, environment, arrays.atmosphere),
-            "arc": int(plant["arc"]),
-            "jettisoned": int(plant["jettisoned"]),
-        }
+        describe(
+            self._plant[0],
+            arrays.environment[0],
+            arrays.atmosphere,
+            arrays.arcs,
+            self._truth[0],
+        )
+        return self._truth[0]
 
     def _measure(self) -> None:
         arrays = self._arrays

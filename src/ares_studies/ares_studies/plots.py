@@ -1,0 +1,115 @@
+"""Pictures of a flight, drawn from the columns of its bag."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+Columns = Mapping[str, NDArray[np.float64]]
+
+INK = "#1f2933"
+FAINT = "#d5dbe1"
+LINE = "#0b6bcb"
+ACCENT = "#c8511b"
+
+
+def draw_flight(
+    title: str,
+    truth: Columns,
+    status: Columns,
+    marks: Sequence[tuple[float, str]] = (),
+    heating_limit_w_m2: float | None = None,
+    target: Mapping[str, float] | None = None,
+) -> Figure:
+    """Six panels of one flight against mission elapsed time.
+
+    Args:
+        title: written above the picture.
+        truth: columns of VehicleState, `time` in s; vectors have shape (n, 3).
+        status: columns of GuidanceStatus, `time` in s.
+        marks: instants to mark: mission elapsed time in s, and a word.
+        heating_limit_w_m2: drawn in the heating panel.
+        target: values to draw as dashed lines: speed_m_s, flight_path_angle_deg.
+    """
+    target = target or {}
+    figure = Figure(figsize=(11.0, 7.4), dpi=130, layout="constrained", facecolor="white")
+    figure.suptitle(title, fontsize=13, color=INK, x=0.012, ha="left", weight="bold")
+    axes: Any = figure.subplots(3, 2, sharex=True)
+    t = truth["time"]
+    speed = np.linalg.norm(truth["velocity"], axis=1)
+
+    _line(axes[0, 0], t, truth["altitude"] / 1e3, "altitude, km")
+    _line(axes[0, 1], t, speed, "inertial speed, m/s")
+    _level(axes[0, 1], target.get("speed_m_s"), "target")
+    _line(axes[1, 0], t, np.degrees(truth["flight_path_angle"]), "flight-path angle, deg")
+    _level(axes[1, 0], target.get("flight_path_angle_deg"), "target")
+    _line(axes[1, 1], t, _pitch(truth), "pitch of the thrust above the horizon, deg")
+    _line(axes[2, 0], t, truth["heating_rate"], "free molecular heating, W/m²")
+    axes[2, 0].set_yscale("log")
+    _level(axes[2, 0], heating_limit_w_m2, "limit")
+    settled = status["cutoff_time"]
+    _line(axes[2, 1], status["time"], settled, "predicted cut-off, s", step=True)
+    # without the last digits of matplotlib's offset notation
+    axes[2, 1].ticklabel_format(axis="y", useOffset=False)
+    for row in axes:
+        for panel in row:
+            for at, _ in marks:
+                panel.axvline(at, color=FAINT, linewidth=1.0, zorder=0)
+    for panel in axes[0]:
+        for at, word in marks:
+            panel.annotate(
+                word,
+                (at, 1.0),
+                xycoords=("data", "axes fraction"),
+                xytext=(0, 3),
+                textcoords="offset points",
+                fontsize=7.5,
+                color=INK,
+                ha="center",
+            )
+    for panel in axes[2]:
+        panel.set_xlabel("mission elapsed time, s", fontsize=9, color=INK)
+    return figure
+
+
+def _pitch(truth: Columns) -> NDArray[np.float64]:
+    radial = truth["position"] / np.linalg.norm(truth["position"], axis=1, keepdims=True)
+    sine = np.sum(radial * truth["thrust_direction"], axis=1)
+    return np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0)))
+
+
+def _line(
+    panel: Axes,
+    t: NDArray[np.float64],
+    y: NDArray[np.float64],
+    label: str,
+    *,
+    step: bool = False,
+) -> None:
+    panel.plot(t, y, color=LINE, linewidth=1.6, drawstyle="steps-post" if step else "default")
+    panel.set_title(label, fontsize=9.5, color=INK, loc="left", pad=14)
+    panel.tick_params(labelsize=8.5, colors=INK)
+    panel.grid(axis="y", color=FAINT, linewidth=0.6)
+    for side in ("top", "right"):
+        panel.spines[side].set_visible(False)
+    panel.margins(x=0.01)
+
+
+def _level(panel: Axes, value: float | None, word: str) -> None:
+    if value is None or not math.isfinite(value):
+        return
+    panel.axhline(value, color=ACCENT, linewidth=1.1, linestyle=(0, (5, 3)))
+    panel.annotate(
+        word,
+        (0.99, value),
+        xycoords=("axes fraction", "data"),
+        xytext=(0, 3),
+        textcoords="offset points",
+        fontsize=8,
+        color=ACCENT,
+        ha="right",
+    )
