@@ -1,0 +1,455 @@
+"""Missions: read, checked, and turned into the arrays that kernels take.
+
+The file format is described key by key in ``docs/missions.md``.
+"""
+
+import difflib
+import math
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, ValidationError, model_validator
+
+from ares_models import arrays as layout
+from ares_models import mission_parts as parts
+from ares_models.arrays import MissionArrays
+from ares_models.atmosphere import FIXED_MODELS, Atmosphere, nrlmsis
+from ares_models.mission_checks import MAX_STAGES, check_mission
+from ares_models.mission_file import (
+    KeyPath,
+    MissionError,
+    format_path,
+    format_value,
+    read_mission_file,
+)
+from ares_models.mission_parts import (
+    BurnArc,
+    EnvironmentPart,
+    InitialState,
+    Jettison,
+    Moment,
+    Part,
+    Stage,
+    Target,
+    TargetState,
+    Text,
+)
+
+__all__ = ["Mission", "MissionError", "Start", "list_missions", "load_mission"]
+
+#: Share of the last stage's mass (its own jettisons aside) that is taken as propellant
+#: where the file does not say. Guidance then never runs dry by a made-up number.
+DEFAULT_PROPELLANT_SHARE = 0.95
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a mission begins.
+
+    Attributes:
+        time_s: mission elapsed time, s.
+        position: frame ares_eci, m, shape (3,).
+        velocity: frame ares_eci, m/s, shape (3,).
+        mass_kg: of the whole stack.
+    """
+
+    time_s: float
+    position: Array
+    velocity: Array
+    mass_kg: float
+
+
+class Mission(Part):
+    """A mission as its file says it, checked."""
+
+    name: Annotated[str, Field(strict=True, pattern=r"^[a-z0-9][a-z0-9_]*$", max_length=64)]
+    title: Text
+    source: Text
+    epoch: Moment | None = None
+    environment: EnvironmentPart
+    initial_state: InitialState
+    stages: Annotated[tuple[Stage, ...], Field(min_length=1, max_length=MAX_STAGES)]
+    jettisons: tuple[Jettison, ...] = ()
+    target: Target
+
+    @model_validator(mode="after")
+    def _whole(self) -> "Mission":
+        check_mission(self)
+        return self
+
+    @property
+    def stage_names(self) -> tuple[str, ...]:
+        """Names in flight order; ``ARC.stage`` is the index."""
+        return tuple(stage.name for stage in self.stages)
+
+    @property
+    def arc_names(self) -> tuple[str, ...]:
+        """One name per arc in flight order: the arc's own, or the stage's."""
+        return tuple(arc.name or stage.name for stage in self.stages for arc in stage.flight_arcs)
+
+    @property
+    def jettison_names(self) -> tuple[str, ...]:
+        """Names in the order of the file; the bits of ``jettisoned``."""
+        return tuple(jettison.name for jettison in self.jettisons)
+
+    def jettison_mass(self, stage: int) -> float:
+        """Mass of the jettisons that belong to a stage, kg."""
+        name = self.stages[stage].name
+        return sum(jettison.mass_kg for jettison in self.jettisons if jettison.stage == name)
+
+    def ignition_times(self) -> tuple[float, ...]:
+        """Mission elapsed time of each stage's first ignition command, s."""
+        times = []
+        now = self.initial_state.time_s
+        for stage in self.stages:
+            first = math.nan
+            for arc in stage.flight_arcs:
+                if isinstance(arc, BurnArc) and math.isnan(first):
+                    first = now
+                now += arc.duration_s
+            times.append(first)
+        return tuple(times)
+
+    def propellant(self, stage: int) -> float:
+        """Usable propellant of a stage, kg: as given, or by default.
+
+        The default is what the fixed burns take; with a free burn, 95 % of the stage's
+        ignition mass without its own jettisons.
+        """
+        part = self.stages[stage]
+        if part.propellant_kg is not None:
+            return part.propellant_kg
+        if any(arc.free for arc in part.burns):
+            return DEFAULT_PROPELLANT_SHARE * (part.ignition_mass_kg - self.jettison_mass(stage))
+        return sum(arc.propellant(self.environment.g0_m_s2) for arc in part.burns)
+
+    def start(self) -> Start:
+        """Time, position, velocity and mass at which the flight begins."""
+        position, velocity = self.initial_state.state(self.environment.mu_m3_s2)
+        return Start(self.initial_state.time_s, position, velocity, self.stages[0].ignition_mass_kg)
+
+    def atmosphere(self) -> Atmosphere:
+        """The atmosphere; the density factor is not in it.
+
+        Raises:
+            AtmosphereError: a package that the model needs is missing.
+        """
+        part = self.environment.atmosphere
+        if part.model != "nrlmsis":
+            return FIXED_MODELS[part.model]()
+        indices = (part.latitude_deg, part.longitude_deg, part.f107, part.f107a, part.ap)
+        latitude, longitude, f107, f107a, ap = (float(x) for x in indices if x is not None)
+        if self.epoch is None:
+            raise AssertionError("checked when the mission was read")
+        return nrlmsis(self.epoch, latitude, longitude, f107, f107a, ap)
+
+    def arrays(self) -> MissionArrays:
+        """The mission as kernels take it; fresh arrays that the caller may change.
+
+        Raises:
+            AtmosphereError: a package that the atmosphere needs is missing.
+        """
+        return MissionArrays(
+            environment=self._environment_array(),
+            atmosphere=self.atmosphere().table.copy(),
+            arcs=self._arc_array(),
+            jettisons=self._jettison_array(),
+            target=self._target_array(),
+        )
+
+    def describe(self) -> dict[str, str]:
+        """Short texts for a listing: name, title, stages, jettisons, target, source."""
+        target = self.target
+        if isinstance(target, TargetState):
+            aim = (
+                f"r {target.radius_m:,.0f} m, V {target.speed_m_s:,.3f} m/s, "
+                f"gamma {target.flight_path_angle_deg:g} deg, i {target.inclination_deg:g} deg"
+            )
+            if target.ascending_node_deg is not None:
+                aim += f", node {target.ascending_node_deg:g} deg"
+        else:
+            aim = (
+                f"a {target.semi_major_axis_m:,.0f} m, e {target.eccentricity:g}, "
+                f"i {target.inclination_deg:g} deg, node {target.ascending_node_deg:g} deg, "
+                f"perigee {target.argument_of_perigee_deg:g} deg"
+            )
+        return {
+            "name": self.name,
+            "title": self.title,
+            "stages": ", ".join(self.stage_names),
+            "jettisons": ", ".join(self.jettison_names) or "none",
+            "target": aim,
+            "source": " ".join(self.source.split()),
+        }
+
+    def _environment_array(self) -> NDArray[np.void]:
+        part = self.environment
+        record = np.zeros(1, layout.ENVIRONMENT)
+        record["mu"] = part.mu_m3_s2
+        record["g0"] = part.g0_m_s2
+        record["equatorial_radius"] = part.earth.equatorial_radius_m
+        record["polar_radius"] = part.earth.polar_radius_m
+        record["rotation_rate"] = part.earth.rotation_rate_rad_s
+        record["j2"] = part.j2
+        record["density_factor"] = part.atmosphere.density_factor
+        record["altitude_model"] = (
+            layout.ALTITUDE_ELLIPSOID if part.altitude == "ellipsoid" else layout.ALTITUDE_SPHERICAL
+        )
+        return record
+
+    def _arc_array(self) -> NDArray[np.void]:
+        g0 = self.environment.g0_m_s2
+        records = np.zeros(sum(len(stage.flight_arcs) for stage in self.stages), layout.ARC)
+        n = 0
+        for i, stage in enumerate(self.stages):
+            for k, arc in enumerate(stage.flight_arcs):
+                record = records[n]
+                n += 1
+                record["stage"] = i
+                record["duration"] = arc.duration_s
+                record["begins_stage"] = int(k == 0)
+                record["stack_mass"] = stage.ignition_mass_kg
+                record["propellant"] = self.propellant(i)
+                record["exhaust_velocity"] = 1.0
+                if not isinstance(arc, BurnArc):
+                    record["kind"] = layout.COAST
+                    continue
+                record["kind"] = layout.BURN
+                record["thrust"] = arc.thrust_n
+                record["exhaust_velocity"] = g0 * arc.isp_s
+                record["mass_flow"] = arc.mass_flow(g0)
+                for key, curve in (("start", arc.start), ("tail", arc.tail_off)):
+                    if curve is None:
+                        continue
+                    knots = len(curve)
+                    record[f"{key}_knots"] = knots
+                    record[f"{key}_time"][:knots] = [t for t, _ in curve]
+                    record[f"{key}_fraction"][:knots] = [fraction for _, fraction in curve]
+                record["start_loss"] = arc.start_loss_s
+                record["tail_gain"] = arc.tail_gain_s
+        return records
+
+    def _jettison_array(self) -> NDArray[np.void]:
+        records = np.zeros(len(self.jettisons), layout.JETTISON)
+        for record, jettison in zip(records, self.jettisons, strict=True):
+            record["mass"] = jettison.mass_kg
+            record["stage"] = self.stage_names.index(jettison.stage)
+            if jettison.heating_limit_w_m2 is not None:
+                record["criterion"] = layout.HEATING_LIMIT
+                record["value"] = jettison.heating_limit_w_m2
+            elif jettison.time_s is not None:
+                record["criterion"] = layout.MISSION_TIME
+                record["value"] = jettison.time_s
+            elif jettison.time_after_ignition_s is not None:
+                record["criterion"] = layout.TIME_AFTER_IGNITION
+                record["value"] = jettison.time_after_ignition_s
+        return records
+
+    def _target_array(self) -> NDArray[np.void]:
+        target = self.target
+        record = np.zeros(1, layout.TARGET)
+        record["inclination"] = math.radians(target.inclination_deg)
+        if target.ascending_node_deg is not None:
+            record["ascending_node"] = math.radians(target.ascending_node_deg)
+        if isinstance(target, TargetState):
+            record["kind"] = (
+                layout.TARGET_RADIUS_SPEED_ANGLE_INCLINATION
+                if target.ascending_node_deg is None
+                else layout.TARGET_RADIUS_SPEED_ANGLE_PLANE
+            )
+            record["radius"] = target.radius_m
+            record["speed"] = target.speed_m_s
+            record["flight_path_angle"] = math.radians(target.flight_path_angle_deg)
+        else:
+            record["kind"] = layout.TARGET_KEPLERIAN
+            record["semi_major_axis"] = target.semi_major_axis_m
+            record["eccentricity"] = target.eccentricity
+            record["argument_of_perigee"] = math.radians(target.argument_of_perigee_deg)
+        return record
+
+
+def list_missions() -> tuple[str, ...]:
+    """Names of the missions that come with the package, sorted."""
+    folder = resources.files("ares_models").joinpath("missions")
+    return tuple(
+        sorted(item.name[: -len(".yaml")] for item in folder.iterdir() if item.name[-5:] == ".yaml")
+    )
+
+
+def load_mission(name_or_path: str | Path) -> Mission:
+    """Read and check a mission.
+
+    Args:
+        name_or_path: name of a shipped mission, or path of a mission file. What holds a
+            path separator or ends in .yaml or .yml is a path.
+
+    Raises:
+        MissionError: one line that names the file, the key path, the value found and what
+            was expected.
+    """
+    path = _find(name_or_path)
+    data, lines = read_mission_file(path)
+    try:
+        return Mission.model_validate(data)
+    except ValidationError as error:
+        problems = [_explain(dict(item), lines) for item in error.errors()]
+        raise MissionError(str(path), problems) from None
+
+
+def _find(name_or_path: str | Path) -> Path:
+    text = str(name_or_path)
+    looks_like_path = (
+        isinstance(name_or_path, Path)
+        or text.endswith((".yaml", ".yml"))
+        or "/" in text
+        or "\\" in text
+    )
+    shipped = list_missions()
+    if text in shipped and not isinstance(name_or_path, Path):
+        return Path(str(resources.files("ares_models").joinpath("missions", f"{text}.yaml")))
+    if looks_like_path or (text and Path(text).is_file()):
+        return Path(text)
+    close = difflib.get_close_matches(text.lower(), shipped, n=1, cutoff=0.4)
+    hint = f"; did you mean {close[0]}?" if close else ""
+    raise MissionError(
+        f"mission {format_value(text)}",
+        [f"no such mission; shipped are {', '.join(shipped)}, or give a file's path{hint}"],
+    )
+
+
+_UNITS = {
+    "_m3_s2": "m3/s2",
+    "_w_m2": "W/m2",
+    "_rad_s": "rad/s",
+    "_m_s2": "m/s2",
+    "_m_s": "m/s",
+    "_deg": "deg",
+    "_kg": "kg",
+    "_m": "m",
+    "_n": "N",
+    "_s": "s",
+}
+
+_EXPECTED: dict[str, str] = {
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "string_type": "text",
+    "string_too_short": "text that is not empty",
+    "string_pattern_mismatch": "a name of small letters, digits and underscores",
+    "model_type": "a mapping",
+    "model_attributes_type": "a mapping",
+    "dict_type": "a mapping",
+    "tuple_type": "a list",
+}
+
+
+def _unit(key: str | int) -> str:
+    if isinstance(key, str):
+        for ending, unit in _UNITS.items():
+            if key.endswith(ending):
+                return f" in {unit}"
+    return ""
+
+
+def _expected(kind: str, context: dict[str, Any], message: str, path: KeyPath) -> str:
+    names = [part for part in path if isinstance(part, str)]
+    unit = _unit(names[-1]) if names else ""
+    bounds: dict[Literal["gt", "ge", "lt", "le"], str] = {
+        "gt": "greater than",
+        "ge": "of at least",
+        "lt": "less than",
+        "le": "of at most",
+    }
+    for key, words in bounds.items():
+        if key in context and kind not in ("too_long", "too_short"):
+            return f"a number {words} {context[key]:g}{unit}"
+    if kind == "too_short":
+        return f"a list of at least {context['min_length']}"
+    if kind == "too_long":
+        return f"a list of at most {context['max_length']}"
+    if kind == "string_too_long":
+        return f"text of at most {context['max_length']} characters"
+    if kind == "literal_error":
+        return f"one of {context['expected']}"
+    if kind in _EXPECTED:
+        return _EXPECTED[kind] + (unit if kind in ("float_type", "finite_number") else "")
+    return message.replace("Input should be ", "")
+
+
+def _explain(item: dict[str, Any], lines: dict[KeyPath, int]) -> str:
+    """One pydantic error as one line of ours."""
+    kind = item["type"]
+    context: dict[str, Any] = item.get("ctx", {})
+    place = tuple(
+        part for part in item["loc"] if not (isinstance(part, str) and part.startswith("<"))
+    )
+    value = item["input"]
+    if kind == "expected" and "path" in context:
+        place = (*place, *context["path"])
+        value = context["value"]
+        expected = context["expected"]
+        missing = value is None
+    else:
+        missing = kind == "missing"
+        expected = _expected(kind, context, item["msg"], place)
+        if kind == "expected":
+            expected = item["msg"]
+    name = format_path(place) or "the file"
+    line = _line(place, lines)
+    where = f"line {line}: " if line else ""
+    if kind == "extra_forbidden":
+        known = _siblings(item["loc"])
+        close = difflib.get_close_matches(str(place[-1]), known, n=1)
+        hint = f"did you mean {close[0]}?" if close else "known are " + ", ".join(known)
+        return f"{where}{name} is not a known key (its value is {format_value(value)}); {hint}"
+    if missing:
+        if kind == "missing":
+            unit = _unit(place[-1])
+            number = isinstance(place[-1], int)
+            expected = f"a number{unit}" if unit or number else "a value"
+        return f"{where}{name} is missing; expected {expected}"
+    return f"{where}{name} is {format_value(value)}; expected {expected}"
+
+
+def _line(place: KeyPath, lines: dict[KeyPath, int]) -> int | None:
+    """Line of a key, or of the nearest thing around it."""
+    for end in range(len(place), 0, -1):
+        if place[:end] in lines:
+            return lines[place[:end]]
+    return None
+
+
+def _siblings(location: tuple[str | int, ...]) -> list[str]:
+    """Keys that the mapping around a location may have."""
+    model: Any = Mission
+    for part in location[:-1]:
+        if isinstance(part, str) and part.startswith("<"):
+            model = _FORMS[part]
+        elif isinstance(part, str):
+            model = _MODELS.get(part, model)
+    return list(model.model_fields)
+
+
+_FORMS: dict[str, type[Part]] = {
+    "<vectors>": parts.StateVectors,
+    "<angles>": parts.StateAngles,
+    "<elements>": parts.StateElements,
+    "<burn>": parts.BurnArc,
+    "<coast>": parts.CoastArc,
+    "<state>": parts.TargetState,
+    "<orbit>": parts.TargetOrbit,
+}
+
+_MODELS: dict[str, type[Part]] = {
+    "environment": parts.EnvironmentPart,
+    "earth": parts.EarthPart,
+    "atmosphere": parts.AtmospherePart,
+    "stages": parts.Stage,
+    "jettisons": parts.Jettison,
+}

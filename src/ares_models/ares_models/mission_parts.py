@@ -1,0 +1,452 @@
+"""The parts of a mission as validated data: what each key is, and its range.
+
+A key that carries a number ends in its unit; ``_deg`` keys are for people, everything
+else is SI. Limits that concern several parts at once stand in ``mission_checks``.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
+from itertools import pairwise
+from typing import Annotated, Any, Literal, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
+
+from ares_models.arrays import MAX_KNOTS
+from ares_models.earth import Earth, LaunchAngles
+from ares_models.orbits import Elements
+
+Number = Annotated[float, Field(strict=True)]
+Positive = Annotated[float, Field(strict=True, gt=0.0)]
+NonNegative = Annotated[float, Field(strict=True, ge=0.0)]
+Fraction = Annotated[float, Field(strict=True, ge=0.0, le=1.0)]
+Latitude = Annotated[float, Field(strict=True, ge=-90.0, le=90.0)]
+Turn = Annotated[float, Field(strict=True, ge=-360.0, le=360.0)]
+FlightPathAngle = Annotated[float, Field(strict=True, ge=-90.0, le=90.0)]
+Inclination = Annotated[float, Field(strict=True, ge=0.0, le=180.0)]
+Name = Annotated[str, Field(strict=True, min_length=1, max_length=80)]
+Text = Annotated[str, Field(strict=True, min_length=1)]
+Vector3 = tuple[Number, Number, Number]
+Knot = tuple[NonNegative, Fraction]
+Curve = Annotated[tuple[Knot, ...], Field(min_length=2, max_length=MAX_KNOTS)]
+
+Array = NDArray[np.float64]
+
+
+def fail(path: tuple[str | int, ...], value: object, expected: str) -> NoReturn:
+    """Report a problem that no single field can see.
+
+    Args:
+        path: key path from the model that is being validated.
+        value: what stands there.
+        expected: what should.
+    """
+    raise PydanticCustomError(
+        "expected", "{expected}", {"path": path, "value": value, "expected": expected}
+    )
+
+
+def _burn_time(value: object) -> object:
+    if value == "free":
+        return value
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 < value < math.inf:
+        fail((), value, "a time in s greater than 0, or the word free")
+    return float(value)
+
+
+def _moment(value: object) -> object:
+    if isinstance(value, datetime):
+        return value
+    try:
+        moment = datetime.fromisoformat(value) if isinstance(value, str) else None
+    except ValueError:
+        moment = None
+    if moment is None:
+        fail((), value, "a date and time such as 2010-06-21T12:00:00Z")
+    return moment.astimezone(UTC) if moment.tzinfo else moment.replace(tzinfo=UTC)
+
+
+BurnTime = Annotated[float | Literal["free"], BeforeValidator(_burn_time)]
+Moment = Annotated[datetime, BeforeValidator(_moment)]
+
+
+class Part(BaseModel):
+    """Base of all parts: unknown keys, nan and infinity are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+def _by_keys(forms: Mapping[str, type[Part]], default: str | None) -> Callable[[Any], str | None]:
+    """Choose among forms of a mapping by the keys that are there."""
+
+    def choose(value: Any) -> str | None:
+        for tag, form in forms.items():
+            if isinstance(value, form):
+                return tag
+        if not isinstance(value, dict):
+            return default
+        everywhere = set.intersection(*(set(form.model_fields) for form in forms.values()))
+        score = {
+            tag: len((set(form.model_fields) - everywhere) & set(value))
+            for tag, form in forms.items()
+        }
+        best = max(score, key=lambda tag: score[tag])
+        return best if score[best] > 0 else default
+
+    return choose
+
+
+class EarthPart(Part):
+    """Figure and rotation."""
+
+    equatorial_radius_m: Positive
+    polar_radius_m: Positive
+    rotation_rate_rad_s: NonNegative
+
+    @model_validator(mode="after")
+    def _oblate(self) -> "EarthPart":
+        if self.polar_radius_m > self.equatorial_radius_m:
+            fail(
+                ("polar_radius_m",),
+                self.polar_radius_m,
+                f"at most equatorial_radius_m, {self.equatorial_radius_m} m",
+            )
+        return self
+
+    def earth(self) -> Earth:
+        """The same for computing."""
+        return Earth(self.equatorial_radius_m, self.polar_radius_m, self.rotation_rate_rad_s)
+
+
+_INDICES = ("f107", "f107a", "ap", "latitude_deg", "longitude_deg")
+
+
+class AtmospherePart(Part):
+    """Which atmosphere; the indices are for nrlmsis, and only for it."""
+
+    model: Literal["pra63", "pra63_exponential", "us76", "nrlmsis"]
+    density_factor: Positive = 1.0
+    f107: Positive | None = None
+    f107a: Positive | None = None
+    ap: NonNegative | None = None
+    latitude_deg: Latitude | None = None
+    longitude_deg: Turn | None = None
+
+    @model_validator(mode="after")
+    def _indices(self) -> "AtmospherePart":
+        for key in _INDICES:
+            value = getattr(self, key)
+            if self.model == "nrlmsis" and value is None:
+                fail((key,), None, "a number, because model is nrlmsis")
+            if self.model != "nrlmsis" and value is not None:
+                fail((key,), value, f"no such key, because model is {self.model}")
+        return self
+
+
+class EnvironmentPart(Part):
+    """Gravity, Earth, altitude rule, atmosphere."""
+
+    mu_m3_s2: Positive
+    g0_m_s2: Positive = 9.80665
+    j2: Annotated[float, Field(strict=True, ge=0.0, le=0.1)] = 0.0
+    earth: EarthPart
+    altitude: Literal["ellipsoid", "spherical"] = "ellipsoid"
+    atmosphere: AtmospherePart
+
+
+class StateVectors(Part):
+    """Initial state as inertial vectors."""
+
+    time_s: Number
+    position_m: Vector3
+    velocity_m_s: Vector3
+
+    def state(self, mu: float) -> tuple[Array, Array]:
+        """Position (m) and velocity (m/s), each shape (3,)."""
+        return np.array(self.position_m), np.array(self.velocity_m_s)
+
+
+class StateAngles(Part):
+    """Initial state as place, speed, flight-path angle and azimuth, all inertial."""
+
+    time_s: Number
+    latitude_deg: Latitude
+    right_ascension_deg: Turn
+    radius_m: Positive
+    speed_m_s: Positive
+    flight_path_angle_deg: FlightPathAngle
+    azimuth_deg: Turn
+
+    def state(self, mu: float) -> tuple[Array, Array]:
+        """Position (m) and velocity (m/s), each shape (3,); Eqs. 2.14 and 2.18."""
+        return LaunchAngles(
+            radius=self.radius_m,
+            latitude=math.radians(self.latitude_deg),
+            right_ascension=math.radians(self.right_ascension_deg),
+            speed=self.speed_m_s,
+            flight_path_angle=math.radians(self.flight_path_angle_deg),
+            azimuth=math.radians(self.azimuth_deg),
+        ).state()
+
+
+class StateElements(Part):
+    """Initial state as Keplerian elements."""
+
+    time_s: Number
+    semi_major_axis_m: Number
+    eccentricity: NonNegative
+    inclination_deg: Inclination
+    ascending_node_deg: Turn
+    argument_of_perigee_deg: Turn
+    true_anomaly_deg: Turn
+
+    @model_validator(mode="after")
+    def _conic(self) -> "StateElements":
+        if self.eccentricity == 1.0:
+            fail(("eccentricity",), self.eccentricity, "not exactly 1")
+        if self.semi_major_axis_m * (1.0 - self.eccentricity) <= 0.0:
+            fail(
+                ("semi_major_axis_m",),
+                self.semi_major_axis_m,
+                "more than 0 for an ellipse, less than 0 for a hyperbola",
+            )
+        if 1.0 + self.eccentricity * math.cos(math.radians(self.true_anomaly_deg)) <= 0.0:
+            fail(("true_anomaly_deg",), self.true_anomaly_deg, "an anomaly inside the asymptotes")
+        return self
+
+    def state(self, mu: float) -> tuple[Array, Array]:
+        """Position (m) and velocity (m/s), each shape (3,)."""
+        return Elements(
+            self.semi_major_axis_m,
+            self.eccentricity,
+            math.radians(self.inclination_deg),
+            math.radians(self.ascending_node_deg),
+            math.radians(self.argument_of_perigee_deg),
+            math.radians(self.true_anomaly_deg),
+        ).state(mu)
+
+
+InitialState = Annotated[
+    Annotated[StateVectors, Tag("<vectors>")]
+    | Annotated[StateAngles, Tag("<angles>")]
+    | Annotated[StateElements, Tag("<elements>")],
+    Discriminator(
+        _by_keys(
+            {"<vectors>": StateVectors, "<angles>": StateAngles, "<elements>": StateElements},
+            None,
+        ),
+        custom_error_type="expected",
+        custom_error_message="position_m and velocity_m_s, or latitude_deg and so on, "
+        "or semi_major_axis_m and so on",
+    ),
+]
+
+
+def _check_curve(key: str, curve: tuple[tuple[float, float], ...] | None, end: float) -> None:
+    if curve is None:
+        return
+    if curve[0][0] != 0.0:
+        fail((key, 0), list(curve[0]), "a first knot at 0 s")
+    for k in range(1, len(curve)):
+        if curve[k][0] < curve[k - 1][0]:
+            fail((key, k), list(curve[k]), f"a time of at least {curve[k - 1][0]} s, as before it")
+    if curve[-1][1] != end:
+        fail((key, len(curve) - 1), list(curve[-1]), f"a last thrust fraction of {end:g}")
+    if not curve[-1][0] > 0.0:
+        fail((key, len(curve) - 1), list(curve[-1]), "a last time greater than 0 s")
+
+
+def curve_area(curve: tuple[tuple[float, float], ...]) -> float:
+    """Integral of a thrust-fraction curve over its knots, s of full thrust."""
+    return sum(0.5 * (t1 - t0) * (f0 + f1) for (t0, f0), (t1, f1) in pairwise(curve))
+
+
+class BurnArc(Part):
+    """A stretch of constant full thrust."""
+
+    name: Name | None = None
+    thrust_n: Positive
+    isp_s: Positive
+    burn_time_s: BurnTime
+    start: Curve | None = None
+    tail_off: Curve | None = None
+
+    @model_validator(mode="after")
+    def _curves(self) -> "BurnArc":
+        self.check_curves()
+        return self
+
+    def check_curves(self) -> None:
+        """Report a thrust-time curve that is none, or does not fit the burn."""
+        _check_curve("start", self.start, 1.0)
+        _check_curve("tail_off", self.tail_off, 0.0)
+        if self.start and self.burn_time_s != "free" and self.burn_time_s < self.start[-1][0]:
+            fail(
+                ("burn_time_s",),
+                self.burn_time_s,
+                f"at least the {self.start[-1][0]} s that the start takes",
+            )
+
+    @property
+    def free(self) -> bool:
+        """Guidance decides the cut-off."""
+        return self.burn_time_s == "free"
+
+    @property
+    def duration_s(self) -> float:
+        """From ignition command to cut-off command; inf if free."""
+        return math.inf if self.burn_time_s == "free" else self.burn_time_s
+
+    @property
+    def start_loss_s(self) -> float:
+        """Seconds of full thrust lost at the start."""
+        return 0.0 if self.start is None else self.start[-1][0] - curve_area(self.start)
+
+    @property
+    def tail_gain_s(self) -> float:
+        """Seconds of full thrust that follow the cut-off command."""
+        return 0.0 if self.tail_off is None else curve_area(self.tail_off)
+
+    @property
+    def tail_s(self) -> float:
+        """How long thrust lasts after the cut-off command."""
+        return 0.0 if self.tail_off is None else self.tail_off[-1][0]
+
+    def mass_flow(self, g0: float) -> float:
+        """kg/s at full thrust: T / (g0 Isp), Eq. 2.1."""
+        return self.thrust_n / (g0 * self.isp_s)
+
+    def propellant(self, g0: float) -> float:
+        """kg that a burn of fixed time takes, start and tail-off counted; inf if free."""
+        return self.mass_flow(g0) * (self.duration_s - self.start_loss_s + self.tail_gain_s)
+
+
+class CoastArc(Part):
+    """A stretch without thrust."""
+
+    name: Name | None = None
+    coast_s: Positive
+
+    @property
+    def duration_s(self) -> float:
+        """How long."""
+        return self.coast_s
+
+
+Arc = Annotated[
+    Annotated[BurnArc, Tag("<burn>")] | Annotated[CoastArc, Tag("<coast>")],
+    Discriminator(_by_keys({"<coast>": CoastArc, "<burn>": BurnArc}, "<burn>")),
+]
+
+_SHORTHAND = ("thrust_n", "isp_s", "burn_time_s", "start", "tail_off")
+
+
+class Stage(Part):
+    """A stage: its mass at the moment it begins, and its arcs in order.
+
+    A stage of one burn may carry the keys of that burn itself, without ``arcs``.
+    """
+
+    name: Name
+    ignition_mass_kg: Positive
+    propellant_kg: Positive | None = None
+    arcs: Annotated[tuple[Arc, ...], Field(min_length=1)] | None = None
+    thrust_n: Positive | None = None
+    isp_s: Positive | None = None
+    burn_time_s: BurnTime | None = None
+    start: Curve | None = None
+    tail_off: Curve | None = None
+
+    @model_validator(mode="after")
+    def _one_form(self) -> "Stage":
+        if self.arcs is None:
+            for key in ("thrust_n", "isp_s", "burn_time_s"):
+                if getattr(self, key) is None:
+                    fail((key,), None, "a value, or a list of arcs in its place")
+            self._single_arc().check_curves()
+        else:
+            for key in _SHORTHAND:
+                if getattr(self, key) is not None:
+                    fail((key,), getattr(self, key), "no such key beside arcs")
+        return self
+
+    def _single_arc(self) -> BurnArc:
+        # the fields are checked already; validated again, an error would name the wrong path
+        return BurnArc.model_construct(**{key: getattr(self, key) for key in _SHORTHAND})
+
+    @property
+    def flight_arcs(self) -> tuple[BurnArc | CoastArc, ...]:
+        """The arcs in flight order, whichever way the file gives them."""
+        return self.arcs if self.arcs is not None else (self._single_arc(),)
+
+    def arc_path(self, k: int, *keys: str | int) -> tuple[str | int, ...]:
+        """Key path of arc ``k`` within the stage."""
+        return ("arcs", k, *keys) if self.arcs is not None else keys
+
+    @property
+    def burns(self) -> tuple[BurnArc, ...]:
+        """The arcs with thrust."""
+        return tuple(arc for arc in self.flight_arcs if isinstance(arc, BurnArc))
+
+
+class Jettison(Part):
+    """Something dropped on the way, and when."""
+
+    name: Name
+    mass_kg: Positive
+    stage: Name
+    heating_limit_w_m2: Positive | None = None
+    time_s: Number | None = None
+    time_after_ignition_s: NonNegative | None = None
+
+    @model_validator(mode="after")
+    def _one_criterion(self) -> "Jettison":
+        keys = ("heating_limit_w_m2", "time_s", "time_after_ignition_s")
+        given = [key for key in keys if getattr(self, key) is not None]
+        if not given:
+            fail((keys[0],), None, "one of heating_limit_w_m2, time_s, time_after_ignition_s")
+        if len(given) > 1:
+            fail((given[1],), getattr(self, given[1]), f"no such key beside {given[0]}")
+        return self
+
+
+class TargetState(Part):
+    """Terminal set: radius, speed, flight-path angle, inclination; perhaps the node."""
+
+    radius_m: Positive
+    speed_m_s: Positive
+    flight_path_angle_deg: FlightPathAngle
+    inclination_deg: Inclination
+    ascending_node_deg: Turn | None = None
+
+
+class TargetOrbit(Part):
+    """Terminal set: an orbit, anywhere on it."""
+
+    semi_major_axis_m: Positive
+    eccentricity: Annotated[float, Field(strict=True, ge=0.0, lt=1.0)]
+    inclination_deg: Inclination
+    ascending_node_deg: Turn
+    argument_of_perigee_deg: Turn
+
+
+Target = Annotated[
+    Annotated[TargetState, Tag("<state>")] | Annotated[TargetOrbit, Tag("<orbit>")],
+    Discriminator(
+        _by_keys({"<state>": TargetState, "<orbit>": TargetOrbit}, None),
+        custom_error_type="expected",
+        custom_error_message="radius_m, speed_m_s, flight_path_angle_deg and inclination_deg, "
+        "or semi_major_axis_m and so on",
+    ),
+]
