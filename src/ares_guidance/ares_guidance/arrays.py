@@ -31,6 +31,7 @@ PEG_SETTINGS = np.dtype(
         ("steering_jump_limit", np.float64),  # rad between accepted solutions
         ("time_to_go_jump_limit", np.float64),  # s between accepted solutions
         ("max_stale_cycles", np.int64),  # then start again from nothing
+        ("restart_time", np.float64),  # s to go below which the steering is held instead
         ("heating_source", np.int64),  # HEATING_MEASURED or HEATING_MODELLED
         ("heating_margin", np.float64),  # drop at limit x (1 - margin)
     ],

@@ -35,7 +35,7 @@ class PegSettings:
 
     cycle_period_s: float = _setting(1.0, "Flight time between guidance cycles.", "s", 0.001, 100.0)
     hold_time_s: float = _setting(
-        5.0,
+        10.0,
         "Time to go from which the steering is held and only the cut-off is refined.",
         "s",
         0.0,
@@ -56,6 +56,13 @@ class PegSettings:
     )
     max_stale_cycles: int = _setting(
         3, "Cycles on the last good solution before starting again from nothing.", "", 0, 10_000
+    )
+    restart_time_s: float = _setting(
+        60.0,
+        "Time to go below which a lost solution is held instead of starting again.",
+        "s",
+        0.0,
+        1e4,
     )
     heating_source: str = "measured"
     heating_margin: float = _setting(
@@ -92,6 +99,7 @@ class PegSettings:
         record["steering_jump_limit"] = math.radians(self.steering_jump_limit_deg)
         record["time_to_go_jump_limit"] = self.time_to_go_jump_limit_s
         record["max_stale_cycles"] = self.max_stale_cycles
+        record["restart_time"] = self.restart_time_s
         record["heating_source"] = HEATING_SOURCES[self.heating_source]
         record["heating_margin"] = self.heating_margin
         return record

@@ -450,6 +450,15 @@ def accept(nav: Record, state: Record, steering: Record) -> None:
 
 
 @kernel
+def adopt_steering(nav: Record, state: Record, steering: Record) -> None:
+    """Make the steering in force the one that is held."""
+    state.reference_time = steering.reference_time
+    store(state.direction, load(steering.direction))
+    store(state.direction_rate, load(steering.direction_rate))
+    state.time_to_go = steering.cutoff_time + state.tail_gain - nav.time
+
+
+@kernel
 def copy_solution(source: Record, destination: Record) -> None:
     """Copy what an iteration changes, so that a failed cycle leaves no trace."""
     destination.time_to_go = source.time_to_go
@@ -531,13 +540,18 @@ def solve(
             state.error = ERROR_PROPELLANT_SHORT
         return
     state.stale_cycles += 1
-    if cold or state.stale_cycles > settings.max_stale_cycles:
+    restart = state.stale_cycles > settings.max_stale_cycles
+    if not cold and restart and saved.time_to_go < settings.restart_time:
+        # too late to begin again: what was good so far is nearly exact
+        copy_solution(saved, state)
+        adopt_steering(nav, state, steering)
+        state.phase = PHASE_HOLD
+    elif cold or restart:
         # nothing worth keeping: begin again from the navigation state
         state.phase = PHASE_CONVERGING
         start_guess(nav, environment, arcs, jettisons, target, state)
     else:
         copy_solution(saved, state)
-        state.time_to_go = steering.cutoff_time + state.tail_gain - nav.time
 
 
 @kernel
@@ -606,6 +620,7 @@ def guidance_step(
     store(state.sensed_delta_v, load(nav.sensed_delta_v))
 
     if state.phase == PHASE_TRACKING and state.time_to_go <= settings.hold_time:
+        adopt_steering(nav, state, steering)
         state.phase = PHASE_HOLD
     if state.phase == PHASE_HOLD:
         state.time_to_go = held_cutoff(nav, environment, arcs, target, state)
