@@ -8,6 +8,7 @@ import threading
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from types import FrameType
 
 import rclpy
@@ -127,7 +128,7 @@ def run_node(
     """
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     arguments = list(sys.argv[1:] if argv is None else argv)
-    who = name or os.path.basename(sys.argv[0])
+    who = name or Path(sys.argv[0]).name
     stop = StopSignals()
     with stop.watch():
         try:

@@ -1,0 +1,58 @@
+"""Schemas and channels of an MCAP file, seen while reading it from its beginning."""
+
+from dataclasses import dataclass, field
+
+from mcap.records import Channel, McapRecord, Schema
+
+from ares_bags.errors import BagError
+from ares_bags.schema import Topic, qos_from_text
+
+
+def topic_of(channel: Channel, schema: Schema | None) -> Topic:
+    """The topic that a channel describes.
+
+    Raises:
+        BagError: it is not a ROS 2 topic with a ros2msg definition.
+    """
+    encoding = schema.encoding if schema else "no schema"
+    if schema is None or channel.message_encoding != "cdr" or encoding != "ros2msg":
+        raise BagError(
+            f"topic {channel.topic} is {channel.message_encoding}/{encoding}; expected cdr/ros2msg"
+        )
+    try:
+        qos = qos_from_text(channel.metadata.get("offered_qos_profiles", ""))
+    except ValueError as error:
+        raise BagError(f"topic {channel.topic}: {error}") from error
+    return Topic(
+        name=channel.topic,
+        type_name=schema.name,
+        definition=schema.data.decode("utf-8", errors="replace"),
+        type_hash=channel.metadata.get("topic_type_hash", ""),
+        qos=qos,
+    )
+
+
+@dataclass
+class Contents:
+    """Schemas and channels by id."""
+
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+
+    def note(self, record: McapRecord) -> None:
+        """Keep a schema or a channel; anything else is passed over."""
+        if isinstance(record, Schema):
+            self.schemas[record.id] = record
+        elif isinstance(record, Channel):
+            self.channels[record.id] = record
+
+    def topic(self, channel_id: int) -> Topic:
+        """The topic of a channel.
+
+        Raises:
+            BagError: the channel is not described so far, or is not a ROS 2 topic.
+        """
+        channel = self.channels.get(channel_id)
+        if channel is None:
+            raise BagError(f"a message belongs to channel {channel_id}, which is not described")
+        return topic_of(channel, self.schemas.get(channel.schema_id))

@@ -1,0 +1,269 @@
+"""The recorder node: every flight message to a bag, as it was sent."""
+
+import struct
+import sys
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from ares_node.diagnostics import Diagnostics, Level
+from ares_node.node import FlightNode, NodeError
+from ares_node.parameters import Parameter
+from ares_node.qos import (
+    DIAGNOSTICS,
+    FLIGHT_EVENT,
+    GUIDANCE_STATUS,
+    NAV_STATE,
+    RECORDER,
+    RECORDER_EVENTS,
+    THRUST_COMMAND,
+    VEHICLE_STATE,
+)
+from rclpy.executors import Executor
+from rclpy.qos import HistoryPolicy, QoSProfile
+from rclpy.subscription import Subscription
+
+from ares_bags.errors import BagError
+from ares_bags.schema import Qos, Topic
+from ares_bags.types import message_class, stamp_of_cdr, starts_with_stamp
+from ares_bags.writer import BagWriter
+
+#: Types of the topics that need not be spelt out.
+TYPES = {
+    NAV_STATE: "ares_msgs/msg/NavState",
+    VEHICLE_STATE: "ares_msgs/msg/VehicleState",
+    THRUST_COMMAND: "ares_msgs/msg/ThrustCommand",
+    GUIDANCE_STATUS: "ares_msgs/msg/GuidanceStatus",
+    FLIGHT_EVENT: "ares_msgs/msg/FlightEvent",
+    DIAGNOSTICS: "diagnostic_msgs/msg/DiagnosticArray",
+}
+
+#: Wall time in s without a message after which the queues count as empty.
+QUIET_TIME = 0.2
+#: Wall time in s after which draining ends although messages still come.
+DRAIN_LIMIT = 5.0
+#: Stamps beyond this flight time (115 days) are those of a wall clock.
+WALL_CLOCK_NS = 10**7 * 10**9
+
+PARAMETERS = (
+    Parameter("bag", "", "Folder of the new bag; it must not exist."),
+    Parameter(
+        "topics",
+        tuple(TYPES),
+        "Topics to record; one of another type is written name:package/msg/Name.",
+    ),
+    Parameter(
+        "flush_interval_s",
+        0.5,
+        "Wall time between flushes; a killed recorder loses at most this much.",
+        unit="s",
+        minimum=0.01,
+        maximum=60.0,
+    ),
+    Parameter("mission", "", "Mission name for the bag's custom data."),
+    Parameter("law", "", "Guidance law for the bag's custom data."),
+    Parameter("seed", 0, "Seed of the flight for the bag's custom data.", minimum=0),
+)
+
+
+def qos_of(profile: QoSProfile) -> Qos:
+    """A discovered or requested profile in rosbag2's words."""
+    known = profile.history in (HistoryPolicy.KEEP_LAST, HistoryPolicy.KEEP_ALL)
+    return Qos(
+        reliability=profile.reliability.name.lower(),
+        durability=profile.durability.name.lower(),
+        history=profile.history.name.lower() if known else "unknown",
+        depth=profile.depth if known else 0,
+        liveliness=profile.liveliness.name.lower(),
+        deadline_ns=profile.deadline.nanoseconds,
+        lifespan_ns=profile.lifespan.nanoseconds,
+        liveliness_lease_ns=profile.liveliness_lease_duration.nanoseconds,
+    )
+
+
+class RecorderNode(FlightNode):
+    """Writes flight messages to a bag, raw, with flight time as log time.
+
+    A write error ends the bag, not the flight: it is reported once on /diagnostics and on
+    standard error, `error` says what happened, and the process will exit with status 1.
+
+    Attributes:
+        error: why the bag is incomplete, one line; None if it is not.
+        lost: messages that came after the write error.
+    """
+
+    def __init__(self, **kwargs: Any) -> None:
+        """Declare the parameters; the bag is created by `configure`."""
+        super().__init__("recorder", parameters=PARAMETERS, **kwargs)
+        self.error: str | None = None
+        self.lost = 0
+        self._writer: BagWriter | None = None
+        self._counts: dict[str, int] = {}
+        self._closed = False
+        self._latest = 0
+        self._received = 0
+        self._inputs: list[Subscription] = []
+
+    @property
+    def message_counts(self) -> dict[str, int]:
+        """Messages in the bag by full topic name; only topics that had any."""
+        counts = self._counts if self._writer is None else self._writer.counts
+        return {topic: count for topic, count in counts.items() if count}
+
+    def configure(self) -> None:
+        """Look up the types and create the bag."""
+        if not self.values["bag"]:
+            raise NodeError("parameter bag is ''; expected the folder of a new bag")
+        self._types = dict(self._typed(entry) for entry in self.values["topics"])
+        if self._closed:
+            raise NodeError(f"bag {self.values['bag']} is closed; start a new recorder")
+        custom_data = {name: str(self.values[name]) for name in ("mission", "law", "seed")}
+        try:
+            self._writer = BagWriter(
+                self.values["bag"],
+                custom_data,
+                flush_interval_s=self.values["flush_interval_s"],
+            )
+        except BagError as error:
+            raise NodeError(str(error)) from error
+        self._diagnostics = Diagnostics(self)
+
+    def activate(self) -> None:
+        """Subscribe."""
+        if self._writer is None:
+            raise NodeError(f"bag {self.values['bag']} is closed; start a new recorder")
+        for name, (type_name, kind) in self._types.items():
+            qos = RECORDER_EVENTS if name == FLIGHT_EVENT else RECORDER
+            full_name = self.resolve_topic_name(name)
+            take = partial(self._take, full_name, type_name, qos)
+            self._inputs.append(self.create_subscription(kind, name, take, qos, raw=True))
+        # messages that came last before a pause must not wait for the next one
+        self._timer = self.wall_timer(self.values["flush_interval_s"], self._on_timer)
+
+    def deactivate(self) -> None:
+        """Take what is still in the queues and close the bag."""
+        self.drain_and_close()
+
+    def cleanup(self) -> None:
+        """Close a bag that was never recorded to."""
+        self.drain_and_close()
+
+    def drain(self, executor: Executor) -> None:
+        """See `drain_and_close`."""
+        self.drain_and_close(executor)
+
+    def drain_and_close(self, executor: Executor | None = None) -> None:
+        """Take messages until none has come for 0.2 s (5 s at most), then close the bag.
+
+        Does nothing if the bag is closed already.
+
+        Args:
+            executor: spun while waiting, so that other nodes on it can go on; must not be
+                spinning now. None takes from the queues directly and may be used in a
+                callback.
+        """
+        if self._writer is None:
+            return
+        begin = quiet_since = time.monotonic()
+        received = self._received
+        while self._inputs:
+            if executor is None:
+                self._take_all()
+            else:
+                executor.spin_once(timeout_sec=0.02)
+            now = time.monotonic()
+            if self._received != received:
+                received = self._received
+                quiet_since = now
+            if now - quiet_since >= QUIET_TIME or now - begin >= DRAIN_LIMIT:
+                break
+            if executor is None:
+                time.sleep(0.005)
+        self._close()
+
+    def _typed(self, entry: str) -> tuple[str, tuple[str, Any]]:
+        """Topic name, type name and class of one entry of `topics`."""
+        name, separator, type_name = entry.partition(":")
+        type_name = type_name if separator else TYPES.get(name, "")
+        if not name or not type_name:
+            known = ", ".join(TYPES)
+            raise NodeError(
+                f"parameter topics has {entry!r}; expected one of {known}, or name:package/msg/Name"
+            )
+        try:
+            kind = message_class(type_name)
+        except BagError as error:
+            raise NodeError(f"parameter topics has {entry!r}: {error}") from error
+        if not starts_with_stamp(kind):
+            raise NodeError(
+                f"parameter topics has {entry!r}; expected a type that begins with a stamp"
+            )
+        return name, (type_name, kind)
+
+    def _take_all(self) -> None:
+        for subscription in self._inputs:
+            with subscription.handle:
+                while taken := subscription.handle.take_message(subscription.msg_type, True):
+                    subscription.callback(taken[0])
+
+    def _take(self, name: str, type_name: str, requested: QoSProfile, data: bytes) -> None:
+        self._received += 1
+        writer = self._writer
+        if writer is None or writer.error is not None:
+            self.lost += 1
+            return
+        try:
+            stamp = stamp_of_cdr(data)
+        except struct.error:
+            self.lost += 1
+            return
+        if 0 <= stamp < WALL_CLOCK_NS:
+            if stamp > self._latest:
+                self._latest = stamp
+        else:
+            # somebody else's report, stamped by another clock
+            stamp = self._latest
+        if name not in writer.counts:
+            self._add_topic(writer, name, type_name, requested)
+        try:
+            writer.write(name, stamp, data)
+        except BagError as error:
+            self._report(error)
+
+    def _add_topic(
+        self, writer: BagWriter, name: str, type_name: str, requested: QoSProfile
+    ) -> None:
+        """Announce a topic with the QoS that its publishers offer at its first message."""
+        publishers = self.get_publishers_info_by_topic(name)
+        offered = {qos_of(publisher.qos_profile) for publisher in publishers}
+        profiles = sorted(offered or {qos_of(requested)}, key=repr)
+        writer.add_topic(Topic.installed(name, type_name, tuple(profiles)))
+
+    def _on_timer(self) -> None:
+        self._try(lambda writer: writer.flush())
+
+    def _close(self) -> None:
+        for subscription in self._inputs:
+            self.destroy_subscription(subscription)
+        if self._inputs:
+            self.destroy_timer(self._timer)
+        self._inputs.clear()
+        self._try(lambda writer: writer.close())
+        if self._writer is not None:
+            self._counts = self._writer.counts
+        self._writer = None
+        self._closed = True
+
+    def _try(self, work: Callable[[BagWriter], None]) -> None:
+        if self._writer is not None and self._writer.error is None:
+            try:
+                work(self._writer)
+            except BagError as error:
+                self._report(error)
+
+    def _report(self, error: BagError) -> None:
+        self.error = str(error)
+        self.exit_code = 1
+        print(f"{self.get_name()}: {error}", file=sys.stderr, flush=True)
+        self._diagnostics.report(Level.ERROR, str(error), self._latest)

@@ -1,0 +1,212 @@
+"""What a bag says about its topics: message definition, type hash, offered QoS.
+
+Definition text and type hash come from the files that every built interface package
+installs (`share/<package>/msg/<Name>.msg` and `.json`), as rosbag2 takes them.
+"""
+
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from ares_bags.errors import BagError
+
+_PRIMITIVES = frozenset(
+    ("bool", "byte", "char", "float32", "float64", "int8", "uint8", "int16", "uint16")
+    + ("int32", "uint32", "int64", "uint64", "string", "wstring")
+)
+_SEPARATOR = "=" * 80
+_TYPE_NAME = re.compile(r"([A-Za-z]\w*)/(?:msg/)?([A-Za-z]\w*)")
+_FIELD = re.compile(r"^[ \t]*([A-Za-z][\w/]*)(?:<=\d+)?(?:\[[^\]]*\])?[ \t]+\w", re.MULTILINE)
+
+#: How rosbag2 writes a duration without limit.
+FOREVER_NS = 2**63 - 1
+
+
+@dataclass(frozen=True)
+class Qos:
+    """The QoS of a publisher, in rosbag2's words.
+
+    Attributes:
+        reliability: `reliable` or `best_effort`.
+        durability: `volatile` or `transient_local`.
+        history: `keep_last`, `keep_all` or `unknown`; discovery does not tell it.
+        depth: messages kept; 0 if unknown.
+        liveliness: `automatic` or `manual_by_topic`.
+        deadline_ns: ns; FOREVER_NS without limit. So are the next two.
+        lifespan_ns: ns.
+        liveliness_lease_ns: ns.
+    """
+
+    reliability: str = "reliable"
+    durability: str = "volatile"
+    history: str = "unknown"
+    depth: int = 0
+    liveliness: str = "automatic"
+    deadline_ns: int = FOREVER_NS
+    lifespan_ns: int = FOREVER_NS
+    liveliness_lease_ns: int = FOREVER_NS
+
+    def as_dict(self) -> dict[str, Any]:
+        """The entry of `offered_qos_profiles`, keys in rosbag2's order."""
+        return {
+            "history": self.history,
+            "depth": self.depth,
+            "reliability": self.reliability,
+            "durability": self.durability,
+            "deadline": _duration(self.deadline_ns),
+            "lifespan": _duration(self.lifespan_ns),
+            "liveliness": self.liveliness,
+            "liveliness_lease_duration": _duration(self.liveliness_lease_ns),
+            "avoid_ros_namespace_conventions": False,
+        }
+
+    @staticmethod
+    def from_dict(entry: dict[str, Any]) -> "Qos":
+        """The profile of one entry of `offered_qos_profiles`."""
+        return Qos(
+            reliability=str(entry["reliability"]),
+            durability=str(entry["durability"]),
+            history=str(entry["history"]),
+            depth=int(entry["depth"]),
+            liveliness=str(entry["liveliness"]),
+            deadline_ns=_nanoseconds(entry["deadline"]),
+            lifespan_ns=_nanoseconds(entry["lifespan"]),
+            liveliness_lease_ns=_nanoseconds(entry["liveliness_lease_duration"]),
+        )
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic of a bag.
+
+    Attributes:
+        name: full name (`/ares/nav_state`).
+        type_name: `package/msg/Name`.
+        definition: ros2msg text with all dependencies.
+        type_hash: `RIHS01_...`.
+        qos: profiles of its publishers.
+    """
+
+    name: str
+    type_name: str
+    definition: str
+    type_hash: str
+    qos: tuple[Qos, ...] = ()
+
+    @staticmethod
+    def installed(name: str, type_name: str, qos: tuple[Qos, ...] = ()) -> "Topic":
+        """A topic of a type that is installed here.
+
+        Raises:
+            BagError: the type is not installed.
+        """
+        return Topic(name, type_name, message_definition(type_name), type_hash(type_name), qos)
+
+
+def _duration(nanoseconds: int) -> dict[str, int]:
+    sec, nsec = divmod(nanoseconds, 10**9)
+    return {"sec": sec, "nsec": nsec}
+
+
+def _nanoseconds(entry: dict[str, int]) -> int:
+    return int(entry["sec"]) * 10**9 + int(entry["nsec"])
+
+
+def dump_yaml(value: object) -> str:
+    """Block-style YAML, keys in the order given."""
+    return yaml.safe_dump(value, sort_keys=False, allow_unicode=True, width=2**20)
+
+
+def qos_text(qos: tuple[Qos, ...]) -> str:
+    """`offered_qos_profiles` of a channel: the YAML list as text; empty without profiles."""
+    return dump_yaml([profile.as_dict() for profile in qos]) if qos else ""
+
+
+def qos_from_text(text: str) -> tuple[Qos, ...]:
+    """The profiles of a channel; those of older rosbag2 versions (numbers) are left out.
+
+    Raises:
+        ValueError: the text is not a list of profiles.
+    """
+    try:
+        entries = yaml.safe_load(text) or []
+        return tuple(Qos.from_dict(entry) for entry in entries if type(entry["history"]) is str)
+    except (yaml.YAMLError, TypeError, KeyError) as error:
+        raise ValueError("offered_qos_profiles is not a list of QoS profiles") from error
+
+
+def split_type_name(type_name: str) -> tuple[str, str]:
+    """Package and name of `package/msg/Name` or `package/Name`.
+
+    Raises:
+        BagError: it is neither.
+    """
+    match = _TYPE_NAME.fullmatch(type_name)
+    if match is None:
+        raise BagError(f"message type is {type_name!r}; expected package/msg/Name")
+    return match[1], match[2]
+
+
+def _interface_file(type_name: str, suffix: str) -> Path:
+    from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
+
+    package, name = split_type_name(type_name)
+    try:
+        share = Path(get_package_share_directory(package))
+    except PackageNotFoundError as error:
+        raise BagError(f"message type {type_name}: package {package} is not installed") from error
+    path = share / "msg" / (name + suffix)
+    if not path.is_file():
+        raise BagError(f"message type {type_name} is not installed: no {path}")
+    return path
+
+
+def _dependencies(text: str, package: str) -> list[str]:
+    found = set()
+    for match in _FIELD.finditer(text):
+        kind = match[1]
+        if kind not in _PRIMITIVES:
+            found.add(kind if "/" in kind else f"{package}/{kind}")
+    return sorted(found)
+
+
+def message_definition(type_name: str) -> str:
+    """The ros2msg text of a type: its own text, then each dependency once.
+
+    Order and separators are rosbag2's: depth first, sorted by name within a message.
+
+    Raises:
+        BagError: the type, or one that it uses, is not installed.
+    """
+    seen: set[str] = set()
+
+    def text_of(name: str) -> str:
+        text = _interface_file(name, ".msg").read_text(encoding="utf-8")
+        parts = [text]
+        for dependency in _dependencies(text, split_type_name(name)[0]):
+            if dependency not in seen:
+                seen.add(dependency)
+                parts.append(f"\n{_SEPARATOR}\nMSG: {dependency}\n{text_of(dependency)}")
+        return "".join(parts)
+
+    return text_of(type_name)
+
+
+def type_hash(type_name: str) -> str:
+    """The RIHS01 hash of a type, as computed when its package was built.
+
+    Raises:
+        BagError: the type is not installed, or its description is broken.
+    """
+    package, name = split_type_name(type_name)
+    path = _interface_file(type_name, ".json")
+    try:
+        hashes = json.loads(path.read_text(encoding="utf-8"))["type_hashes"]
+        by_name = {entry["type_name"]: str(entry["hash_string"]) for entry in hashes}
+        return by_name[f"{package}/msg/{name}"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise BagError(f"{path}: no type hash of {type_name}") from error

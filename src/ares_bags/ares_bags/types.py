@@ -1,0 +1,43 @@
+"""Message classes by name, and where a message keeps its time."""
+
+import importlib
+from struct import Struct
+from typing import Any
+
+from ares_bags.errors import BagError
+from ares_bags.schema import split_type_name
+
+_LITTLE = Struct("<iI")
+_BIG = Struct(">iI")
+
+
+def message_class(type_name: str) -> Any:
+    """The Python class of `package/msg/Name`.
+
+    Raises:
+        BagError: it is not installed.
+    """
+    package, name = split_type_name(type_name)
+    try:
+        return getattr(importlib.import_module(f"{package}.msg"), name)
+    except (ImportError, AttributeError) as error:
+        raise BagError(f"message type {type_name} is not installed") from error
+
+
+def starts_with_stamp(kind: Any) -> bool:
+    """Whether a message class begins with a stamp or with a header, which begins with one."""
+    first = next(iter(kind.get_fields_and_field_types().values()), "")
+    return first in ("builtin_interfaces/Time", "std_msgs/Header")
+
+
+def stamp_of_cdr(data: bytes) -> int:
+    """Time in ns of a serialised message that begins with a stamp.
+
+    The stamp follows the four bytes of the encapsulation header, whose second byte is odd for
+    little endian.
+
+    Raises:
+        struct.error: fewer than 12 bytes.
+    """
+    sec, nanosec = (_LITTLE if data[1] & 1 else _BIG).unpack_from(data, 4)
+    return int(sec) * 1_000_000_000 + int(nanosec)

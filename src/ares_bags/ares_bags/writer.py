@@ -1,0 +1,260 @@
+"""Writing a bag: a folder with one MCAP file and `metadata.yaml`, as rosbag2 has it.
+
+The file reaches the disk in complete chunks, at a bounded interval of time and of bytes, so
+that a killed process loses at most that interval and a full disk leaves a readable bag.
+"""
+
+# mypy: allow-untyped-calls
+# some methods of the MCAP library have no types
+
+import os
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from importlib.metadata import version
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from mcap.writer import CompressionType, Writer
+
+from ares_bags.errors import BagError, cause
+from ares_bags.metadata import RECORD_NAME, bag_information, record_data, write_metadata_file
+from ares_bags.schema import Topic, qos_text
+from ares_bags.seal import seal
+
+#: Custom data of a bag that lost messages to a write error; its text is the error.
+INCOMPLETE_KEY = "incomplete"
+
+
+class _WholeChunks:
+    """Output stream whose bytes reach the file at `flush` only: all of them or none."""
+
+    def __init__(self, path: Path) -> None:
+        self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+        self._pending = bytearray()
+        self._written = 0
+
+    def write(self, data: bytes) -> int:
+        self._pending += data
+        return len(data)
+
+    def tell(self) -> int:
+        return self._written + len(self._pending)
+
+    def flush(self) -> None:
+        data = bytes(self._pending)
+        done = 0
+        try:
+            while done < len(data):
+                done += os.write(self._descriptor, data[done:])
+        except OSError:
+            # cut the torn chunk off; seal() does it again if this fails too
+            with suppress(OSError):
+                os.ftruncate(self._descriptor, self._written)
+            raise
+        self._written += done
+        self._pending.clear()
+
+    def close(self) -> None:
+        if self._descriptor >= 0:
+            descriptor, self._descriptor = self._descriptor, -1
+            os.close(descriptor)
+
+
+class BagWriter:
+    """Writes one bag.
+
+    After a write error nothing more is taken: the bag is closed with what fits on the disk,
+    `error` says why, and every further `write` raises it again.
+
+    Attributes:
+        path: the bag's folder.
+        counts: messages taken so far, by topic; after an error, messages that are on disk.
+        error: the write error, None as long as all is well.
+    """
+
+    def __init__(
+        self,
+        path: Path | str,
+        custom_data: Mapping[str, str] | None = None,
+        *,
+        flush_interval_s: float = 0.5,
+        flush_bytes: int = 256 * 1024,
+    ) -> None:
+        """Create the folder and begin the file.
+
+        Args:
+            path: folder of the new bag; its parents are created too.
+            custom_data: texts by name for the bag's metadata.
+            flush_interval_s: wall time in s after which a write flushes.
+            flush_bytes: message bytes after which a write flushes.
+
+        Raises:
+            BagError: the folder exists, or it cannot be created or written.
+        """
+        self.path = Path(path)
+        self.counts: dict[str, int] = {}
+        self.error: BagError | None = None
+        self._custom_data = dict(custom_data or {})
+        self._flush_interval = flush_interval_s
+        self._flush_bytes = flush_bytes
+        self._topics: dict[str, Topic] = {}
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+        self._first: int | None = None
+        self._last = 0
+        self._unflushed = 0
+        self._flushed_at = time.monotonic()
+        self._open = False
+        self.file = self.path / f"{self.path.name}_0.mcap"
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            self.path.mkdir()
+        except FileExistsError as error:
+            if os.path.lexists(self.path):
+                raise BagError(f"bag {self.path} exists already; expected a new name") from error
+            raise BagError(f"bag {self.path} cannot be created: {cause(error)}") from error
+        except OSError as error:
+            raise BagError(f"bag {self.path} cannot be created: {cause(error)}") from error
+        try:
+            self._output = _WholeChunks(self.file)
+            self._writer = Writer(
+                self._output,  # type: ignore[arg-type]
+                compression=CompressionType.ZSTD,
+            )
+            self._writer.start(profile="ros2", library=f"ares_bags mcap-python/{version('mcap')}")
+            # a killed recorder leaves at least what the bag is about
+            self._writer.add_metadata(RECORD_NAME, record_data(self._information()))
+            self._writer.flush()
+        except OSError as error:
+            with suppress(OSError):
+                self.file.unlink(missing_ok=True)
+                self.path.rmdir()
+            raise BagError(f"bag {self.path} cannot be written: {cause(error)}") from error
+        self._open = True
+
+    def __enter__(self) -> Self:
+        """The writer."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close, whatever happened."""
+        self.close()
+
+    def add_topic(self, topic: Topic) -> None:
+        """Announce a topic; a topic of that name that is known already stays as it is."""
+        if topic.name in self._channels:
+            return
+        schema = self._schemas.get(topic.type_name)
+        if schema is None:
+            schema = self._writer.register_schema(
+                topic.type_name, "ros2msg", topic.definition.encode()
+            )
+            self._schemas[topic.type_name] = schema
+        self._topics[topic.name] = topic
+        self.counts[topic.name] = 0
+        self._channels[topic.name] = self._writer.register_channel(
+            topic.name,
+            "cdr",
+            schema,
+            {"offered_qos_profiles": qos_text(topic.qos), "topic_type_hash": topic.type_hash},
+        )
+
+    def write(
+        self, topic: str, log_time_ns: int, data: bytes, publish_time_ns: int | None = None
+    ) -> None:
+        """Take one message.
+
+        Args:
+            topic: name of a topic that was added.
+            log_time_ns: flight time in ns, not negative.
+            data: the message as CDR, with its encapsulation header.
+            publish_time_ns: ns; default the log time.
+
+        Raises:
+            BagError: the bag could not be written; it is closed then.
+            ValueError: negative time.
+        """
+        if not self._open:
+            raise self.error or BagError(f"bag {self.path} is closed")
+        if log_time_ns < 0:
+            raise ValueError(f"log time is {log_time_ns} ns; expected zero or more")
+        publish_time = log_time_ns if publish_time_ns is None else publish_time_ns
+        self._writer.add_message(self._channels[topic], log_time_ns, data, publish_time)
+        self.counts[topic] += 1
+        if self._first is None or log_time_ns < self._first:
+            self._first = log_time_ns
+        if log_time_ns > self._last:
+            self._last = log_time_ns
+        self._unflushed += len(data)
+        if (
+            self._unflushed >= self._flush_bytes
+            or time.monotonic() - self._flushed_at >= self._flush_interval
+        ):
+            self.flush()
+
+    def flush(self) -> None:
+        """Bring everything taken so far to the file, as a complete chunk.
+
+        Raises:
+            BagError: the bag could not be written; it is closed then.
+        """
+        self._flushed_at = time.monotonic()
+        if not self._open or not self._unflushed:
+            return
+        self._unflushed = 0
+        try:
+            self._writer.flush()
+        except OSError as error:
+            raise self._fail(error) from error
+
+    def close(self) -> None:
+        """Write the end of the file and `metadata.yaml`. Closing twice does nothing.
+
+        Raises:
+            BagError: the bag could not be completed; what fits on the disk is readable.
+        """
+        if not self._open:
+            return
+        self.flush()
+        information = self._information()
+        try:
+            self._writer.add_metadata(RECORD_NAME, record_data(information))
+            self._writer.finish()
+            self._output.flush()
+            self._open = False
+            self._output.close()
+            write_metadata_file(self.path, information)
+        except OSError as error:
+            raise self._fail(error) from error
+
+    def _information(self) -> dict[str, object]:
+        span = None if self._first is None else (self._first, self._last)
+        counts = [(topic, self.counts[topic.name]) for topic in self._topics.values()]
+        return bag_information(self.file.name, counts, span, self._custom_data)
+
+    def _fail(self, error: OSError) -> BagError:
+        self._open = False
+        why = cause(error)
+        taken = sum(self.counts.values())
+        with suppress(OSError):
+            self._output.close()
+        try:
+            information = seal(self.file, {**self._custom_data, INCOMPLETE_KEY: why})
+        except OSError:
+            self.counts = dict.fromkeys(self.counts, 0)
+            saved = "nothing of it can be read"
+        else:
+            self.counts = dict.fromkeys(self.counts, 0) | {
+                entry["topic_metadata"]["name"]: entry["message_count"]
+                for entry in information["topics_with_message_count"]
+            }
+            saved = f"{information['message_count']} of {taken} messages are in it"
+        self.error = BagError(f"bag {self.path} is incomplete: {why}; {saved}")
+        return self.error
