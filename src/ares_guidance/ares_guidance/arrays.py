@@ -65,6 +65,7 @@ PEG_STATE = np.dtype(
         ("time_to_go", np.float64),
         ("velocity_to_go", np.float64, (3,)),
         ("gravity_displacement", np.float64, (3,)),
+        ("gravity_time", np.float64),  # s of flight that it holds for
         ("displacement_bias", np.float64, (3,)),
         ("desired_position", np.float64, (3,)),
         ("plane_normal", np.float64, (3,)),

@@ -44,7 +44,12 @@ from ares_guidance.arrays import (
     PHASE_HOLD,
     PHASE_TRACKING,
 )
-from ares_guidance.kernels.segments import burn_time_to_go, plan_segments, thrust_integrals
+from ares_guidance.kernels.segments import (
+    Integrals,
+    burn_time_to_go,
+    plan_segments,
+    thrust_integrals,
+)
 from ares_guidance.kernels.targets import (
     desired_state,
     plane_normal,
@@ -58,16 +63,15 @@ CUTOFF_SEARCH_STEPS = 4
 
 @kernel
 def steered_thrust(
-    state: Record, until: float, direction: Vector, rate: Vector, reference: float
+    integrals: Integrals, direction: Vector, rate: Vector, reference: float
 ) -> tuple[Vector, Vector]:
-    """Velocity and displacement that the planned thrust gives from now to ``until``.
+    """Velocity and displacement that the thrust behind the integrals gives.
 
     Linear-tangent steering expanded to second order in the turn from ``direction``, to
     which ``rate`` is normal.
 
     Args:
-        state: record PEG_STATE with planned segments.
-        until: s from now.
+        integrals: (L, J, S, Q, P, H) of :func:`thrust_integrals`.
         direction: unit vector at ``reference``.
         rate: 1/s.
         reference: s from now.
@@ -75,7 +79,7 @@ def steered_thrust(
     Returns:
         velocity m/s, displacement m.
     """
-    l_sum, j_sum, s_sum, q_sum, p_sum, h_sum = thrust_integrals(state, until)
+    l_sum, j_sum, s_sum, q_sum, p_sum, h_sum = integrals
     square = 0.5 * dot(rate, rate)
     k = reference
     along_v = l_sum - square * (h_sum - 2.0 * k * j_sum + k * k * l_sum)
@@ -144,7 +148,7 @@ def predicted_log_heating(
     """
     r = load(nav.position)
     v = load(nav.velocity)
-    thrust_v, thrust_r = steered_thrust(state, t, direction, rate, reference)
+    thrust_v, thrust_r = steered_thrust(thrust_integrals(state, t), direction, rate, reference)
     gravity_v, gravity_r = gravity_effect(r, v, thrust_v, thrust_r, t, environment.mu)
     r_t = add(axpy(t, v, r), add(gravity_r, thrust_r))
     v_t = add(v, add(gravity_v, thrust_v))
@@ -273,7 +277,7 @@ def predict_jettisons(
             log_limit,
             earliest,
             guess,
-            0.1 * settings.jettison_time_tolerance,
+            settings.jettison_time_tolerance,
         )
         if math.isfinite(after) != math.isfinite(before):
             largest = math.inf
@@ -308,6 +312,7 @@ def start_guess(
     plan_segments(nav, arcs, jettisons, state)
     t_go, _, _ = burn_time_to_go(state, norm(load(state.velocity_to_go)))
     state.time_to_go = t_go
+    state.gravity_time = t_go
     radius = norm(r)
     store(state.gravity_displacement, scale(-0.5 * environment.mu * t_go * t_go / radius**3, r))
     store(state.displacement_bias, (0.0, 0.0, 0.0))
@@ -332,7 +337,7 @@ def iterate(
     settings: Record,
     state: Record,
 ) -> tuple[float, float, bool]:
-    """One predictor-corrector pass.
+    """One predictor-corrector pass over the planned segments.
 
     Args: as in :func:`guidance_step`.
 
@@ -343,20 +348,18 @@ def iterate(
     r = load(nav.position)
     v = load(nav.velocity)
     v_go = load(state.velocity_to_go)
-    plan_segments(nav, arcs, jettisons, state)
 
-    previous_t_go = state.time_to_go
     t_go, last, short = burn_time_to_go(state, norm(v_go))
     state.time_to_go = t_go
     state.propellant_short = 1 if short else 0
     state.tail_gain = arcs[state.segments[last].arc].tail_gain
-    l_sum, j_sum, s_sum, q_sum, _, _ = thrust_integrals(state, t_go)
+    integrals = thrust_integrals(state, t_go)
+    l_sum, j_sum, s_sum, q_sum, _, _ = integrals
 
     # steering
     direction = unit(v_go)
     k = j_sum / l_sum
-    shrink = (t_go / previous_t_go) ** 2 if previous_t_go > 0.0 else 1.0
-    gravity_r = scale(shrink, load(state.gravity_displacement))
+    gravity_r = scale((t_go / state.gravity_time) ** 2, load(state.gravity_displacement))
     normal = load(state.plane_normal)
     wanted_r = load(state.desired_position)
     downrange = cross(normal, unit(wanted_r))
@@ -372,7 +375,7 @@ def iterate(
         rate = scale(steepest / norm(rate), rate)
 
     # prediction
-    thrust_v, thrust_r = steered_thrust(state, t_go, direction, rate, k)
+    thrust_v, thrust_r = steered_thrust(integrals, direction, rate, k)
     gravity_v, gravity_r = gravity_effect(r, v, thrust_v, thrust_r, t_go, environment.mu)
     r_p = add(axpy(t_go, v, r), add(gravity_r, thrust_r))
     v_p = add(v, add(gravity_v, thrust_v))
@@ -388,6 +391,7 @@ def iterate(
     miss = sub(wanted_v, v_p)
     store(state.velocity_to_go, add(v_go, miss))
     store(state.gravity_displacement, gravity_r)
+    state.gravity_time = t_go
     store(state.displacement_bias, sub(r_go, thrust_r))
     store(state.desired_position, wanted_r)
     store(state.plane_normal, normal)
@@ -462,6 +466,7 @@ def adopt_steering(nav: Record, state: Record, steering: Record) -> None:
 def copy_solution(source: Record, destination: Record) -> None:
     """Copy what an iteration changes, so that a failed cycle leaves no trace."""
     destination.time_to_go = source.time_to_go
+    destination.gravity_time = source.gravity_time
     destination.reference_time = source.reference_time
     destination.miss_speed = source.miss_speed
     destination.tail_gain = source.tail_gain
@@ -499,7 +504,10 @@ def solve(
     error = ERROR_NOT_CONVERGED
     state.iterations = 0
     reachable = True
+    moved = math.inf
     for _ in range(settings.max_iterations):
+        if moved > 0.0:
+            plan_segments(nav, arcs, jettisons, state)
         miss, moved, reachable = iterate(
             nav, environment, atmosphere, arcs, jettisons, target, settings, state
         )

@@ -1,0 +1,112 @@
+"""Time of one compiled guidance cycle and of whole compiled flights.
+
+Navigation states of a nominal 1 Hz flight are recorded first; then the cycles are run over
+them again and again inside compiled code, so that no Python call is in the figure.
+"""
+
+import argparse
+import statistics
+import time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_guidance.arrays import PEG_STATE
+from ares_guidance.kernels.peg import guidance_step
+from ares_guidance.peg import Peg, PegSettings
+from ares_models.arrays import NAVIGATION, STEERING, Record
+from ares_models.jit import kernel
+from ares_models.mission import load_mission
+from ares_studies.closed_loop import fly_compiled
+from ares_vehicle_sim.simulator import Simulator, SimulatorOptions
+
+
+@kernel
+def cycles(
+    navs: NDArray[Any],
+    environment: Record,
+    atmosphere: NDArray[Any],
+    arcs: NDArray[Any],
+    jettisons: NDArray[Any],
+    target: Record,
+    settings: Record,
+    state: Record,
+    saved: Record,
+    steering: Record,
+) -> int:
+    """Run one guidance step on each navigation state; returns the iterations made."""
+    for k in range(navs.shape[0]):
+        guidance_step(
+            navs[k],
+            environment,
+            atmosphere,
+            arcs,
+            jettisons,
+            target,
+            settings,
+            state,
+            saved,
+            steering,
+        )
+    return state.total_iterations
+
+
+def record_navigation(mission: Any, settings: PegSettings) -> NDArray[np.void]:
+    """Navigation states of a nominal flight, one a second."""
+    simulator = Simulator(mission, SimulatorOptions(navigation_period_s=1.0))
+    law = Peg(mission.arrays(), settings)
+    states = []
+    while not simulator.complete:
+        states.append(simulator.navigation.copy())
+        law.step(simulator.navigation)
+        simulator.command(law.steering)
+        simulator.advance()
+    return np.array(states, NAVIGATION)
+
+
+def main() -> None:
+    """Print medians over repeats."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--mission", default="ares_v")
+    parser.add_argument("--repeats", type=int, default=51)
+    options = parser.parse_args()
+    mission = load_mission(options.mission)
+    settings = PegSettings()
+    arrays = mission.arrays()
+    navs = record_navigation(mission, settings)
+    times = []
+    iterations = 0
+    for _ in range(options.repeats + 1):
+        state, saved = np.zeros(1, PEG_STATE), np.zeros(1, PEG_STATE)
+        steering = np.zeros(1, STEERING)
+        begun = time.perf_counter()
+        iterations = cycles(
+            navs,
+            arrays.environment[0],
+            arrays.atmosphere,
+            arrays.arcs,
+            arrays.jettisons,
+            arrays.target[0],
+            settings.record()[0],
+            state[0],
+            saved[0],
+            steering[0],
+        )
+        times.append((time.perf_counter() - begun) / len(navs))
+    step = statistics.median(times[1:])
+    print(f"{len(navs)} cycles, {iterations / len(navs):.2f} iterations each")
+    print(f"one guidance step: {step * 1e6:.2f} us median of {options.repeats} repeats")
+    print(f"one iteration:     {step * len(navs) / iterations * 1e6:.2f} us")
+    for period in (1.0, 0.1):
+        flights = []
+        for _ in range(options.repeats + 1):
+            begun = time.perf_counter()
+            fly_compiled(mission, settings, SimulatorOptions(navigation_period_s=period))
+            flights.append(time.perf_counter() - begun)
+        median = statistics.median(flights[1:])
+        print(f"one flight, navigation every {period:g} s: {median * 1e3:.2f} ms median")
+
+
+if __name__ == "__main__":
+    main()
