@@ -17,7 +17,7 @@ from pydantic import Field, ValidationError, model_validator
 from ares_models import arrays as layout
 from ares_models import mission_parts as parts
 from ares_models.arrays import MissionArrays
-from ares_models.atmosphere import FIXED_MODELS, Atmosphere, nrlmsis
+from ares_models.atmosphere import FIXED_MODELS, Atmosphere, AtmosphereError, nrlmsis
 from ares_models.mission_checks import MAX_STAGES, check_mission
 from ares_models.mission_file import (
     KeyPath,
@@ -138,7 +138,7 @@ class Mission(Part):
         """The atmosphere; the density factor is not in it.
 
         Raises:
-            AtmosphereError: a package that the model needs is missing.
+            MissionError: a package that the model needs is missing.
         """
         part = self.environment.atmosphere
         if part.model != "nrlmsis":
@@ -146,14 +146,17 @@ class Mission(Part):
         indices = (part.latitude_deg, part.longitude_deg, part.f107, part.f107a, part.ap)
         latitude, longitude, f107, f107a, ap = (float(x) for x in indices if x is not None)
         if self.epoch is None:
-            raise AssertionError("checked when the mission was read")
-        return nrlmsis(self.epoch, latitude, longitude, f107, f107a, ap)
+            raise MissionError(f"mission {self.name}", ["epoch is missing; nrlmsis needs it"])
+        try:
+            return nrlmsis(self.epoch, latitude, longitude, f107, f107a, ap)
+        except AtmosphereError as error:
+            raise MissionError(f"mission {self.name}", [str(error)]) from error
 
     def arrays(self) -> MissionArrays:
         """The mission as kernels take it; fresh arrays that the caller may change.
 
         Raises:
-            AtmosphereError: a package that the atmosphere needs is missing.
+            MissionError: a package that the atmosphere needs is missing.
         """
         return MissionArrays(
             environment=self._environment_array(),
@@ -405,7 +408,7 @@ def _explain(item: dict[str, Any], lines: dict[KeyPath, int]) -> str:
     where = f"line {line}: " if line else ""
     if kind == "extra_forbidden":
         known = _siblings(item["loc"])
-        close = difflib.get_close_matches(str(place[-1]), known, n=1)
+        close = difflib.get_close_matches(str(place[-1]), known, n=1, cutoff=0.5)
         hint = f"did you mean {close[0]}?" if close else "known are " + ", ".join(known)
         return f"{where}{name} is not a known key (its value is {format_value(value)}); {hint}"
     if missing:

@@ -86,6 +86,10 @@ def kepler(r: Vector, v: Vector, dt: float, mu: float) -> tuple[Vector, Vector]:
     r0 = norm(r)
     alpha = 2.0 / r0 - dot(v, v) / mu
 
+    if not math.isfinite(dt + alpha + r0):
+        nowhere = (math.nan, math.nan, math.nan)
+        return nowhere, nowhere
+
     # motion backwards is motion forwards with the velocity turned round
     sign = 1.0 if dt > 0.0 else -1.0
     sigma = sign * dot(r, v) / root_mu

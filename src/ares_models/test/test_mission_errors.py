@@ -1,0 +1,507 @@
+"""Broken mission files: one line each, with file, line, key, value and what was expected."""
+
+import errno
+import re
+from importlib import resources
+from pathlib import Path
+
+import pytest
+from ares_models.mission import MissionError, load_mission
+
+TEXT = resources.files("ares_models").joinpath("missions", "ares_v.yaml").read_text()
+SATURN = resources.files("ares_models").joinpath("missions", "saturn_v_as506.yaml").read_text()
+
+
+def message(path):
+    with pytest.raises(MissionError) as caught:
+        load_mission(path)
+    text = str(caught.value)
+    assert "\n" not in text
+    assert "Traceback" not in text
+    assert "pydantic" not in text
+    return text
+
+
+def edited(tmp_path, old, new, text=TEXT):
+    assert text.count(old) >= 1, f"{old!r} is not in the mission file"
+    path = tmp_path / "broken.yaml"
+    path.write_text(text.replace(old, new, 1))
+    return path
+
+
+# (what stands in ares_v.yaml, what takes its place, key path, rest of the message)
+BROKEN = {
+    "unknown key": (
+        "thrust_n: 17437041.0",
+        "trust_n: 17437041.0",
+        "stages[0].trust_n",
+        "is not a known key (its value is 17437041.0); did you mean thrust_n?",
+    ),
+    "unknown key at the top": ("title:", "titel:", "title", "is missing; expected a value"),
+    "unknown key in the environment": (
+        "  j2: 0.0",
+        "  j3: 0.0",
+        "environment.j3",
+        "did you mean j2?",
+    ),
+    "missing key": (
+        "    isp_s: 414.7 ",
+        "    # ",
+        "stages[0].isp_s",
+        "is missing; expected a value, or a list of arcs in its place",
+    ),
+    "missing number": (
+        "  mu_m3_s2: 3.986e14",
+        "  # ",
+        "environment.mu_m3_s2",
+        "is missing; expected a number in m3/s2",
+    ),
+    "negative mass": (
+        "ignition_mass_kg: 1227734.0",
+        "ignition_mass_kg: -1227734.0",
+        "stages[0].ignition_mass_kg",
+        "is -1227734.0; expected a number greater than 0 in kg",
+    ),
+    "negative jettison": (
+        "mass_kg: 5837.0",
+        "mass_kg: -5837.0",
+        "jettisons[0].mass_kg",
+        "is -5837.0; expected a number greater than 0 in kg",
+    ),
+    "zero thrust": ("17437041.0", "0", "stages[0].thrust_n", "expected a number greater than 0"),
+    "not a number": (
+        "isp_s: 448.0",
+        "isp_s: .nan",
+        "stages[1].isp_s",
+        "is nan; expected a finite number in s",
+    ),
+    "infinite": (
+        "speed_m_s: 7840.675",
+        "speed_m_s: .inf",
+        "target.speed_m_s",
+        "is inf; expected a finite number in m/s",
+    ),
+    "too large for a number": (
+        "speed_m_s: 7840.675",
+        "speed_m_s: 1e999",
+        "target.speed_m_s",
+        "is inf; expected a finite number in m/s",
+    ),
+    "nan in a vector": (
+        "-2044694.0",
+        ".nan",
+        "initial_state.position_m[1]",
+        "is nan; expected a finite number",
+    ),
+    "text for a number": (
+        "radius_m: 6518889.0",
+        "radius_m: far",
+        "target.radius_m",
+        "is 'far'; expected a number in m",
+    ),
+    "quoted number": (
+        "radius_m: 6518889.0",
+        'radius_m: "6518889.0"',
+        "target.radius_m",
+        "is '6518889.0'; expected a number in m",
+    ),
+    "truth for a number": (
+        "radius_m: 6518889.0",
+        "radius_m: true",
+        "target.radius_m",
+        "is true; expected a number in m",
+    ),
+    "empty value": (
+        "radius_m: 6518889.0",
+        "radius_m:",
+        "target.radius_m",
+        "is empty; expected a number in m",
+    ),
+    "list for a mapping": (
+        "  atmosphere:\n    model: pra63 ",
+        "  atmosphere: [1, 2] ",
+        "environment.atmosphere",
+        "is a list of 2; expected a mapping",
+    ),
+    "short vector": (
+        ", 3058330.0]",
+        "]",
+        "initial_state.position_m[2]",
+        "is missing; expected a number",
+    ),
+    "long vector": (
+        ", 3058330.0]",
+        ", 3058330.0, 1.0]",
+        "initial_state.position_m",
+        "is a list of 4; expected a list of at most 3",
+    ),
+    "unknown atmosphere": (
+        "model: pra63",
+        "model: pra64",
+        "environment.atmosphere.model",
+        "is 'pra64'; expected one of 'pra63', 'pra63_exponential', 'us76' or 'nrlmsis'",
+    ),
+    "indices without nrlmsis": (
+        "model: pra63",
+        "f107: 150\n    model: pra63",
+        "environment.atmosphere.f107",
+        "is 150.0; expected no such key, because model is pra63",
+    ),
+    "nrlmsis without indices": (
+        "model: pra63",
+        "model: nrlmsis",
+        "environment.atmosphere.f107",
+        "is missing; expected a number, because model is nrlmsis",
+    ),
+    "nrlmsis without an epoch": (
+        "model: pra63",
+        "{model: nrlmsis, f107: 1, f107a: 1, ap: 1, latitude_deg: 0, longitude_deg: 0}",
+        "epoch",
+        "is missing; expected a date and time, because the atmosphere is nrlmsis",
+    ),
+    "bad epoch": (
+        "name: ares_v",
+        "name: ares_v\nepoch: tomorrow",
+        "epoch",
+        "is 'tomorrow'; expected a date and time such as 2010-06-21T12:00:00Z",
+    ),
+    "bad name": (
+        "name: ares_v",
+        "name: Ares V",
+        "name",
+        "is 'Ares V'; expected a name of small letters, digits and underscores",
+    ),
+    "polar radius above equatorial": (
+        "6356750.0",
+        "6456750.0",
+        "environment.earth.polar_radius_m",
+        "expected at most equatorial_radius_m, 6378140.0 m",
+    ),
+    "no initial state": (
+        (
+            "  position_m: [-5255758.0, -2044694.0, 3058330.0]   # Eq. 2.17\n"
+            "  velocity_m_s: [413.927, -1839.599, 202.550] "
+        ),
+        " ",
+        "initial_state",
+        "expected position_m and velocity_m_s, or latitude_deg",
+    ),
+    "position in km": (
+        "[-5255758.0, -2044694.0, 3058330.0]",
+        "[-5255.758, -2044.694, 3058.330]",
+        "initial_state.position_m",
+        "is 6415.384; expected a distance from the Earth's centre above its surface",
+    ),
+    "no burn time": (
+        "burn_time_s: free",
+        "burn_time_s: forever",
+        "stages[1].burn_time_s",
+        "is 'forever'; expected a time in s greater than 0, or the word free",
+    ),
+    "negative burn time": (
+        "burn_time_s: 181.25",
+        "burn_time_s: -1",
+        "stages[0].burn_time_s",
+        "is -1; expected a time in s greater than 0, or the word free",
+    ),
+    "no free burn": (
+        "burn_time_s: free",
+        "burn_time_s: 400.0",
+        "stages[1].burn_time_s",
+        "is 400.0; expected free, for the last arc of the last stage",
+    ),
+    "free burn too early": (
+        "burn_time_s: 181.25",
+        "burn_time_s: free",
+        "stages[0].burn_time_s",
+        "is 'free'; expected a time in s; only the last arc of the last stage is free",
+    ),
+    "burn past the propellant": (
+        "burn_time_s: 181.25",
+        "propellant_kg: 700000\n    burn_time_s: 181.25",
+        "stages[0].burn_time_s",
+        (
+            "is 181.25; expected burns that take at most 700,000 kg; the fixed burns of stage core "
+            "take 777,134.328 kg"
+        ),
+    ),
+    "burn past the next stage": (
+        "burn_time_s: 181.25",
+        "burn_time_s: 220",
+        "stages[0].burn_time_s",
+        "expected burns that take at most 919,897 kg",
+    ),
+    "propellant past the stage": (
+        "    thrust_n: 1306665.0",
+        "    propellant_kg: 305000\n    thrust_n: 1306665.0",
+        "stages[1].propellant_kg",
+        "is 305000.0; expected at most the 302,000 kg that the stage can lose",
+    ),
+    "upper stage heavier than the stack": (
+        "307837.0",
+        "1307837.0",
+        "stages[1].ignition_mass_kg",
+        "is 1307837.0; expected less than the 1,227,734 kg of stage core",
+    ),
+    "jettison heavier than its stage": (
+        "mass_kg: 5837.0",
+        "mass_kg: 583700.0",
+        "stages[1].ignition_mass_kg",
+        "expected more than the 583,700 kg of jettisons that it contains",
+    ),
+    "jettison of no stage": (
+        "stage: upper stage",
+        "stage: third stage",
+        "jettisons[0].stage",
+        "is 'third stage'; expected the name of a stage: core, upper stage",
+    ),
+    "jettison without a criterion": (
+        "    heating_limit_w_m2: 1135.0",
+        "    #",
+        "jettisons[0].heating_limit_w_m2",
+        "is missing; expected one of heating_limit_w_m2, time_s, time_after_ignition_s",
+    ),
+    "jettison with two criteria": (
+        "heating_limit_w_m2: 1135.0",
+        "heating_limit_w_m2: 1135.0\n    time_s: 400.0",
+        "jettisons[0].time_s",
+        "is 400.0; expected no such key beside heating_limit_w_m2",
+    ),
+    "jettison before its stage burns": (
+        "heating_limit_w_m2: 1135.0",
+        "time_s: 300.0",
+        "jettisons[0].time_s",
+        "is 300.0; expected at least 337.15 s, when stage upper stage ignites",
+    ),
+    "two stages of one name": (
+        "- name: upper stage",
+        "- name: core",
+        "stages[1].name",
+        "is 'core'; expected a name that stages[0] has not",
+    ),
+    "no stages": ("stages:\n", "stages: []\nolder:\n", "stages", "expected a list of at least 1"),
+    "start that does not begin at 0": (
+        "burn_time_s: free",
+        "burn_time_s: free\n    start: [[1, 0], [2, 1]]",
+        "stages[1].start[0]",
+        "expected a first knot at 0 s",
+    ),
+    "start that does not reach full thrust": (
+        "burn_time_s: free",
+        "burn_time_s: free\n    start: [[0, 0], [2, 0.9]]",
+        "stages[1].start[1]",
+        "expected a last thrust fraction of 1",
+    ),
+    "start that goes back in time": (
+        "burn_time_s: free",
+        "burn_time_s: free\n    start: [[0, 0], [2, 0.5], [1, 1]]",
+        "stages[1].start[2]",
+        "expected a time of at least 2.0 s, as before it",
+    ),
+    "start of nine knots": (
+        "burn_time_s: free",
+        "burn_time_s: free\n    start: [" + ", ".join(f"[{k}, 0]" for k in range(9)) + "]",
+        "stages[1].start",
+        "is a list of 9; expected a list of at most 8",
+    ),
+    "thrust fraction above 1": (
+        "burn_time_s: free",
+        "burn_time_s: free\n    start: [[0, 0], [2, 1.5]]",
+        "stages[1].start[1][1]",
+        "is 1.5; expected a number of at most 1",
+    ),
+    "tail-off without room": (
+        "burn_time_s: 181.25",
+        "burn_time_s: 181.25\n    tail_off: [[0, 1], [2, 0]]",
+        "stages[0].tail_off",
+        (
+            "expected a tail-off of 2 s followed by a coast of at least that in the same stage, "
+            "which has 0 s"
+        ),
+    ),
+    "start longer than the burn": (
+        "burn_time_s: 181.25",
+        "burn_time_s: 1.5\n    start: [[0, 0], [2, 1]]",
+        "stages[0].burn_time_s",
+        "is 1.5; expected at least the 2.0 s that the start takes",
+    ),
+    "arcs beside the short form": (
+        "burn_time_s: 181.25",
+        "burn_time_s: 181.25\n    arcs: [{coast_s: 1}]",
+        "stages[0].thrust_n",
+        "expected no such key beside arcs",
+    ),
+    "target under the ground": (
+        "radius_m: 6518889.0",
+        "radius_m: 6318889.0",
+        "target.radius_m",
+        "is 6318889.0; expected more than the Earth's radius, 6,378,140 m",
+    ),
+    "target speed in km/s": (
+        "speed_m_s: 7840.675",
+        "speed_m_s: 7.840675",
+        "target.speed_m_s",
+        "is 7.840675; expected between 1,106 and 11,059 m/s (escape) at this radius",
+    ),
+    "target faster than escape": (
+        "speed_m_s: 7840.675",
+        "speed_m_s: 12000",
+        "target.speed_m_s",
+        "is 12000.0; expected between",
+    ),
+    "flight-path angle past the vertical": (
+        "1.0064",
+        "100.64",
+        "target.flight_path_angle_deg",
+        "is 100.64; expected a number of at most 90 in deg",
+    ),
+    "inclination past 180": (
+        "inclination_deg: 28.5",
+        "inclination_deg: 285",
+        "target.inclination_deg",
+        "is 285; expected a number of at most 180 in deg",
+    ),
+    "inclination out of reach": (
+        "inclination_deg: 28.5",
+        "inclination_deg: 98.0",
+        "target.inclination_deg",
+        "is 98.0; expected within 30 deg of the initial state's inclination, 28.501 deg",
+    ),
+    "node out of reach": (
+        "inclination_deg: 28.5",
+        "inclination_deg: 28.5\n  ascending_node_deg: 300",
+        "target.ascending_node_deg",
+        (
+            "is 300.0; expected a plane within 30 deg of the initial state's, whose node is at "
+            "114.091 deg"
+        ),
+    ),
+    "target of no kind": (
+        "target:                           # Table 2.1",
+        "target: {}\nother:",
+        "target",
+        "expected radius_m, speed_m_s, flight_path_angle_deg and inclination_deg",
+    ),
+    "duplicate key": (
+        "isp_s: 448.0",
+        "isp_s: 448.0\n    isp_s: 449.0",
+        "stages[1].isp_s",
+        "is given twice (first in line",
+    ),
+    "alias": (
+        "isp_s: 448.0",
+        "isp_s: &x 448.0\n    propellant_kg: *x",
+        "stages[1].propellant_kg",
+        "is an alias (*name); expected the value itself",
+    ),
+    "tag": (
+        "isp_s: 448.0",
+        "isp_s: !!python/object:os.system 448.0",
+        "stages[1].isp_s",
+        "has the YAML tag tag:yaml.org,2002:python/object:os.system; expected a plain value",
+    ),
+    "list as a key": ("name: ares_v", "? [a, b]\n: 1", "the file", "a list or mapping as a key"),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_broken_value_is_named(tmp_path, case):
+    old, new, path, rest = BROKEN[case]
+    text = message(edited(tmp_path, old, new))
+    problem = rf"broken\.yaml: (line \d+: )?{re.escape(path)} "
+    assert re.search(problem, text), text
+    assert rest in text
+
+
+def test_every_problem_is_kept(tmp_path):
+    text = TEXT.replace("mass_kg: 5837.0", "mass_kg: -1").replace("isp_s: 448.0", "isp_s: 0")
+    path = tmp_path / "two.yaml"
+    path.write_text(text)
+    with pytest.raises(MissionError) as caught:
+        load_mission(path)
+    assert str(caught.value).endswith(" (and 1 more)")
+    assert len(caught.value.problems) == 2
+
+
+def test_the_line_is_that_of_the_key(tmp_path):
+    path = edited(tmp_path, "isp_s: 448.0", "isp_s: -448.0")
+    line = (
+        path.read_text()
+        .splitlines()
+        .index(next(row for row in path.read_text().splitlines() if "-448.0" in row))
+    )
+    assert f"line {line + 1}: stages[1].isp_s is -448.0" in message(path)
+
+
+def test_problem_inside_an_arc(tmp_path):
+    path = edited(tmp_path, "coast_s: 0.70", "coast_s: -0.70", SATURN)
+    assert "stages[0].arcs[0].coast_s is -0.7; expected a number greater than 0 in s" in message(
+        path
+    )
+    path = edited(tmp_path, "isp_s: 427.0", "isp: 427.0", SATURN)
+    assert "stages[0].arcs[3].isp_s is missing; expected a number in s" in message(path)
+    path = edited(tmp_path, "[0.51, 0.0]", "[0.81, 0.0]", SATURN)
+    assert "stages[0].arcs[3].tail_off is a list of 2; expected a tail-off of 0.81 s" in message(
+        path
+    )
+    path = edited(tmp_path, "time_s: 192.3", "time_s: 92.3", SATURN)
+    assert "jettisons[1].time_s is 92.3; expected at least 163 s, when stage S-II" in message(path)
+
+
+FILES = {
+    "empty": (b"", "is empty; expected a mapping"),
+    "only a comment": (b"# nothing\n", "is empty; expected a mapping"),
+    "a list": (b"- 1\n- 2\n", "is a list of 2; expected a mapping"),
+    "a word": (b"mission\n", "is 'mission'; expected a mapping"),
+    "binary": (bytes(range(256)), "is not text (byte "),
+    "control characters": (b"name: \x00\x01\n", "not valid YAML"),
+    "bad indent": (b"name: x\n  title: y\n", "line 2: not valid YAML"),
+    "open bracket": (b"name: [1, 2\ntitle: y\n", "not valid YAML"),
+    "tab": (b"name:\n\t- x\n", "line 2: not valid YAML"),
+    "two documents": (b"name: x\n---\nname: y\n", "line 2: not valid YAML"),
+    "deep": (b"[" * 100000, "is nested too deeply"),
+    "huge": (b"#" * (1 << 21), "is larger than 1048576 bytes"),
+}
+
+
+@pytest.mark.parametrize("case", FILES)
+def test_what_is_no_mission_file(tmp_path, case):
+    content, rest = FILES[case]
+    path = tmp_path / "no_mission.yaml"
+    path.write_bytes(content)
+    text = message(path)
+    assert text.startswith(f"{path}: ")
+    assert rest in text
+
+
+def test_a_directory_and_nothing_at_all(tmp_path):
+    assert message(tmp_path).endswith("is a directory; expected a YAML mission file")
+    assert "no such file" in message(tmp_path / "none.yaml")
+
+
+def test_a_file_that_may_not_be_read(tmp_path, monkeypatch):
+    path = tmp_path / "secret.yaml"
+    path.write_text(TEXT)
+
+    def refuse(*_):
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(Path, "read_text", refuse)
+    assert "cannot be read: Permission denied" in message(path)
+
+
+def test_unknown_name():
+    text = message("ares_5")
+    assert text == (
+        "mission 'ares_5': no such mission; shipped are ares_v, delta_iii, saturn_v_as506, "
+        "or give a file's path; did you mean ares_v?"
+    )
+    assert "did you mean" not in message("soyuz")
+    assert message("").startswith("mission ''")
+
+
+def test_numbers_are_those_of_yaml_1_2(tmp_path):
+    path = edited(tmp_path, "thrust_n: 17437041.0", "thrust_n: 017437041")
+    assert load_mission(path).stages[0].thrust_n == 17437041.0
+    path = edited(tmp_path, "mu_m3_s2: 3.986e14", "mu_m3_s2: 3.986E+14")
+    assert load_mission(path).environment.mu_m3_s2 == 3.986e14
