@@ -599,6 +599,7 @@ def guidance_step(
         and is_finite(load(nav.sensed_delta_v))
         and math.isfinite(nav.time)
         and nav.mass > 0.0
+        and math.isfinite(nav.mass)
         and 0 <= nav.arc < arcs.shape[0]
         and dot(r, r) > 0.0
     ):
