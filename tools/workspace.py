@@ -522,6 +522,22 @@ def relocate_cmake(share: Path, include: str, site_packages: str) -> int:
     return changed
 
 
+def repair_scripts(install: Path, interpreter: Path) -> None:
+    """Let the shell start the node executables where a ``#!`` line cannot name the Python.
+
+    The system takes no blanks there and cuts long lines.
+    """
+    start = f"#!{interpreter}"
+    if " " not in start and len(start) < 127:
+        return
+    for path in sorted(install.glob("lib/ares_*/*")):
+        first, _, rest = path.read_text(encoding="utf-8").partition("\n")
+        if first.startswith("#!") and str(interpreter) in first:
+            # a comment-like string to Python, a command to the shell
+            shell = f"#!/bin/sh\n'''exec' {shlex.quote(str(interpreter))} \"$0\" \"$@\"\n' '''\n"
+            path.write_text(shell + rest, encoding="utf-8")
+
+
 def remove(path: Path) -> None:
     """Remove a file, a link or a folder, if it is there."""
     if path.is_symlink() or path.is_file():
@@ -623,6 +639,7 @@ def build(workspace: Workspace, environ: Mapping[str, str], lock: int) -> None:
         "COLCON_DEFAULTS_FILE": os.devnull,
         "COLCON_EXTENSION_BLOCKLIST": "colcon_core.event_handler.desktop_notification",
         "PYTHONWARNINGS": "ignore",
+        "MAKEFLAGS": f"-j{os.cpu_count() or 1}",
     }
     colcon = [str(workspace.interpreter), "-m", "colcon", "--log-base", "log", "build"]
     colcon += ["--base-paths", "src", "--build-base", "build", "--install-base", "install"]
@@ -631,6 +648,7 @@ def build(workspace: Workspace, environ: Mapping[str, str], lock: int) -> None:
     colcon += ["--cmake-args", "-G", "Ninja", "-DBUILD_TESTING=OFF", "-DCMAKE_BUILD_TYPE=Release"]
     colcon += [f"-DPython3_EXECUTABLE={workspace.interpreter}"]
     run_logged(colcon, workspace, build_environ, lock, "colcon build")
+    repair_scripts(root / "install", workspace.interpreter)
     run_logged(
         [str(workspace.interpreter), "-c", "import rclpy, ares_msgs.msg, ares_msgs.srv"],
         workspace,
