@@ -20,6 +20,9 @@ MAX_ARCS = 24
 #: turns further is a slip in the file.
 MAX_PLANE_CHANGE = math.radians(30.0)
 
+#: An ascent begins below this many Earth radii.
+MAX_INITIAL_RADII = 10.0
+
 # file values are rounded; masses may miss each other by this much of themselves
 _MASS_ROUNDING = 1e-6
 
@@ -169,8 +172,9 @@ def _check_jettison_times(mission: "Mission") -> None:
 def _check_initial_state(mission: "Mission") -> None:
     start = mission.start()
     earth = mission.environment.earth.earth()
-    radius = float(np.linalg.norm(start.position))
+    radius = math.hypot(*start.position)
     surface = earth.equatorial_radius
+    farthest = MAX_INITIAL_RADII * surface
     if mission.environment.altitude == "ellipsoid" and radius > 0.0:
         latitude, _ = earth.latitude_longitude(start.position, 0.0)
         surface = earth.surface_radius(latitude)
@@ -178,11 +182,23 @@ def _check_initial_state(mission: "Mission") -> None:
         type(mission.initial_state).model_fields
     )
     path = ("initial_state", *key)
-    if radius <= surface:
+    if not surface < radius < farthest:
         fail(
             path,
             round(radius, 3),
-            f"a distance from the Earth's centre above its surface, {surface:,.0f} m",
+            f"a distance from the Earth's centre above its surface, {surface:,.0f} m, "
+            f"and below {farthest:,.0f} m",
+        )
+    speed = math.hypot(*start.velocity)
+    escape = math.sqrt(2.0 * mission.environment.mu_m3_s2 / radius)
+    if speed >= 2.0 * escape:
+        key = {"velocity_m_s", "speed_m_s", "semi_major_axis_m"} & set(
+            type(mission.initial_state).model_fields
+        )
+        fail(
+            ("initial_state", *key),
+            round(speed, 3),
+            f"a speed below twice the escape speed, {2.0 * escape:,.0f} m/s",
         )
     momentum = float(np.linalg.norm(np.cross(start.position, start.velocity)))
     if not momentum > 0.0:

@@ -204,8 +204,8 @@ class StateElements(Part):
     """Initial state as Keplerian elements."""
 
     time_s: Number
-    semi_major_axis_m: Number
-    eccentricity: NonNegative
+    semi_major_axis_m: Annotated[float, Field(strict=True, ge=-1e12, le=1e12)]
+    eccentricity: Annotated[float, Field(strict=True, ge=0.0, le=100.0)]
     inclination_deg: Inclination
     ascending_node_deg: Turn
     argument_of_perigee_deg: Turn

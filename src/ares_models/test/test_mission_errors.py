@@ -192,6 +192,18 @@ BROKEN = {
         "initial_state.position_m",
         "is 6415.384; expected a distance from the Earth's centre above its surface",
     ),
+    "position out of the Earth's reach": (
+        "3058330.0]",
+        "1e300]",
+        "initial_state.position_m",
+        "and below 63,781,400 m",
+    ),
+    "speed in mm/s": (
+        "-1839.599",
+        "-1839599",
+        "initial_state.velocity_m_s",
+        "expected a speed below twice the escape speed, 22,295 m/s",
+    ),
     "no burn time": (
         "burn_time_s: free",
         "burn_time_s: forever",
