@@ -1,0 +1,195 @@
+"""Thrust integrals, states and costates in closed form under linear gravity.
+
+Eqs. 3.20-3.23 and 3.27-3.29. Printed: mixed arguments and scaling in 3.22, 3.23 and
+3.27-3.29, omega0 = mu/r0^3 in 3.4. What holds, with w = sqrt(mu/r0^3):
+
+    r(t) = r0 cos wt + (V0/w) sin wt + (1/w)(sin wt Ic - cos wt Is)
+    V(t) = -w r0 sin wt + V0 cos wt + cos wt Ic + sin wt Is
+    Ic = int u a cos wt dt,  Is = int u a sin wt dt,  u = lambda_v/|lambda_v|
+
+with the integrals by Simpson's rule or by Milne's (the five-point rule also called
+Boole's). On a long burn the linear field is wrong by kilometres; w is then taken anew from
+the radius at the start of each shorter arc.
+"""
+
+import math
+
+import numpy as np
+from ares_models.arrays import Record
+from ares_models.jit import kernel
+from numpy.typing import NDArray
+
+from ares_optimizer.kernels.costates import thrust_acceleration_tangents
+
+SIMPSON = 1
+MILNE = 2
+
+_NODES = 5
+#: Weights over the arc's length on the points 0, 1/4, 1/2, 3/4, 1.
+_WEIGHTS = np.array(
+    [
+        [1.0 / 6.0, 0.0, 4.0 / 6.0, 0.0, 1.0 / 6.0],
+        [7.0 / 90.0, 32.0 / 90.0, 12.0 / 90.0, 32.0 / 90.0, 7.0 / 90.0],
+    ]
+)
+
+
+@kernel
+def closed_form_segment(
+    segment: Record,
+    arcs: int,
+    mu: float,
+    omega_square: float,
+    rule: int,
+    columns: int,
+    state: NDArray[np.float64],
+    tangent: NDArray[np.float64],
+    integrals: NDArray[np.float64],
+    integral_tangents: NDArray[np.float64],
+    scratch: NDArray[np.float64],
+) -> None:
+    """Carry state and tangents over one segment, on equal arcs in closed form.
+
+    Args:
+        segment: record SEGMENT.
+        arcs: number of arcs.
+        mu: m3/s2.
+        omega_square: 1/s2, held over the segment; 0: mu/r^3 anew at every arc's start.
+        rule: SIMPSON or MILNE.
+        columns: how many tangents to carry; 0 for none.
+        state: shape (12,), changed: r, V, lambda_v, lambda_v'.
+        tangent: shape (12, MAX_COLUMNS), changed.
+        integrals: at least 6 numbers, written: Ic, Is of the last arc.
+        integral_tangents: shape (6, MAX_COLUMNS), scratch.
+        scratch: shape (at least 7, MAX_COLUMNS), scratch.
+    """
+    h = (segment.end - segment.start) / arcs
+    i = segment.start_column if segment.start_column < columns else -1
+    j = segment.end_column if segment.end_column < columns else -1
+    if i == j:
+        i = -1
+        j = -1
+    acceleration_tangent = scratch[0]
+    d_omega = scratch[1]
+    d_h = scratch[2]
+    for c in range(columns):
+        d_h[c] = 0.0
+        d_omega[c] = 0.0
+    if i >= 0:
+        d_h[i] = -1.0 / arcs
+    if j >= 0:
+        d_h[j] = 1.0 / arcs
+    for arc in range(arcs):
+        r0, r1, r2 = state[0], state[1], state[2]
+        square = r0 * r0 + r1 * r1 + r2 * r2
+        if omega_square > 0.0:
+            omega = math.sqrt(omega_square)
+        else:
+            omega = math.sqrt(mu / (square * math.sqrt(square)))
+            for c in range(columns):
+                along = r0 * tangent[0, c] + r1 * tangent[1, c] + r2 * tangent[2, c]
+                d_omega[c] = -1.5 * omega * along / square
+        for n in range(6):
+            integrals[n] = 0.0
+            for c in range(columns):
+                integral_tangents[n, c] = 0.0
+        for node in range(_NODES):
+            weight = _WEIGHTS[rule - 1, node]
+            if weight == 0.0:
+                continue
+            t = 0.25 * node * h
+            cos = math.cos(omega * t)
+            sin = math.sin(omega * t)
+            p0 = state[6] * cos + state[9] * sin / omega
+            p1 = state[7] * cos + state[10] * sin / omega
+            p2 = state[8] * cos + state[11] * sin / omega
+            inverse = 1.0 / math.sqrt(p0 * p0 + p1 * p1 + p2 * p2)
+            u0, u1, u2 = p0 * inverse, p1 * inverse, p2 * inverse
+            # derivative of the primer by wt
+            z0 = -state[6] * sin + state[9] * cos / omega
+            z1 = -state[7] * sin + state[10] * cos / omega
+            z2 = -state[8] * sin + state[11] * cos / omega
+            fraction = (arc + 0.25 * node) / arcs if i >= 0 or j >= 0 else 0.0
+            a = thrust_acceleration_tangents(
+                segment, arc * h + t, fraction, columns, acceleration_tangent
+            )
+            wa = weight * h * a
+            integrals[0] += wa * cos * u0
+            integrals[1] += wa * cos * u1
+            integrals[2] += wa * cos * u2
+            integrals[3] += wa * sin * u0
+            integrals[4] += wa * sin * u1
+            integrals[5] += wa * sin * u2
+            for c in range(columns):
+                d_angle = d_omega[c] * t + omega * 0.25 * node * d_h[c]
+                slow = sin * d_omega[c] / (omega * omega)
+                b0 = cos * tangent[6, c] + sin * tangent[9, c] / omega
+                b1 = cos * tangent[7, c] + sin * tangent[10, c] / omega
+                b2 = cos * tangent[8, c] + sin * tangent[11, c] / omega
+                b0 += d_angle * z0 - slow * state[9]
+                b1 += d_angle * z1 - slow * state[10]
+                b2 += d_angle * z2 - slow * state[11]
+                ub = u0 * b0 + u1 * b1 + u2 * b2
+                d_wa = weight * (h * acceleration_tangent[c] + d_h[c] * a)
+                x = wa * inverse
+                y = d_wa - x * ub
+                b0 = x * b0 + y * u0
+                b1 = x * b1 + y * u1
+                b2 = x * b2 + y * u2
+                w = wa * d_angle
+                integral_tangents[0, c] += cos * b0 - w * sin * u0
+                integral_tangents[1, c] += cos * b1 - w * sin * u1
+                integral_tangents[2, c] += cos * b2 - w * sin * u2
+                integral_tangents[3, c] += sin * b0 + w * cos * u0
+                integral_tangents[4, c] += sin * b1 + w * cos * u1
+                integral_tangents[5, c] += sin * b2 + w * cos * u2
+        cos = math.cos(omega * h)
+        sin = math.sin(omega * h)
+        for n in range(3):
+            ic = integrals[n]
+            js = integrals[n + 3]
+            r = state[n]
+            v = state[n + 3]
+            p = state[n + 6]
+            q = state[n + 9]
+            across = sin * ic - cos * js
+            along = cos * ic + sin * js
+            for c in range(columns):
+                dw = d_omega[c]
+                d_angle = dw * h + omega * d_h[c]
+                dr = tangent[n, c]
+                dv = tangent[n + 3, c]
+                dp = tangent[n + 6, c]
+                dq = tangent[n + 9, c]
+                d_ic = integral_tangents[n, c]
+                d_js = integral_tangents[n + 3, c]
+                tangent[n, c] = (
+                    cos * dr
+                    - sin * d_angle * r
+                    + (sin * dv + cos * d_angle * v) / omega
+                    + (sin * d_ic - cos * d_js + d_angle * along) / omega
+                    - dw * (sin * v + across) / (omega * omega)
+                )
+                tangent[n + 3, c] = (
+                    cos * (dv + d_ic)
+                    + sin * (d_js - omega * dr)
+                    - sin * d_angle * v
+                    - (dw * sin + omega * cos * d_angle) * r
+                    - d_angle * across
+                )
+                tangent[n + 6, c] = (
+                    cos * dp
+                    - sin * d_angle * p
+                    + (sin * dq + cos * d_angle * q) / omega
+                    - dw * sin * q / (omega * omega)
+                )
+                tangent[n + 9, c] = (
+                    cos * dq
+                    - sin * d_angle * q
+                    - omega * (sin * dp + cos * d_angle * p)
+                    - dw * sin * p
+                )
+            state[n] = cos * r + (sin * v + across) / omega
+            state[n + 3] = cos * v - omega * sin * r + along
+            state[n + 6] = cos * p + sin * q / omega
+            state[n + 9] = cos * q - omega * sin * p
