@@ -38,6 +38,7 @@ class Contents:
 
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
+    _topics: dict[int, Topic] = field(default_factory=dict)
 
     def note(self, record: McapRecord) -> None:
         """Keep a schema or a channel; anything else is passed over."""
@@ -52,7 +53,11 @@ class Contents:
         Raises:
             BagError: the channel is not described so far, or is not a ROS 2 topic.
         """
-        channel = self.channels.get(channel_id)
-        if channel is None:
-            raise BagError(f"a message belongs to channel {channel_id}, which is not described")
-        return topic_of(channel, self.schemas.get(channel.schema_id))
+        topic = self._topics.get(channel_id)
+        if topic is None:
+            channel = self.channels.get(channel_id)
+            if channel is None:
+                raise BagError(f"a message belongs to channel {channel_id}, which is not described")
+            topic = topic_of(channel, self.schemas.get(channel.schema_id))
+            self._topics[channel_id] = topic
+        return topic

@@ -6,6 +6,8 @@ from ares_node.run import run_node
 
 from ares_bags.recorder import RecorderNode
 
+__all__ = ["RecorderNode", "main"]
+
 
 def main() -> None:
     """Record until a signal comes; exit status 1 if the bag is incomplete."""

@@ -1,11 +1,16 @@
 """Reading a bag: topics, decoded messages, columns of numbers. Needs no ROS."""
 
+import errno
+import zlib
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from os import SEEK_END
 from pathlib import Path
-from typing import Any
+from struct import Struct
+from typing import Any, BinaryIO
 
 import numpy as np
+from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
 from mcap.records import Schema
 from mcap.writer import MCAP0_MAGIC
@@ -20,6 +25,9 @@ from ares_bags.schema import Topic
 
 #: Column with the log time in ns, int64.
 LOG_TIME = "log_time_ns"
+
+#: Opcode, length, offsets of summary and summary offsets, checksum.
+_FOOTER = Struct("<BQQQI")
 
 
 def find_file(path: Path | str) -> Path:
@@ -74,13 +82,14 @@ class Bag:
             self._open()
         except BagError:
             raise
-        except OSError as error:
-            raise BagError(f"bag {self.path} cannot be read: {cause(error)}") from error
         except Exception as error:
-            # the MCAP reader raises one of many on a damaged file
             raise self._damaged(error) from error
 
     def _damaged(self, error: Exception) -> BagError:
+        """What to raise for an error of the MCAP reader, which raises one of many."""
+        # a wrong offset becomes a seek to where no file can be
+        if isinstance(error, OSError) and error.errno != errno.EINVAL:
+            return BagError(f"bag {self.path} cannot be read: {cause(error)}")
         return BagError(
             f"bag {self.path} is damaged ({cause(error)}); "
             "./ares bag repair saves what is left of it"
@@ -100,6 +109,7 @@ class Bag:
                     f"bag {self.path} has no end (its recorder was killed, or the file was cut); "
                     "./ares bag repair saves its complete part"
                 )
+            _check_summary(stream)
             stream.seek(0)
             reader = SeekingReader(stream, validate_crcs=True)
             summary = reader.get_summary()
@@ -156,8 +166,6 @@ class Bag:
                 reader = SeekingReader(stream, validate_crcs=True)
                 for _, channel, message in reader.iter_messages(names):
                     yield channel.topic, message.log_time, message.data
-        except OSError as error:
-            raise BagError(f"bag {self.path} cannot be read: {cause(error)}") from error
         except Exception as error:
             raise self._damaged(error) from error
 
@@ -215,6 +223,26 @@ class Bag:
             if len(lengths) == 1 and all(value is not None for value in values):
                 columns[key] = np.array(values)
         return columns
+
+
+def _check_summary(stream: BinaryIO) -> None:
+    """Hold the summary against its checksum; the MCAP library checks the chunks only.
+
+    Raises:
+        ValueError: they differ, or there is no footer where it belongs.
+    """
+    end = stream.seek(-_FOOTER.size - len(MCAP0_MAGIC), SEEK_END)
+    opcode, length, begin, _, checksum = _FOOTER.unpack(stream.read(_FOOTER.size))
+    if opcode != Opcode.FOOTER or length != _FOOTER.size - 9:
+        raise ValueError("no footer")
+    if not checksum or not begin:
+        return
+    if begin > end:
+        raise ValueError("summary beyond the end")
+    stream.seek(begin)
+    # the footer counts up to its checksum
+    if zlib.crc32(stream.read(end - begin + _FOOTER.size - 4)) != checksum:
+        raise ValueError("checksum of the summary is wrong")
 
 
 def open_bag(path: Path | str) -> Bag:

@@ -1,6 +1,7 @@
 """Made-up flights for tests; nothing else uses this module."""
 
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 from ares_node.time import stamp_from_ns
@@ -68,8 +69,16 @@ def topics() -> list[Topic]:
     ]
 
 
-def messages(count: int) -> Iterator[tuple[str, int, bytes]]:
-    """Topic, log time and CDR of a made-up flight of `count` navigation states."""
+@cache
+def messages(count: int) -> tuple[tuple[str, int, bytes], ...]:
+    """Topic, log time and CDR of a made-up flight of `count` navigation states.
+
+    The same bytes each time within a process; the padding in CDR differs between processes.
+    """
+    return tuple(_messages(count))
+
+
+def _messages(count: int) -> Iterator[tuple[str, int, bytes]]:
     for number in range(count):
         time = START_NS + number * PERIOD_NS
         yield NAV, time, serialize_message(nav_state(number))

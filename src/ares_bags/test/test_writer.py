@@ -188,7 +188,7 @@ def test_messages_out_of_order_and_counts(tmp_path: Path) -> None:
     times = [5, 3, 9, 0]
     with BagWriter(tmp_path / "mixed") as writer:
         writer.add_topic(topics()[0])
-        data = next(messages(1))[2]
+        data = messages(1)[0][2]
         for time in times:
             writer.write(NAV, time, data, publish_time_ns=time + 1)
         assert writer.counts == {NAV: 4}
@@ -221,7 +221,7 @@ def test_time_flushes_too(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "flight", flush_interval_s=0.0) as writer:
         writer.add_topic(topics()[0])
         before = writer.file.stat().st_size
-        writer.write(NAV, 1, next(messages(1))[2])
+        writer.write(NAV, 1, messages(1)[0][2])
         assert writer.file.stat().st_size > before
 
 

@@ -31,5 +31,5 @@ def test_tenths_of_a_second_are_exact() -> None:
 
 @pytest.mark.parametrize("seconds", [math.inf, -math.inf, math.nan])
 def test_not_finite_is_refused(seconds: float) -> None:
-    with pytest.raises(ValueError, match="inf|nan|NaN"):
+    with pytest.raises(ValueError, match=r"inf|NaN"):
         ns_from_seconds(seconds)

@@ -1,0 +1,26 @@
+"""Writes a bag until it is killed; run as a process by test_repair.py. Argument: folder."""
+
+import itertools
+import sys
+import time
+from pathlib import Path
+
+from ares_bags.testing import CUSTOM_DATA, messages, topics
+from ares_bags.writer import BagWriter
+
+
+def main() -> None:
+    """Print the number of messages taken after each of them."""
+    writer = BagWriter(Path(sys.argv[1]), CUSTOM_DATA, flush_interval_s=0.05)
+    for topic in topics():
+        writer.add_topic(topic)
+    source = list(messages(300))
+    for number in itertools.count():
+        topic_name, stamp, data = source[number % len(source)]
+        writer.write(topic_name, stamp + number, data)
+        print(number + 1, flush=True)
+        time.sleep(0.001)
+
+
+if __name__ == "__main__":
+    main()
