@@ -6,17 +6,17 @@ from dataclasses import fields
 from typing import Any
 
 import numpy as np
+
+from ares_guidance.peg import HEATING_SOURCES, Peg, PegSettings
 from ares_models.arrays import HEATING_LIMIT, NAVIGATION
-from ares_models.mission import load_mission
+from ares_models.mission import Start, load_mission
+from ares_msgs.msg import GuidanceStatus, NavState, ThrustCommand
 from ares_node.diagnostics import Diagnostics, Level
 from ares_node.node import FlightNode
 from ares_node.parameters import Parameter
 from ares_node.qos import FLIGHT, GUIDANCE_STATUS, NAV_STATE, THRUST_COMMAND
 from ares_node.run import run_node
 from ares_node.time import NANOSECONDS, ns_from_stamp
-
-from ares_guidance.peg import HEATING_SOURCES, Peg, PegSettings
-from ares_msgs.msg import GuidanceStatus, NavState, ThrustCommand
 
 LAWS = {"peg": GuidanceStatus.LAW_PEG}
 
@@ -73,12 +73,14 @@ class GuidanceNode(FlightNode):
     def configure(self) -> None:
         """Read the mission, compile the law, create the endpoints."""
         values = self.values
-        arrays = load_mission(values["mission"]).arrays()
+        mission = load_mission(values["mission"])
+        arrays = mission.arrays()
         self._heating_jettisons = int(np.sum(arrays.jettisons["criterion"] == HEATING_LIMIT))
         self._law = Peg(
             arrays, PegSettings(**{item.name: values[item.name] for item in fields(PegSettings)})
         )
         self._nav = np.zeros(1, NAVIGATION)
+        self._rehearse(mission.start())
         self._diagnostics = Diagnostics(self)
         self._command_out = self.create_publisher(ThrustCommand, THRUST_COMMAND, FLIGHT)
         self._status_out = self.create_publisher(GuidanceStatus, GUIDANCE_STATUS, FLIGHT)
@@ -103,6 +105,17 @@ class GuidanceNode(FlightNode):
         self.destroy_publisher(self._command_out)
         self.destroy_publisher(self._status_out)
         self.destroy_subscription(self._nav_in)
+
+    def _rehearse(self, start: Start) -> None:
+        """One step from the mission's start: the law is compiled before anybody waits for it."""
+        nav = self._nav
+        nav["time"] = nav["arc_start_time"] = start.time_s
+        nav["position"], nav["velocity"], nav["mass"] = (
+            start.position,
+            start.velocity,
+            start.mass_kg,
+        )
+        self._law.step(nav[0])
 
     def _forget(self) -> None:
         self._law.reset()

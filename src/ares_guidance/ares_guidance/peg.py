@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
-from ares_models.arrays import STEERING, MissionArrays
 from numpy.typing import NDArray
 
 from ares_guidance.arrays import (
@@ -18,6 +17,7 @@ from ares_guidance.arrays import (
     PHASE_IDLE,
 )
 from ares_guidance.kernels.peg import guidance_step
+from ares_models.arrays import STEERING, MissionArrays
 
 
 def _setting(

@@ -5,6 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
+
 from ares_guidance.arrays import PEG_STATE
 from ares_guidance.kernels.segments import burn_time_to_go, plan_segments, thrust_integrals
 from ares_models.arrays import (
@@ -17,7 +19,6 @@ from ares_models.arrays import (
     NAVIGATION,
     TIME_AFTER_IGNITION,
 )
-from scipy.integrate import quad
 
 
 def three_stage_plan(jettison_time=math.inf):

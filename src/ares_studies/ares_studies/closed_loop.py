@@ -5,17 +5,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+
 from ares_guidance.arrays import PEG_STATE
 from ares_guidance.peg import Peg, PegSettings
 from ares_models.arrays import NAVIGATION, STEERING
 from ares_models.mission import Mission
+from ares_studies.kernels import fly
 from ares_vehicle_sim.arrays import OPTIONS, PLANT
 from ares_vehicle_sim.dispersions import Dispersions, disperse
 from ares_vehicle_sim.kernels import begin_flight
 from ares_vehicle_sim.simulator import Simulator, SimulatorOptions
-from numpy.typing import NDArray
-
-from ares_studies.kernels import fly
 
 
 @dataclass(frozen=True)

@@ -2,11 +2,12 @@
 
 from typing import Any
 
+from numpy.typing import NDArray
+
 from ares_guidance.kernels.peg import guidance_step
 from ares_models.arrays import Record
 from ares_models.jit import kernel
 from ares_vehicle_sim.kernels import accept_command, flight_step, measure
-from numpy.typing import NDArray
 
 
 @kernel

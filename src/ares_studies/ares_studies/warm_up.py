@@ -1,7 +1,6 @@
 """Compile every kernel once, so that the next start finds them in numba's cache."""
 
 from ares_models.mission import load_mission
-
 from ares_studies.closed_loop import fly_compiled, fly_stepwise
 
 

@@ -1,6 +1,7 @@
 """Structured dtypes of the plant."""
 
 import numpy as np
+
 from ares_models.arrays import STEERING
 
 MAX_EVENTS = 64

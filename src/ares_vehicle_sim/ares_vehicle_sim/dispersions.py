@@ -12,9 +12,10 @@ from typing import Annotated
 
 import numpy as np
 import yaml
-from ares_models.arrays import BURN, MissionArrays
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from ares_models.arrays import BURN, MissionArrays
 
 Sigma = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Fraction = Annotated[float, Field(ge=0.0, le=0.2, allow_inf_nan=False)]

@@ -7,6 +7,8 @@ thrust, and every knot of a thrust-time curve, ends a step, so the impulse is ex
 import math
 from typing import Any
 
+from numpy.typing import NDArray
+
 from ares_models.arrays import BURN, HEATING_LIMIT, MISSION_TIME, Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import (
@@ -28,8 +30,6 @@ from ares_models.kernels.vectors import (
     store,
     unit,
 )
-from numpy.typing import NDArray
-
 from ares_vehicle_sim.arrays import (
     ARC_ENDED,
     CUTOFF,

@@ -6,8 +6,12 @@ import time
 from typing import Any
 
 import numpy as np
+from rclpy.publisher import Publisher
+from rosgraph_msgs.msg import Clock
+
 from ares_models.arrays import STEERING
 from ares_models.mission import load_mission
+from ares_msgs.msg import FlightEvent, NavState, ThrustCommand, VehicleState
 from ares_node.diagnostics import Diagnostics, Level
 from ares_node.node import FlightNode, NodeError
 from ares_node.parameters import Parameter
@@ -23,10 +27,6 @@ from ares_node.qos import (
 )
 from ares_node.run import EXIT_CANNOT_START, EXIT_OK, run_node
 from ares_node.time import NANOSECONDS, ns_from_seconds, ns_from_stamp, stamp_from_ns
-from rclpy.publisher import Publisher
-from rosgraph_msgs.msg import Clock
-
-from ares_msgs.msg import FlightEvent, NavState, ThrustCommand, VehicleState
 from ares_vehicle_sim.arrays import TRUTH
 from ares_vehicle_sim.dispersions import Dispersions, load_dispersions
 from ares_vehicle_sim.simulator import CommandRefused, Simulator, SimulatorOptions
@@ -37,6 +37,8 @@ WATCH_PERIOD = 0.02
 DISCOVERY_TIME = 0.2
 #: After this many answers in a row were lost, the flight goes on without waiting for more.
 LINK_LOST_AFTER = 3
+#: Each further answer is waited for this much shorter than the one before.
+PATIENCE_RATIO = 0.2
 #: Wall time in s between steps on a lost link: an answer can still come through.
 LOST_LINK_PERIOD = 0.001
 #: The same refusal is reported at most once in this flight time, s.
@@ -69,7 +71,7 @@ PARAMETERS = (
     ),
     Parameter(
         "command_timeout_s",
-        1.0,
+        5.0,
         "Wall time to wait for an answer before flying on with the last good command.",
         unit="s",
         minimum=0.001,
@@ -115,7 +117,7 @@ class VehicleSimNode(FlightNode):
         if values["dispersions"]:
             dispersions = load_dispersions(values["dispersions"])
         limit = math.radians(values["attitude_rate_limit_deg_s"]) or math.inf
-        self._simulator = Simulator(
+        flight = (
             load_mission(values["mission"]),
             SimulatorOptions(
                 navigation_period_s=values["navigation_period_s"],
@@ -124,6 +126,11 @@ class VehicleSimNode(FlightNode):
             dispersions,
             values["seed"],
         )
+        # one step of a flight that nobody sees: the plant is compiled before guidance waits
+        rehearsal = Simulator(*flight)
+        rehearsal.advance()
+        rehearsal.truth()
+        self._simulator = Simulator(*flight)
         self._pace: float = values["pace"]
         self._diagnostics = Diagnostics(self)
         self._clock_out = self.create_publisher(Clock, CLOCK, CLOCK_QOS)
@@ -182,8 +189,7 @@ class VehicleSimNode(FlightNode):
             self._lost_in_a_row += 1
             self._report(
                 Level.WARN,
-                f"no answer within {self.values['command_timeout_s']:g} s; flying on with the "
-                "last good command",
+                f"no answer within {self._patience:g} s; flying on with the last good command",
             )
             if self._lost_in_a_row == LINK_LOST_AFTER:
                 self._report(
@@ -260,7 +266,8 @@ class VehicleSimNode(FlightNode):
             return
         nav = simulator.navigation
         self._waiting = True
-        self._answer_deadline = time.monotonic() + self.values["command_timeout_s"]
+        self._patience = self.values["command_timeout_s"] * PATIENCE_RATIO**self._lost_in_a_row
+        self._answer_deadline = time.monotonic() + self._patience
         self._nav_out.publish(
             NavState(
                 stamp=stamp,

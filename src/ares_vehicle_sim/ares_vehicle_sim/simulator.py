@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from ares_models.arrays import NAVIGATION, MissionArrays
-from ares_models.mission import Mission
 from numpy.typing import NDArray
 
+from ares_models.arrays import NAVIGATION, MissionArrays
+from ares_models.mission import Mission
 from ares_vehicle_sim.arrays import OPTIONS, PLANT, TRUTH
 from ares_vehicle_sim.dispersions import Dispersions, NavigationErrorModel, disperse
 from ares_vehicle_sim.kernels import (

@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+
 from ares_models.arrays import (
     ARC,
     BURN,
@@ -15,11 +17,9 @@ from ares_models.arrays import (
     STEERING,
     TIME_AFTER_IGNITION,
 )
+from ares_vehicle_sim import arrays as names
 from ares_vehicle_sim.arrays import OPTIONS, PLANT
 from ares_vehicle_sim.kernels import accept_command, begin_flight, curve_area, flight_step
-from scipy.integrate import solve_ivp
-
-from ares_vehicle_sim import arrays as names
 
 MU = 3.986e14
 VACUUM = np.array([[0.0, -100.0, -1e-5, 0.0, 0.0], [1e6, -110.0, -1e-5, 0.0, 0.0]])

@@ -9,25 +9,6 @@ full target at staging and jettison as well; here only the cut-off is targeted.
 import math
 from typing import Any
 
-from ares_models.arrays import BURN, HEATING_LIMIT, Record
-from ares_models.jit import kernel
-from ares_models.kernels.environment import gravity, heating_rate, log_heating
-from ares_models.kernels.kepler import kepler
-from ares_models.kernels.vectors import (
-    Vector,
-    add,
-    angle_between,
-    axpy,
-    cross,
-    dot,
-    is_finite,
-    load,
-    norm,
-    scale,
-    store,
-    sub,
-    unit,
-)
 from numpy.typing import NDArray
 
 from ares_guidance.arrays import (
@@ -55,6 +36,25 @@ from ares_guidance.kernels.targets import (
     plane_normal,
     project_to_plane,
     target_speed,
+)
+from ares_models.arrays import BURN, HEATING_LIMIT, Record
+from ares_models.jit import kernel
+from ares_models.kernels.environment import gravity, heating_rate, log_heating
+from ares_models.kernels.kepler import kepler
+from ares_models.kernels.vectors import (
+    Vector,
+    add,
+    angle_between,
+    axpy,
+    cross,
+    dot,
+    is_finite,
+    load,
+    norm,
+    scale,
+    store,
+    sub,
+    unit,
 )
 
 JETTISON_SEARCH_STEPS = 12
@@ -682,9 +682,12 @@ def guidance_step(
             steering.reference_time - nav.time,
         )
     for j in range(jettisons.shape[0]):
-        if (nav.jettisoned >> j) & 1 == 0 and jettisons[j].criterion == HEATING_LIMIT:
-            if math.isfinite(state.jettison_time[j]) and (
-                steering.jettison < 0 or state.jettison_time[j] < steering.jettison_time
-            ):
-                steering.jettison = j
-                steering.jettison_time = state.jettison_time[j]
+        due_time = state.jettison_time[j]
+        if (
+            (nav.jettisoned >> j) & 1 == 0
+            and jettisons[j].criterion == HEATING_LIMIT
+            and math.isfinite(due_time)
+            and (steering.jettison < 0 or due_time < steering.jettison_time)
+        ):
+            steering.jettison = j
+            steering.jettison_time = due_time

@@ -7,14 +7,14 @@ is the boundary of a "virtual stage" (Brand, Brown, Higgins 1974 for the multi-s
 import math
 from typing import Any
 
+from numpy.typing import NDArray
+
+from ares_guidance.arrays import MAX_SEGMENTS
 from ares_models.arrays import BURN, HEATING_LIMIT, MISSION_TIME, Record
 from ares_models.jit import kernel
 
 #: L, J, S, Q, P, H.
 Integrals = tuple[float, float, float, float, float, float]
-from numpy.typing import NDArray
-
-from ares_guidance.arrays import MAX_SEGMENTS
 
 
 @kernel
@@ -129,9 +129,7 @@ def plan_segments(nav: Record, arcs: NDArray[Any], jettisons: NDArray[Any], stat
 
 
 @kernel
-def thrust_integrals(
-    state: Record, until: float
-) -> Integrals:
+def thrust_integrals(state: Record, until: float) -> Integrals:
     """Thrust integrals over the planned segments from now to ``until``.
 
     With a the thrust acceleration and s the time from now:

@@ -1,0 +1,318 @@
+"""The nodes in one graph: what they refuse, and how the flight goes on."""
+
+import math
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from ares_guidance.node import GuidanceNode
+from ares_msgs.msg import FlightEvent, GuidanceStatus, NavState, ThrustCommand
+from ares_node.node import FlightNode
+from ares_node.qos import EVENTS, FLIGHT, reliable
+from ares_node.testing import spin_until
+from ares_vehicle_sim.node import VehicleSimNode
+
+DIAGNOSTICS = reliable(1000)
+
+
+class Graph:
+    """Nodes of one test on one executor, and an observer of what they say."""
+
+    def __init__(self, context, stack):
+        self.context = context
+        self.executor = EventsExecutor(context=context)
+        self._stack = stack
+        stack.callback(self.executor.shutdown)
+        self.observer = self.add(Node("observer", namespace="ares", context=context))
+        self.reports: list[str] = []
+        self.events: list[FlightEvent] = []
+        self.states: list[NavState] = []
+        self.observer.create_subscription(
+            DiagnosticArray, "/diagnostics", self._on_report, DIAGNOSTICS
+        )
+        self.observer.create_subscription(FlightEvent, "flight_event", self.events.append, EVENTS)
+        self.observer.create_subscription(NavState, "nav_state", self.states.append, FLIGHT)
+
+    def _on_report(self, message):
+        self.reports += [f"{s.name}: {s.message}" for s in message.status]
+
+    def add(self, node):
+        self._stack.callback(node.destroy_node)
+        if isinstance(node, FlightNode):
+            self._stack.callback(node.stop)
+        self.executor.add_node(node)
+        return node
+
+    def start(self, kind: type[FlightNode], **parameters):
+        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+        node = self.add(kind(context=self.context, parameter_overrides=overrides))
+        assert node.start(), node.failure
+        return node
+
+    def spin(self, condition: Callable[[], bool], timeout=30.0):
+        assert spin_until(self.executor, condition, timeout), self.reports
+
+    def reported(self, text: str) -> bool:
+        return any(text in report for report in self.reports)
+
+
+class ScriptedGuidance(Node):
+    """Answers like guidance, but each answer goes through a function first."""
+
+    def __init__(self, context, change=lambda _sequence, command: command):
+        super().__init__("guidance", namespace="ares", context=context)
+        self._change = change
+        self._out = self.create_publisher(ThrustCommand, "thrust_command", FLIGHT)
+        self.create_subscription(NavState, "nav_state", self._answer, FLIGHT)
+
+    def _answer(self, nav):
+        command = ThrustCommand(
+            stamp=nav.stamp,
+            nav_stamp=nav.stamp,
+            reference_time=0.0,
+            direction=nav.velocity / np.linalg.norm(nav.velocity),
+            cutoff_time=math.nan,
+            jettison=-1,
+            jettison_time=math.nan,
+        )
+        changed = self._change(nav.sequence, command)
+        if changed is not None:
+            self._out.publish(changed)
+
+
+@pytest.fixture
+def graph(ros_context):
+    with ExitStack() as stack:
+        yield Graph(ros_context, stack)
+
+
+def answers(graph: Graph) -> int:
+    return len(graph.states)
+
+
+def test_two_nodes_fly_the_default_mission(graph):
+    simulator = graph.start(VehicleSimNode)
+    graph.start(GuidanceNode)
+    graph.spin(lambda: any(e.type == FlightEvent.FLIGHT_COMPLETE for e in graph.events), 60.0)
+    kinds = [event.type for event in graph.events]
+    assert kinds == [
+        FlightEvent.FLIGHT_STARTED,
+        FlightEvent.IGNITION,
+        FlightEvent.ARC_ENDED,
+        FlightEvent.STAGING,
+        FlightEvent.IGNITION,
+        FlightEvent.JETTISON,
+        FlightEvent.CUTOFF,
+        FlightEvent.FLIGHT_COMPLETE,
+    ]
+    cutoff = graph.events[-2]
+    assert np.linalg.norm(cutoff.position) == pytest.approx(6_518_889.0, abs=1.0)
+    assert np.linalg.norm(cutoff.velocity) == pytest.approx(7840.675, abs=0.01)
+    assert cutoff.mass >= 174_060.0
+    # a navigation state every 0.1 s from 155.9 s, none lost, none twice
+    assert [state.sequence for state in graph.states] == list(range(len(graph.states)))
+    assert len(graph.states) == pytest.approx((cutoff.time - 155.9) / 0.1, abs=1.5)
+    assert simulator.simulator.ended_well
+    assert not graph.reports
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "complaint"),
+    [
+        ("direction", [math.nan, 0.0, 1.0], "direction is [nan,"),
+        ("direction", [0.0, 0.0, 0.0], "direction has length 0"),
+        ("direction", [0.0, 0.9, 0.0], "direction has length 0.9"),
+        ("direction_rate", [0.0, math.inf, 0.0], "direction_rate is ["),
+        ("reference_time", math.nan, "reference_time is nan"),
+        ("cutoff_time", math.inf, "cutoff_time is inf"),
+        ("jettison", 7, "jettison is 7; expected -1 to 0"),
+    ],
+)
+def test_a_command_that_cannot_be_flown_is_refused_and_the_flight_goes_on(
+    graph, field, value, complaint
+):
+    def spoil(sequence, command):
+        if 5 <= sequence < 10:
+            setattr(command, field, value)
+        return command
+
+    simulator = graph.start(VehicleSimNode)
+    graph.add(ScriptedGuidance(graph.context, spoil))
+    graph.spin(lambda: answers(graph) > 50)
+    assert graph.reported("vehicle_sim: command refused: ")
+    assert graph.reported(complaint)
+    assert np.all(np.isfinite(simulator.simulator.plant["position"]))
+    assert np.linalg.norm(simulator.simulator.plant["direction"]) == pytest.approx(1.0)
+
+
+def test_a_refused_command_leaves_the_last_good_one_in_force(graph):
+    sideways = [0.0, 0.0, 1.0]
+
+    def spoil(sequence, command):
+        if sequence < 5:
+            command.direction = sideways
+        else:
+            command.direction = [math.nan] * 3
+        return command
+
+    simulator = graph.start(VehicleSimNode)
+    graph.add(ScriptedGuidance(graph.context, spoil))
+    graph.spin(lambda: answers(graph) > 20)
+    assert simulator.simulator.plant["direction"] == pytest.approx(sideways)
+
+
+def test_a_stale_command_is_refused(graph):
+    first = []
+
+    def repeat_the_first(sequence, command):
+        first.append(command)
+        if sequence == 5:
+            graph.guidance._out.publish(first[0])
+        return command
+
+    graph.start(VehicleSimNode)
+    graph.guidance = graph.add(ScriptedGuidance(graph.context, repeat_the_first))
+    graph.spin(lambda: answers(graph) > 20)
+    assert graph.reported("command refused: nav_stamp is 155.9 s; expected 156.")
+
+
+def test_a_second_answer_to_the_same_state_is_refused(graph):
+    graph.start(VehicleSimNode)
+    graph.add(ScriptedGuidance(graph.context))
+    graph.add(ScriptedGuidance(graph.context))
+    graph.spin(lambda: answers(graph) > 20)
+    assert graph.reported("command refused: ")
+
+
+def test_a_lost_answer_is_flown_over(graph):
+    graph.start(VehicleSimNode, command_timeout_s=0.05)
+    graph.add(ScriptedGuidance(graph.context, lambda n, command: None if n == 7 else command))
+    graph.spin(lambda: answers(graph) > 30)
+    assert graph.reported("no answer within 0.05 s; flying on with the last good command")
+    assert not graph.reported("without guidance")
+
+
+def test_guidance_that_falls_silent_leaves_a_flight_on_its_last_command(graph):
+    def fall_silent(sequence, command):
+        command.cutoff_time = 170.05
+        return command if sequence < 20 else None
+
+    graph.start(VehicleSimNode, command_timeout_s=0.05)
+    graph.add(ScriptedGuidance(graph.context, fall_silent))
+    graph.spin(lambda: any(e.type == FlightEvent.FLIGHT_COMPLETE for e in graph.events))
+    assert graph.reported("3 answers lost in a row: flying on without guidance")
+    cutoff = next(e for e in graph.events if e.type == FlightEvent.CUTOFF)
+    assert cutoff.time == pytest.approx(170.05, abs=1e-9)
+
+
+def test_guidance_that_comes_back_is_listened_to_again(graph):
+    def pause(sequence, command):
+        return None if 20 <= sequence < 60 else command
+
+    simulator = graph.start(VehicleSimNode, command_timeout_s=0.02)
+    graph.add(ScriptedGuidance(graph.context, pause))
+    graph.spin(lambda: graph.reported("without guidance"))
+    graph.spin(lambda: answers(graph) > 120)
+    assert simulator._lost_in_a_row == 0
+
+
+def test_a_second_simulator_does_not_start(graph):
+    graph.start(VehicleSimNode)
+    graph.add(ScriptedGuidance(graph.context))
+    graph.spin(lambda: answers(graph) > 5)
+    second = graph.start(VehicleSimNode)
+    graph.spin(lambda: second.done)
+    assert second.exit_code == 2
+    assert second.failure == "another simulator already publishes /ares/nav_state"
+    before = answers(graph)
+    graph.spin(lambda: answers(graph) > before + 20)
+
+
+def test_a_simulator_without_guidance_gives_up(graph):
+    simulator = graph.start(VehicleSimNode, start_timeout_s=0.5)
+    graph.spin(lambda: simulator.done)
+    assert simulator.exit_code == 2
+    assert simulator.failure == "no guidance on the graph after 1 s"
+
+
+@pytest.mark.parametrize("kind", [VehicleSimNode, GuidanceNode])
+def test_a_wrong_mission_leaves_the_node_unconfigured(graph, kind):
+    node = graph.add(
+        kind(context=graph.context, parameter_overrides=[Parameter("mission", value="ares_vi")])
+    )
+    assert not node.start()
+    assert "ares_vi" in node.failure
+    assert "ares_v" in node.failure
+    assert node._state_machine.current_state[1] == "unconfigured"
+
+
+def test_guidance_refuses_a_navigation_state_that_is_not_finite(graph):
+    graph.start(GuidanceNode)
+    commands = []
+    graph.observer.create_subscription(ThrustCommand, "thrust_command", commands.append, FLIGHT)
+    out = graph.observer.create_publisher(NavState, "nav_state", FLIGHT)
+    graph.spin(lambda: out.get_subscription_count() >= 2)
+    mission_start = VehicleSimNode(context=graph.context)
+    mission_start.start()
+    nav = mission_start.simulator.navigation
+    good = NavState(
+        position=nav["position"],
+        velocity=nav["velocity"],
+        mass=float(nav["mass"]),
+        heating_rate=float(nav["heating_rate"]),
+        arc_start_time=155.9,
+    )
+    good.stamp.sec = 155
+    good.stamp.nanosec = 900_000_000
+    mission_start.stop()
+    mission_start.destroy_node()
+    out.publish(good)
+    graph.spin(lambda: len(commands) == 1)
+    bad = NavState(
+        position=[math.nan] * 3,
+        velocity=good.velocity,
+        mass=good.mass,
+        arc_start_time=155.9,
+    )
+    bad.stamp.sec = 156
+    out.publish(bad)
+    graph.spin(lambda: len(commands) == 2)
+    graph.spin(lambda: graph.reported("guidance: navigation state refused"))
+    # the answer is still there, so that the vehicle does not wait, and it is the last good one
+    assert commands[1].direction == pytest.approx(commands[0].direction)
+    assert commands[1].nav_stamp == bad.stamp
+
+
+def test_status_tells_the_story_of_a_flight(graph):
+    statuses = []
+    graph.observer.create_subscription(GuidanceStatus, "guidance_status", statuses.append, FLIGHT)
+    graph.start(VehicleSimNode)
+    graph.start(GuidanceNode)
+    graph.spin(lambda: any(e.type == FlightEvent.FLIGHT_COMPLETE for e in graph.events), 60.0)
+    assert [status.cycle for status in statuses] == list(range(1, len(statuses) + 1))
+    assert statuses[0].converged
+    assert statuses[0].iterations <= 30
+    assert {status.phase for status in statuses} == {
+        GuidanceStatus.PHASE_TRACKING,
+        GuidanceStatus.PHASE_HOLD,
+    }
+    assert max(status.stale_cycles for status in statuses) == 0
+    assert not any(status.jettison_after_cutoff for status in statuses)
+
+
+@pytest.mark.parametrize("pace", [20.0])
+def test_a_paced_flight_keeps_its_pace(graph, pace):
+    simulator = graph.start(VehicleSimNode, pace=pace)
+    graph.start(GuidanceNode)
+    graph.spin(lambda: answers(graph) > 1)
+    begun = simulator._started_at
+    graph.spin(lambda: answers(graph) > 200)
+    elapsed = time.monotonic() - begun
+    assert elapsed >= 20.0 / pace * 0.95
