@@ -8,9 +8,9 @@ from importlib import resources
 
 import numpy as np
 import pytest
-from ares_models.kernels.environment import log_density
 
 from ares_models import atmosphere
+from ares_models.kernels.environment import log_density
 
 MIDSUMMER = datetime(2010, 6, 21, 12, tzinfo=UTC)
 

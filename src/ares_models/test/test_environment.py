@@ -4,15 +4,15 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from ares_models import heating
 from ares_models.arrays import ALTITUDE_SPHERICAL, ENVIRONMENT
 from ares_models.earth import Earth
 from ares_models.kernels import environment as kernels
 from ares_models.kernels.vectors import axpy
 from ares_models.mission import load_mission
-from hypothesis import assume, given
-from hypothesis import strategies as st
-
-from ares_models import heating
 
 ARES = load_mission("ares_v").arrays()
 ATMOSPHERE = ARES.atmosphere

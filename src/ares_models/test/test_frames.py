@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from ares_models.earth import Earth, LaunchAngles
-from ares_models.kernels.states import angles_from_state, state_from_angles
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from ares_models import frames
+from ares_models.earth import Earth, LaunchAngles
+from ares_models.kernels.states import angles_from_state, state_from_angles
 
 latitudes = st.floats(-math.pi / 2, math.pi / 2)
 angles = st.floats(-math.pi, math.pi)

@@ -4,11 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from ares_models.kernels.kepler import kepler, universal_functions
-from ares_models.orbits import Elements
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+
+from ares_models.kernels.kepler import kepler, universal_functions
+from ares_models.orbits import Elements
 
 MU = 3.986e14
 

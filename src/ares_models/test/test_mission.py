@@ -7,11 +7,11 @@ import sys
 import numpy as np
 import pytest
 import yaml
+
+from ares_models import arrays as layout
 from ares_models.mission import Mission, MissionError, list_missions, load_mission
 from ares_models.mission_file import read_mission_file
 from ares_models.orbits import Elements, Insertion
-
-from ares_models import arrays as layout
 
 
 def shipped_text(name):

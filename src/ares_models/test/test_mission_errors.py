@@ -6,6 +6,7 @@ from importlib import resources
 from pathlib import Path
 
 import pytest
+
 from ares_models.mission import MissionError, load_mission
 
 TEXT = resources.files("ares_models").joinpath("missions", "ares_v.yaml").read_text()

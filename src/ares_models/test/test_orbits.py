@@ -4,10 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from ares_models.kernels.kepler import kepler
-from ares_models.orbits import Elements, Insertion
 from hypothesis import given
 from hypothesis import strategies as st
+
+from ares_models.kernels.kepler import kepler
+from ares_models.orbits import Elements, Insertion
 
 MU = 3.986e14
 R = np.array([-5255758.0, -2044694.0, 3058330.0])
