@@ -1,0 +1,43 @@
+"""Where a new bag goes and what it is called."""
+
+import os
+from datetime import UTC, datetime
+from pathlib import Path
+
+#: Environment variable that names the folder of new bags.
+BAGS_VARIABLE = "ARES_BAGS"
+
+
+def workspace_root() -> Path | None:
+    """The workspace that this package was built from or lies in; None outside of one."""
+    for start in (Path(__file__), Path(__file__).resolve()):
+        for folder in start.parents:
+            if (folder / "src" / "ares_bringup" / "package.xml").is_file():
+                return folder
+    return None
+
+
+def bags_folder() -> Path:
+    """Folder of new bags: $ARES_BAGS, else `bags` of the workspace, else `bags` here."""
+    named = os.environ.get(BAGS_VARIABLE)
+    if named:
+        return Path(named)
+    return (workspace_root() or Path.cwd()) / "bags"
+
+
+def new_bag(mission: str, folder: Path | None = None, now: datetime | None = None) -> Path:
+    """A path that does not exist yet: `<mission>_<date>T<time>Z`, UTC, so that names sort.
+
+    Args:
+        mission: name of the mission.
+        folder: where; default `bags_folder()`.
+        now: time of the flight; default the present.
+    """
+    folder = folder or bags_folder()
+    stem = f"{mission}_{now or datetime.now(UTC):%Y%m%dT%H%M%SZ}"
+    path = folder / stem
+    count = 2
+    while os.path.lexists(path):
+        path = folder / f"{stem}_{count}"
+        count += 1
+    return path

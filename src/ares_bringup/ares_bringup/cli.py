@@ -1,0 +1,276 @@
+"""The `ares` command.
+
+What only one verb needs is imported by that verb: the command line itself starts fast.
+"""
+
+import json
+import os
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ares_bringup import __version__
+from ares_bringup.options import MAX_DOMAIN_ID, CannotStart, FlyOptions, Guidance, HeatingSource
+
+EXIT_BAD_INPUT = 2
+EXIT_INTERRUPTED = 130
+
+EXIT_STATUSES = """Exit status:
+
+\b
+  0    flown to the target, or done
+  1    flown, but not as it should: target missed, impact, propellant gone,
+       something not jettisoned, a node lost, bag incomplete
+  2    could not start: bad input, in one line on standard error
+  130  interrupted; what was flown is in the bag
+
+\b
+Flown to the target means: radius within 100 m, speed 0.1 m/s, flight-path
+angle 0.001 deg, inclination, node and argument of perigee 0.01 deg.
+"""
+
+HELP = f"""Fly ascent guidance on ROS 2, and look at what was flown.
+
+{EXIT_STATUSES}
+\b
+Environment:
+  ARES_BAGS      folder of new bags; default `bags` of the workspace
+  ROS_DOMAIN_ID  ROS domain of the flight; default 0
+"""
+
+SETTINGS: dict[str, Any] = {
+    "rich_markup_mode": None,
+    "pretty_exceptions_enable": False,
+    "add_completion": False,
+}
+
+app = typer.Typer(
+    name="ares", help=HELP, context_settings={"help_option_names": ["-h", "--help"]}, **SETTINGS
+)
+bag_app = typer.Typer(help="Look into recorded flights: info, repair.", **SETTINGS)
+app.add_typer(bag_app, name="bag")
+
+
+class BadInput(Exception):
+    """The command cannot do what was asked; the text is one line."""
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"ares {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _ares(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_print_version, is_eager=True, help="Print version."),
+    ] = False,
+) -> None:
+    """Options before the verb."""
+
+
+@app.command(epilog=EXIT_STATUSES)
+def fly(
+    mission: Annotated[
+        str, typer.Option(help="Name that `ares missions` lists, or path of a mission file.")
+    ] = "ares_v",
+    guidance: Annotated[Guidance, typer.Option(help="Guidance law.")] = Guidance.PEG,
+    in_process: Annotated[
+        bool, typer.Option("--in-process", help="All nodes in one process.")
+    ] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object instead of the tables.")
+    ] = False,
+    bag: Annotated[
+        Path | None,
+        typer.Option(help="Folder of the bag, which must not exist; default: a new name."),
+    ] = None,
+    no_record: Annotated[bool, typer.Option("--no-record", help="Write no bag.")] = False,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of dispersions and navigation errors.")
+    ] = 0,
+    dispersions: Annotated[
+        Path | None, typer.Option(help="Dispersions file; default: flown exactly.")
+    ] = None,
+    pace: Annotated[
+        float, typer.Option(min=0.0, help="Real-time factor; 0: as fast as possible.")
+    ] = 0.0,
+    nav_period: Annotated[
+        float | None, typer.Option(help="Flight time between navigation states, s.")
+    ] = None,
+    cycle_period: Annotated[
+        float | None, typer.Option(help="Flight time between guidance cycles, s.")
+    ] = None,
+    hold_time: Annotated[
+        float | None, typer.Option(help="Time to go from which the steering is held, s.")
+    ] = None,
+    heating_source: Annotated[
+        HeatingSource | None, typer.Option(help="What times the fairing jettison.")
+    ] = None,
+    attitude_rate_limit: Annotated[
+        float, typer.Option(min=0.0, help="Fastest turn of the thrust, deg/s; 0: none.")
+    ] = 0.0,
+    domain_id: Annotated[
+        int | None,
+        typer.Option(min=0, max=MAX_DOMAIN_ID, help="ROS domain; default: ROS_DOMAIN_ID."),
+    ] = None,
+) -> None:
+    """Fly a mission through the graph, record it, say how it went."""
+    if bag is not None and no_record:
+        raise BadInput("--bag and --no-record exclude each other")
+    if bag is not None and os.path.lexists(bag):
+        raise BadInput(f"--bag is {str(bag)!r}, which exists; expected a new folder")
+    from ares_bringup.fly import fly as fly_mission
+
+    summary = fly_mission(
+        FlyOptions(
+            mission=mission,
+            guidance=guidance,
+            in_process=in_process,
+            record=not no_record,
+            bag=bag,
+            seed=seed,
+            dispersions=dispersions,
+            pace=pace,
+            navigation_period_s=nav_period,
+            cycle_period_s=cycle_period,
+            hold_time_s=hold_time,
+            heating_source=heating_source,
+            attitude_rate_limit_deg_s=attitude_rate_limit,
+            domain_id=domain_id,
+        ),
+        begun=_BEGUN,
+    )
+    if as_json:
+        typer.echo(json.dumps(summary.to_json(), indent=2, allow_nan=False))
+    else:
+        from ares_bringup.report import console, print_summary
+
+        print_summary(summary, console())
+    raise typer.Exit(summary.exit_code)
+
+
+@app.command()
+def missions(
+    files: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[NAME|PATH]...", help="Show and check these only."),
+    ] = None,
+) -> None:
+    """List the shipped missions, or check mission files."""
+    from ares_bringup.mission_list import show_missions
+
+    raise typer.Exit(show_missions(files or ()))
+
+
+@bag_app.command("info")
+def bag_info(
+    bag: Annotated[Path, typer.Argument(metavar="BAG", help="Folder of a bag.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Say what a bag holds."""
+    from ares_bringup.bags import show_bag
+
+    show_bag(bag, as_json)
+
+
+@bag_app.command("repair")
+def bag_repair(
+    bag: Annotated[Path, typer.Argument(metavar="BAG", help="Folder of a bag cut short.")],
+    into: Annotated[
+        Path | None, typer.Option(help="Folder of the copy; default: BAG_repaired.")
+    ] = None,
+) -> None:
+    """Copy what can be read of a bag that was cut short into a new bag."""
+    from ares_bringup.bags import repair_bag
+
+    repair_bag(bag, into)
+
+
+@app.command()
+def replay(
+    bag: Annotated[Path, typer.Argument(metavar="BAG", help="Folder of a bag.")],
+    pace: Annotated[
+        float, typer.Option(min=0.0, help="Real-time factor; 0: as fast as readers take it.")
+    ] = 1.0,
+    topic: Annotated[
+        list[str] | None, typer.Option(help="Only this topic; may be given again.")
+    ] = None,
+    namespace: Annotated[str, typer.Option(help="Put in front of every topic name.")] = "",
+) -> None:
+    """Publish a recorded flight again, with its clock."""
+    from ares_bringup.bags import replay_bag
+
+    raise typer.Exit(replay_bag(bag, pace, topic or (), namespace))
+
+
+NODES = {
+    "sim": "ares_vehicle_sim.node",
+    "guidance": "ares_guidance.node",
+    "recorder": "ares_bags.node",
+}
+
+
+@app.command(
+    context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
+)
+def node(
+    context: typer.Context,
+    name: Annotated[str, typer.Argument(metavar="sim|guidance|recorder", help="Which node.")],
+) -> None:
+    """Run one node; what follows its name goes to it."""
+    if name not in NODES:
+        raise BadInput(f"node is {name!r}; expected one of {', '.join(NODES)}")
+    os.execv(sys.executable, [sys.executable, "-P", "-m", NODES[name], *context.args])
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """The command line.
+
+    Args:
+        argv: without the program's name; default that of this process.
+
+    Returns:
+        The exit status.
+    """
+    try:
+        status = app(
+            args=list(sys.argv[1:] if argv is None else argv),
+            prog_name="ares",
+            standalone_mode=False,
+        )
+        return status if isinstance(status, int) else 0
+    except (BadInput, CannotStart) as error:
+        if str(error):
+            print(f"ares: {_one_line(str(error))}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    except BrokenPipeError:
+        # the reader of our output has gone: nobody is left to complain to
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except KeyboardInterrupt:
+        return EXIT_INTERRUPTED
+    except Exception as error:
+        # usage errors of the command-line library, which prints three lines for each
+        if not hasattr(error, "format_message"):
+            raise
+        message = error.format_message().rstrip(".")
+        help_hint = getattr(getattr(error, "ctx", None), "command_path", "ares")
+        print(f"ares: {_one_line(message)} (see `{help_hint} --help`)", file=sys.stderr)
+        return EXIT_BAD_INPUT
+
+
+_BEGUN = time.monotonic()
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,141 @@
+"""The child processes of a flight: started together, watched, never left behind. No ROS."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable, Mapping
+from types import TracebackType
+from typing import Self
+
+STANDARD_ERROR = 2
+
+#: Wall time in s between looks at a child that is to end.
+LOOK_PERIOD = 0.005
+#: Wall time in s for a child to end after SIGTERM when the flight is given up.
+CLOSE_TIMEOUT = 10.0
+
+
+def ros_arguments(parameters: Mapping[str, object]) -> list[str]:
+    """Command line that sets the parameters of a node; texts are quoted for YAML."""
+    arguments = ["--ros-args"]
+    for name, value in parameters.items():
+        arguments += ["-p", f"{name}:={json.dumps(value, ensure_ascii=False)}"]
+    return arguments
+
+
+def describe_end(status: int) -> str:
+    """An exit status of `subprocess` in words."""
+    if status >= 0:
+        return f"ended with exit status {status}"
+    try:
+        return f"was killed by {signal.Signals(-status).name}"
+    except ValueError:
+        return f"was killed by signal {-status}"
+
+
+class Crew:
+    """Children by name; leaving the `with` block ends those that still run.
+
+    Each child is a process group of its own, so that Ctrl-C in the terminal reaches the
+    parent only, which then ends the children in order. Their standard output goes to
+    standard error.
+    """
+
+    def __init__(self, environment: Mapping[str, str] | None = None) -> None:
+        """Start nothing yet.
+
+        Args:
+            environment: of the children; None passes on that of this process.
+        """
+        self._environment = environment
+        self._children: dict[str, subprocess.Popen[bytes]] = {}
+        self._asked: set[str] = set()
+        self._seen: set[str] = set()
+
+    def __enter__(self) -> Self:
+        """Nothing runs yet."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """End whatever still runs."""
+        self.stop(self.running(), CLOSE_TIMEOUT)
+
+    def start(self, name: str, module: str, arguments: Iterable[str]) -> None:
+        """Start `module` as a child called `name`."""
+        self._children[name] = subprocess.Popen(
+            [sys.executable, "-P", "-m", "ares_bringup.child", module, *arguments],
+            stdin=subprocess.PIPE,
+            stdout=STANDARD_ERROR,
+            process_group=0,
+            env=self._environment,
+        )
+
+    def running(self) -> list[str]:
+        """Names of the children that have not ended."""
+        return [name for name, child in self._children.items() if child.poll() is None]
+
+    def pid(self, name: str) -> int:
+        """Process id of a child."""
+        return self._children[name].pid
+
+    def status(self, name: str) -> int | None:
+        """Exit status of a child, negative for a signal; None while it runs."""
+        return self._children[name].poll()
+
+    def newly_ended(self) -> list[tuple[str, int]]:
+        """Children, with exit status, that ended on their own since the last call."""
+        ended = []
+        for name, child in self._children.items():
+            if name in self._seen or name in self._asked:
+                continue
+            status = child.poll()
+            if status is not None:
+                self._seen.add(name)
+                ended.append((name, status))
+        return ended
+
+    def ask_to_stop(self, names: Iterable[str]) -> None:
+        """Send SIGTERM to children that still run; how they end is then their own affair."""
+        for name in names:
+            if self._children[name].poll() is None:
+                self._asked.add(name)
+                self._children[name].terminate()
+
+    def stop(
+        self,
+        names: Iterable[str],
+        timeout: float,
+        meanwhile: Callable[[], None] | None = None,
+    ) -> list[str]:
+        """End children: SIGTERM unless they were asked, SIGKILL to those that do not end.
+
+        Args:
+            names: which.
+            timeout: wall time in s until SIGKILL.
+            meanwhile: called again and again while waiting; it should take some ms.
+
+        Returns:
+            Names of the children that had to be killed.
+        """
+        waiting = [name for name in names if self._children[name].poll() is None]
+        self.ask_to_stop(name for name in waiting if name not in self._asked)
+        deadline = time.monotonic() + timeout
+        try:
+            while waiting and time.monotonic() < deadline:
+                if meanwhile is None:
+                    time.sleep(LOOK_PERIOD)
+                else:
+                    meanwhile()
+                waiting = [name for name in waiting if self._children[name].poll() is None]
+        finally:
+            for name in waiting:
+                self._children[name].kill()
+                self._children[name].wait()
+        return waiting

@@ -1,0 +1,29 @@
+"""ROS environment of a flight: who may join, and how fast nodes find each other. No ROS."""
+
+import os
+from collections.abc import Mapping, MutableMapping
+from pathlib import Path
+
+#: Where Fast DDS looks for settings of the user's own.
+PROFILE_VARIABLES = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")
+
+PROFILE = Path(__file__).with_name("fastdds.xml")
+
+
+def discovery_settings(environment: Mapping[str, str] = os.environ) -> dict[str, str]:
+    """Variables to add to an environment; what the user has set stays.
+
+    Discovery stays on this machine. Fast DDS gets a profile by which it announces more often;
+    other middleware does not read it.
+    """
+    settings = {}
+    if not environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE"):
+        settings["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    if not any(environment.get(name) for name in PROFILE_VARIABLES):
+        settings["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(PROFILE)
+    return settings
+
+
+def apply_discovery_settings(environment: MutableMapping[str, str] = os.environ) -> None:
+    """Add the settings to an environment, before its first ROS context is made."""
+    environment.update(discovery_settings(environment))

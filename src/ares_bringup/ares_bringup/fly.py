@@ -1,0 +1,410 @@
+"""One flight from start to summary: the nodes as processes of their own, or all in this one."""
+
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ares_bringup.bag_paths import new_bag
+from ares_bringup.crew import Crew, describe_end, ros_arguments
+from ares_bringup.discovery import apply_discovery_settings
+from ares_bringup.options import CannotStart, FlyOptions, domain_id
+from ares_bringup.summary import (
+    EXIT_CANNOT_START,
+    FlightSummary,
+    MissionFacts,
+)
+
+if TYPE_CHECKING:
+    from rclpy.executors import Executor
+
+    from ares_bringup.monitor import FlightMonitor
+    from ares_node.node import FlightNode
+    from ares_node.run import StopSignals
+
+SIMULATOR = "vehicle_sim"
+GUIDANCE = "guidance"
+RECORDER = "recorder"
+
+#: Modules that run the nodes as processes.
+MODULES = {
+    SIMULATOR: "ares_vehicle_sim.node",
+    GUIDANCE: "ares_guidance.node",
+    RECORDER: "ares_bags.node",
+}
+
+#: Wall time in s between looks at the children.
+LOOK_PERIOD = 0.1
+#: Wall time in s after which a start that takes long is explained.
+PATIENCE = 5.0
+#: Wall time in s for all nodes to start; the very first flight compiles for a while.
+START_TIMEOUT = 300.0
+#: Wall time in s without any message, beyond what the pace explains, after which the flight
+#: is given up.
+STALL_TIMEOUT = 60.0
+#: Flight time in s that may pass without a message: guidance speaks once per cycle.
+LONGEST_SILENCE = 100.0
+#: Wall time in s for simulator and guidance to end.
+NODE_STOP_TIMEOUT = 5.0
+#: Wall time in s between the ends of the flying nodes and of the recorder.
+HEAD_START = 0.1
+#: Wall time in s for the recorder to write what it still has and to close the bag.
+RECORDER_STOP_TIMEOUT = 30.0
+
+Say = Callable[[str], None]
+
+
+def say_on_standard_error(line: str) -> None:
+    """One line for the person at the terminal."""
+    print(line, file=sys.stderr, flush=True)
+
+
+def mission_facts(name: str) -> MissionFacts:
+    """Read and check a mission.
+
+    Raises:
+        CannotStart: no such mission, or its file is wrong; one line.
+    """
+    from ares_models.mission import load_mission
+
+    try:
+        mission = load_mission(name)
+        arrays = mission.arrays()
+    except ValueError as error:
+        # a wrong file, or an atmosphere that cannot be had
+        raise CannotStart(" ".join(str(error).split())) from error
+    heating = [jettison.heating_limit_w_m2 is not None for jettison in mission.jettisons]
+    return MissionFacts(
+        name=mission.name,
+        title=mission.title,
+        mu=mission.environment.mu_m3_s2,
+        target=arrays.target[0],
+        arcs=mission.arc_names,
+        stages=mission.stage_names,
+        jettisons=mission.jettison_names,
+        fairing=heating.index(True) if True in heating else None,
+    )
+
+
+def node_parameters(options: FlyOptions, bag: str | None) -> dict[str, dict[str, Any]]:
+    """Parameters of each node that takes part in the flight, by node name.
+
+    Args:
+        options: the flight.
+        bag: where to record; None for no recorder.
+    """
+    recorders = int(bag is not None)
+    simulator: dict[str, Any] = {
+        "mission": options.mission,
+        "pace": float(options.pace),
+        "seed": options.seed,
+        "attitude_rate_limit_deg_s": float(options.attitude_rate_limit_deg_s),
+        "start_timeout_s": START_TIMEOUT,
+        "expected_recorders": recorders,
+    }
+    if options.dispersions is not None:
+        simulator["dispersions"] = str(options.dispersions)
+    if options.navigation_period_s is not None:
+        simulator["navigation_period_s"] = float(options.navigation_period_s)
+    guidance: dict[str, Any] = {
+        "mission": options.mission,
+        "law": options.guidance.value,
+        "expected_recorders": recorders,
+    }
+    if options.cycle_period_s is not None:
+        guidance["cycle_period_s"] = float(options.cycle_period_s)
+    if options.hold_time_s is not None:
+        guidance["hold_time_s"] = float(options.hold_time_s)
+    if options.heating_source is not None:
+        guidance["heating_source"] = options.heating_source.value
+    nodes = {SIMULATOR: simulator, GUIDANCE: guidance}
+    if bag is not None:
+        nodes[RECORDER] = {
+            "bag": bag,
+            "mission": options.mission,
+            "law": options.guidance.value,
+            "seed": options.seed,
+        }
+    return nodes
+
+
+def fly(
+    options: FlyOptions,
+    say: Say = say_on_standard_error,
+    modules: Mapping[str, str] = MODULES,
+    begun: float | None = None,
+) -> FlightSummary:
+    """Fly a mission and say how it went.
+
+    Nothing is left behind, however the flight ends: children end with this process, even if
+    it is killed. Must be called from the main thread, because it takes SIGINT and SIGTERM.
+
+    Args:
+        options: the flight.
+        say: gets lines for a person while the flight goes on.
+        modules: module of each node, for the layout with several processes.
+        begun: when the command began, s of time.monotonic(), for `wall_s`; default now.
+
+    Raises:
+        CannotStart: the flight cannot start; one line says why.
+    """
+    begun = time.monotonic() if begun is None else begun
+    domain = domain_id(options)
+    facts = mission_facts(options.mission)
+    bag = None
+    if options.record:
+        bag = str((options.bag or new_bag(facts.name)).absolute())
+    summary = FlightSummary(facts, options.guidance.value, bag)
+    parameters = node_parameters(options, bag)
+    apply_discovery_settings()
+    if options.in_process:
+        _fly_in_process(summary, parameters, domain, say)
+    else:
+        _fly_in_processes(summary, parameters, domain, say, modules)
+    if bag is not None and not Path(bag).exists():
+        summary.bag = None
+    summary.wall_s = time.monotonic() - begun
+    return summary
+
+
+class _Watch:
+    """What both layouts do in every turn of the loop: patience, stalls, the end."""
+
+    def __init__(
+        self, monitor: "FlightMonitor", stop: "StopSignals", parameters: Mapping[str, Any], say: Say
+    ) -> None:
+        self._monitor = monitor
+        self._stop = stop
+        self._say = say
+        self._made = time.monotonic()
+        self._patient = True
+        pace = parameters[SIMULATOR]["pace"]
+        self._silence = STALL_TIMEOUT + (LONGEST_SILENCE / pace if pace else 0.0)
+
+    def over(self) -> bool:
+        """The flight is over, or given up for a reason that is then in the summary.
+
+        Raises:
+            CannotStart: it has not begun within START_TIMEOUT.
+        """
+        summary = self._monitor.summary
+        if self._monitor.ended:
+            return True
+        if self._stop.requested:
+            summary.interrupted = True
+            return True
+        now = time.monotonic()
+        if summary.started:
+            if now - self._monitor.last_heard > self._silence:
+                summary.problems.append(f"nothing heard for {self._silence:.0f} s: given up")
+                return True
+        elif now - self._made > START_TIMEOUT + STALL_TIMEOUT:
+            raise CannotStart(f"the flight has not begun within {now - self._made:.0f} s")
+        elif now - self._made > PATIENCE and self._patient:
+            self._patient = False
+            self._say("waiting for the nodes; the very first flight compiles them")
+        return False
+
+
+@contextmanager
+def _graph(
+    summary: FlightSummary, domain: int, say: Say
+) -> Iterator[tuple["FlightMonitor", "Executor", "StopSignals"]]:
+    """A private context with the monitor on an executor, and the signals as a flag."""
+    import rclpy
+    from rclpy.context import Context
+    from rclpy.experimental.events_executor import EventsExecutor
+    from rclpy.signals import SignalHandlerOptions
+
+    from ares_bringup.monitor import FlightMonitor
+    from ares_node.run import StopSignals
+
+    stop = StopSignals()
+    stop.starting = False
+    context = Context()
+    with stop.watch():
+        rclpy.init(
+            args=[],
+            context=context,
+            domain_id=domain,
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
+        try:
+            executor = EventsExecutor(context=context)
+            stop.install()
+            stop.wake_with(executor.wake)
+            monitor = FlightMonitor(summary, say, context=context)
+            try:
+                executor.add_node(monitor)
+                yield monitor, executor, stop
+            finally:
+                stop.wake_with(None)
+                executor.shutdown()
+                monitor.destroy_node()
+        finally:
+            context.try_shutdown()
+
+
+# ---- one process each
+
+
+def _fly_in_processes(
+    summary: FlightSummary,
+    parameters: Mapping[str, Mapping[str, Any]],
+    domain: int,
+    say: Say,
+    modules: Mapping[str, str],
+) -> None:
+    with Crew({**os.environ, "ROS_DOMAIN_ID": str(domain)}) as crew:
+        # the children first: they take longer to start than what follows here
+        for name, values in parameters.items():
+            crew.start(name, modules[name], ros_arguments(values))
+        with _graph(summary, domain, say) as (monitor, executor, stop):
+            watch = _Watch(monitor, stop, parameters, say)
+            looked = 0.0
+            while not watch.over():
+                executor.spin_once(timeout_sec=LOOK_PERIOD)
+                if time.monotonic() - looked > LOOK_PERIOD:
+                    looked = time.monotonic()
+                    if _crew_lost(crew, summary, say):
+                        break
+
+            def listen() -> None:
+                executor.spin_once(timeout_sec=0.005)
+
+            _end_crew(crew, summary, listen)
+
+
+def _crew_lost(crew: Crew, summary: FlightSummary, say: Say) -> bool:
+    """Note who has ended; True if the flight cannot go on."""
+    for name, status in crew.newly_ended():
+        how = describe_end(status)
+        if not summary.started:
+            # a node that ends with this status has said why
+            raise CannotStart("" if status == EXIT_CANNOT_START else f"{name} {how}")
+        if name == SIMULATOR:
+            problem = f"{name} {how} in flight"
+        elif name == GUIDANCE:
+            problem = f"{name} {how} in flight: flying on with its last good command"
+        else:
+            problem = f"{name} {how} in flight: the bag is incomplete"
+        summary.problems.append(problem)
+        say(problem)
+        if name == SIMULATOR:
+            return True
+    return False
+
+
+def _end_crew(crew: Crew, summary: FlightSummary, listen: Callable[[], None]) -> None:
+    """End the flying nodes, then the recorder: it gets to write all that they sent."""
+    alive = crew.running()
+    flying = [name for name in alive if name != RECORDER]
+    crew.ask_to_stop(flying)
+    if RECORDER in alive:
+        # they publish no more; the recorder takes what is still under way
+        begun = time.monotonic()
+        while time.monotonic() - begun < HEAD_START and set(flying) & set(crew.running()):
+            listen()
+        crew.ask_to_stop([RECORDER])
+    for name in crew.stop(flying, NODE_STOP_TIMEOUT, listen):
+        summary.problems.append(f"{name} did not end within {NODE_STOP_TIMEOUT:g} s: killed")
+    if RECORDER in alive:
+        crew.stop([RECORDER], RECORDER_STOP_TIMEOUT, listen)
+        status = crew.status(RECORDER)
+        if status:
+            summary.problems.append(f"{RECORDER} {describe_end(status)}: the bag is incomplete")
+
+
+# ---- all in this process
+
+
+def _fly_in_process(
+    summary: FlightSummary,
+    parameters: Mapping[str, Mapping[str, Any]],
+    domain: int,
+    say: Say,
+) -> None:
+    with _graph(summary, domain, say) as (monitor, executor, stop):
+        nodes: dict[str, FlightNode] = {}
+        try:
+            # the recorder first, the simulator last: all is connected when it looks
+            for name in (RECORDER, GUIDANCE, SIMULATOR):
+                if name in parameters:
+                    nodes[name] = _started(name, parameters[name], executor, monitor)
+                if stop.requested:
+                    break
+            watch = _Watch(monitor, stop, parameters, say)
+            while not watch.over():
+                executor.spin_once(timeout_sec=LOOK_PERIOD)
+                if any(node.done for node in nodes.values()) and _node_lost(nodes, summary, say):
+                    break
+            for name in (SIMULATOR, GUIDANCE, RECORDER):
+                if name in nodes and not nodes[name].done:
+                    nodes[name].drain(executor)
+        finally:
+            for name in (SIMULATOR, GUIDANCE, RECORDER):
+                if name in nodes:
+                    executor.remove_node(nodes[name])
+                    nodes[name].stop()
+                    nodes[name].destroy_node()
+        if RECORDER in nodes and nodes[RECORDER].exit_code:
+            summary.problems.append(f"{RECORDER} failed: the bag is incomplete")
+
+
+def _started(
+    name: str, values: Mapping[str, Any], executor: "Executor", monitor: "FlightMonitor"
+) -> "FlightNode":
+    """A configured and active node.
+
+    Raises:
+        CannotStart: a parameter or a transition was refused; one line.
+    """
+    from rclpy.exceptions import ParameterException
+    from rclpy.parameter import Parameter
+
+    from ares_node.parameters import ParameterError
+
+    overrides = [Parameter(key, value=value) for key, value in values.items()]
+    try:
+        node = _node_class(name)(context=monitor.context, parameter_overrides=overrides)
+    except (ParameterError, ParameterException) as error:
+        raise CannotStart(f"{name}: {' '.join(str(error).split())}") from error
+    executor.add_node(node)
+    if not node.start():
+        reason = node.failure or "could not start"
+        executor.remove_node(node)
+        node.stop()
+        node.destroy_node()
+        raise CannotStart(f"{name}: {reason}")
+    return node
+
+
+def _node_class(name: str) -> "Callable[..., FlightNode]":
+    if name == SIMULATOR:
+        from ares_vehicle_sim.node import VehicleSimNode
+
+        return VehicleSimNode
+    if name == GUIDANCE:
+        from ares_guidance.node import GuidanceNode
+
+        return GuidanceNode
+    from ares_bags.node import RecorderNode
+
+    return RecorderNode
+
+
+def _node_lost(nodes: "Mapping[str, FlightNode]", summary: FlightSummary, say: Say) -> bool:
+    """Note which node has ended the run itself; True if the flight cannot go on."""
+    for name, node in nodes.items():
+        if not node.done:
+            continue
+        if not summary.started:
+            raise CannotStart("" if node.exit_code == EXIT_CANNOT_START else f"{name} ended")
+        if name == SIMULATOR:
+            summary.problems.append(f"{name} ended in flight")
+            say(summary.problems[-1])
+            return True
+    return False

@@ -1,0 +1,78 @@
+"""What a flight is asked to be. No ROS."""
+
+import os
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+#: Highest ROS domain id; the ports of a higher one do not exist.
+MAX_DOMAIN_ID = 232
+
+
+class CannotStart(Exception):
+    """What was asked for cannot start; the text is one line, empty if a node has said why."""
+
+
+class Guidance(StrEnum):
+    """Guidance laws, by the names of the guidance node's parameter `law`."""
+
+    PEG = "peg"
+
+
+class HeatingSource(StrEnum):
+    """What times a heating jettison, by the names of the parameter `heating_source`."""
+
+    MEASURED = "measured"
+    MODEL = "model"
+
+
+@dataclass(frozen=True)
+class FlyOptions:
+    """One flight.
+
+    Attributes:
+        mission: name of a shipped mission or path of a mission file.
+        guidance: guidance law.
+        in_process: all nodes in this process instead of one process each.
+        record: write a bag.
+        bag: folder of the bag; None takes a new name in the project's bags folder.
+        seed: seed of dispersions and navigation errors.
+        dispersions: path of a dispersions file; None flies the mission exactly.
+        pace: real-time factor; 0 flies as fast as guidance answers.
+        navigation_period_s: flight time between navigation states; None: the node's default.
+        cycle_period_s: flight time between guidance cycles; None: the node's default.
+        hold_time_s: time to go from which the steering is held; None: the node's default.
+        heating_source: what times a heating jettison; None: the node's default.
+        attitude_rate_limit_deg_s: fastest turn of the thrust; 0: none.
+        domain_id: ROS domain; None: that of the environment.
+    """
+
+    mission: str = "ares_v"
+    guidance: Guidance = Guidance.PEG
+    in_process: bool = False
+    record: bool = True
+    bag: Path | None = None
+    seed: int = 0
+    dispersions: Path | None = None
+    pace: float = 0.0
+    navigation_period_s: float | None = None
+    cycle_period_s: float | None = None
+    hold_time_s: float | None = None
+    heating_source: HeatingSource | None = None
+    attitude_rate_limit_deg_s: float = 0.0
+    domain_id: int | None = None
+
+
+def domain_id(options: FlyOptions) -> int:
+    """The ROS domain of a flight: of the options, else of ROS_DOMAIN_ID, else 0.
+
+    Raises:
+        CannotStart: it is not an integer from 0 to 232.
+    """
+    if options.domain_id is not None:
+        text, source = str(options.domain_id), "domain id"
+    else:
+        text, source = os.environ.get("ROS_DOMAIN_ID", "") or "0", "ROS_DOMAIN_ID"
+    if not text.isascii() or not text.isdigit() or int(text) > MAX_DOMAIN_ID:
+        raise CannotStart(f"{source} is {text!r}; expected an integer from 0 to {MAX_DOMAIN_ID}")
+    return int(text)

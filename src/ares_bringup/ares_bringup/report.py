@@ -1,0 +1,150 @@
+"""A flight's summary for people: legible at 80 columns, with or without colours."""
+
+import math
+import os
+from typing import IO
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from ares_bringup.summary import FlightSummary, OrbitState, orbit_state, target_state
+
+WIDTH = 80
+BLANK = "-"
+
+
+def console(file: IO[str] | None = None) -> Console:
+    """A console that never writes wider than WIDTH and colours a terminal only."""
+    made = Console(file=file, highlight=False, emoji=False, markup=False)
+    made.width = min(made.width, WIDTH) if made.is_terminal else WIDTH
+    return made
+
+
+def number(value: float | None, decimals: int) -> str:
+    """A number with thousands separators; BLANK if unknown."""
+    if value is None or not math.isfinite(value):
+        return BLANK
+    return f"{value:,.{decimals}f}"
+
+
+def small(value: float) -> str:
+    """A signed error with three figures; BLANK if unknown."""
+    return f"{value:+.2e}" if math.isfinite(value) else BLANK
+
+
+def shown_path(path: str) -> str:
+    """A path as one would type it here: relative if that is shorter."""
+    relative = os.path.relpath(path)
+    return relative if len(relative) < len(path) else path
+
+
+def print_summary(summary: FlightSummary, out: Console) -> None:
+    """Print target, prediction, flown state and errors, times, masses, events, the bag."""
+    facts = summary.facts
+    out.print(Text(f"{facts.title} ({facts.name}), guidance {summary.guidance}"), style="bold")
+    out.print()
+    if summary.end is not None:
+        out.print(insertion_table(summary))
+        for name, error in summary.insertion_error.items():
+            if name in ("semi_major_axis_m", "eccentricity", "argument_of_perigee_deg"):
+                out.print(f"error of {name.replace('_', ' ')}: {error:+.3g}")
+        out.print()
+    if summary.events:
+        out.print(event_table(summary))
+        out.print()
+    for name, value in facts_of_flight(summary):
+        out.print(Text(f"{name:<20}{value}"), soft_wrap=True)
+    for line in summary.shortcomings():
+        out.print(Text(line), style="bold red", soft_wrap=True)
+
+
+def insertion_table(summary: FlightSummary) -> Table:
+    """Rows target, predicted, flown, error; a column per judged quantity."""
+    end = summary.end
+    assert end is not None
+    target = target_state(summary.facts, end.position)
+    flown = orbit_state(end.position, end.velocity)
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column("")
+    for title in ("radius\nkm", "speed\nm/s", "flight path\ndeg", "inclination\ndeg"):
+        table.add_column(title, justify="right")
+    node = math.isfinite(target.ascending_node_deg)
+    if node:
+        table.add_column("node\ndeg", justify="right")
+
+    def row(name: str, state: OrbitState) -> None:
+        cells = [
+            number(state.radius_m / 1e3, 4),
+            number(state.speed_m_s, 4),
+            number(state.flight_path_angle_deg, 6),
+            number(state.inclination_deg, 6),
+        ]
+        if node:
+            cells.append(number(state.ascending_node_deg, 6))
+        table.add_row(name, *cells)
+
+    row("target", target)
+    predicted = summary.last_converged
+    if predicted is not None:
+        row("predicted", orbit_state(predicted.predicted_position, predicted.predicted_velocity))
+    row("flown", flown)
+    errors = summary.insertion_error
+    cells = [
+        f"{errors['radius_m']:+.3g} m",
+        f"{errors['speed_m_s']:+.2e}",
+        small(errors["flight_path_angle_deg"]),
+        small(errors["inclination_deg"]),
+    ]
+    if node:
+        cells.append(small(errors["ascending_node_deg"]))
+    table.add_row("error", *cells, style="bold")
+    return table
+
+
+def event_table(summary: FlightSummary) -> Table:
+    """Events with time and mass after the event."""
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column("time s", justify="right")
+    table.add_column("mass kg", justify="right")
+    table.add_column("event")
+    for event in summary.events:
+        table.add_row(number(event.time, 3), number(event.mass, 2), Text(summary.event_name(event)))
+    return table
+
+
+def facts_of_flight(summary: FlightSummary) -> list[tuple[str, str]]:
+    """Name and value of what stands below the tables."""
+    lines = []
+    if summary.m_f_kg is not None:
+        lines.append(("final mass", f"{number(summary.m_f_kg, 2)} kg"))
+    predicted = summary.last_converged
+    if summary.t_meco_s is not None and predicted is not None:
+        lines.append(
+            (
+                "cut-off",
+                f"{number(summary.t_meco_s, 3)} s, predicted {number(predicted.cutoff_time, 3)} s",
+            )
+        )
+    iterations = summary.first_convergence_iterations
+    lines.append(
+        (
+            "guidance",
+            f"{summary.guidance_cycles} cycles"
+            + (f", first solution after {iterations} iterations" if iterations else ""),
+        )
+    )
+    if summary.diagnostic_count:
+        lines.append(("warnings", str(summary.diagnostic_count)))
+    if summary.lost_messages:
+        lines.append(("lost messages", str(summary.lost_messages)))
+    factor = summary.realtime_factor
+    lines.append(
+        (
+            "wall time",
+            f"{number(summary.wall_s, 1)} s with start-up"
+            + (f"; flown at {factor:,.3g} times real time" if factor else ""),
+        )
+    )
+    lines.append(("bag", shown_path(summary.bag) if summary.bag else "none"))
+    return lines

@@ -1,0 +1,496 @@
+"""What a flight came to: collected while it flies, judged when it is over. No ROS."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from typing import Any
+
+from ares_models.arrays import (
+    TARGET_KEPLERIAN,
+    TARGET_RADIUS_SPEED_ANGLE_PLANE,
+)
+from ares_vehicle_sim.arrays import (
+    ARC_ENDED,
+    CUTOFF,
+    DEPLETION,
+    FLIGHT_COMPLETE,
+    FLIGHT_STARTED,
+    IGNITION,
+    IMPACT,
+    JETTISON_DONE,
+    STAGING,
+)
+
+EVENT_NAMES = {
+    FLIGHT_STARTED: "flight started",
+    IGNITION: "ignition",
+    ARC_ENDED: "arc ended",
+    STAGING: "staging",
+    JETTISON_DONE: "jettison",
+    CUTOFF: "main-engine cut-off",
+    DEPLETION: "propellant depleted",
+    FLIGHT_COMPLETE: "flight complete",
+    IMPACT: "impact",
+}
+
+ENDS = (FLIGHT_COMPLETE, IMPACT)
+
+#: Exit statuses of `ares fly`.
+EXIT_TARGET = 0
+EXIT_NOT_AS_IT_SHOULD = 1
+EXIT_CANNOT_START = 2
+EXIT_INTERRUPTED = 130
+
+#: An insertion within these of its target counts as flown to the target. They are wider
+#: than what the default flight does, so that a limited attitude rate or a long guidance
+#: cycle is not called a failure, and far narrower than any miss.
+TOLERANCES = {
+    "radius_m": 100.0,
+    "speed_m_s": 0.1,
+    "flight_path_angle_deg": 1e-3,
+    "inclination_deg": 1e-2,
+    "ascending_node_deg": 1e-2,
+    "argument_of_perigee_deg": 1e-2,
+}
+
+#: Diagnostics kept with the flight; what comes after is counted only.
+MAX_DIAGNOSTICS = 200
+
+Vector = tuple[float, float, float]
+
+
+class Outcome(StrEnum):
+    """How a flight ended."""
+
+    TARGET = "target"
+    TARGET_MISSED = "target_missed"
+    DEPLETION = "depletion"
+    IMPACT = "impact"
+    INCOMPLETE = "incomplete"
+    INTERRUPTED = "interrupted"
+
+
+@dataclass(frozen=True)
+class MissionFacts:
+    """What is needed of a mission to name and to judge its flight.
+
+    Attributes:
+        name: short name.
+        title: name for people.
+        mu: m3/s2.
+        target: record of dtype TARGET.
+        arcs: a name for each arc.
+        stages: name of each stage.
+        jettisons: name of each jettison.
+        fairing: first jettison that waits for the heating to fall; None if none does.
+    """
+
+    name: str
+    title: str
+    mu: float
+    target: Any
+    arcs: Sequence[str] = ()
+    stages: Sequence[str] = ()
+    jettisons: Sequence[str] = ()
+    fairing: int | None = None
+
+
+@dataclass(frozen=True)
+class Event:
+    """A flight event, as in FlightEvent: SI, ares_eci."""
+
+    type: int
+    index: int
+    time: float
+    position: Vector
+    velocity: Vector
+    mass: float
+
+
+@dataclass(frozen=True)
+class Diagnostic:
+    """A warning or an error of a node; `time` is mission elapsed time in s."""
+
+    time: float
+    node: str
+    level: str
+    message: str
+
+    def __str__(self) -> str:
+        """One line."""
+        return f"t {self.time:.2f} s  {self.level}  {self.node}: {self.message}"
+
+
+@dataclass(frozen=True)
+class Status:
+    """The part of GuidanceStatus that the summary uses."""
+
+    time: float
+    cycle: int
+    converged: bool
+    total_iterations: int
+    stale_cycles: int
+    cutoff_time: float
+    predicted_position: Vector
+    predicted_velocity: Vector
+
+
+@dataclass(frozen=True)
+class OrbitState:
+    """What an insertion is judged by: m, m/s, degrees."""
+
+    radius_m: float
+    speed_m_s: float
+    flight_path_angle_deg: float
+    inclination_deg: float
+    ascending_node_deg: float
+
+
+def orbit_state(position: Sequence[float], velocity: Sequence[float]) -> OrbitState:
+    """Judged quantities of a state.
+
+    Args:
+        position: m, shape (3,).
+        velocity: inertial, m/s, shape (3,).
+    """
+    from ares_models.orbits import Insertion
+
+    state = Insertion.from_state(position, velocity)
+    return OrbitState(
+        state.radius,
+        state.speed,
+        math.degrees(state.flight_path_angle),
+        math.degrees(state.inclination),
+        math.degrees(state.ascending_node),
+    )
+
+
+def _half_turn(angle_deg: float) -> float:
+    return (angle_deg + 180.0) % 360.0 - 180.0
+
+
+def target_state(facts: MissionFacts, position: Sequence[float]) -> OrbitState:
+    """What the target asks for at a flown position; NaN where it asks for nothing.
+
+    A Keplerian target leaves the place on the orbit free. It is judged at the point of the
+    target orbit that is nearest in direction to the flown position.
+
+    Args:
+        facts: the mission.
+        position: flown, m, shape (3,).
+    """
+    target = facts.target
+    if int(target["kind"]) != TARGET_KEPLERIAN:
+        plane = int(target["kind"]) == TARGET_RADIUS_SPEED_ANGLE_PLANE
+        return OrbitState(
+            float(target["radius"]),
+            float(target["speed"]),
+            math.degrees(float(target["flight_path_angle"])),
+            math.degrees(float(target["inclination"])),
+            math.degrees(float(target["ascending_node"])) if plane else math.nan,
+        )
+    from ares_models.orbits import Elements
+
+    orbit = Elements(
+        float(target["semi_major_axis"]),
+        float(target["eccentricity"]),
+        float(target["inclination"]),
+        float(target["ascending_node"]),
+        float(target["argument_of_perigee"]),
+        true_anomaly=0.0,
+    )
+    perigee, forward = (vector.tolist() for vector in orbit.state(facts.mu))
+    anomaly = math.atan2(_along(position, forward), _along(position, perigee))
+    there = replace(orbit, true_anomaly=anomaly).state(facts.mu)
+    return orbit_state(there[0].tolist(), there[1].tolist())
+
+
+def _along(x: Sequence[float], axis: Sequence[float]) -> float:
+    return math.fsum(a * b for a, b in zip(x, axis, strict=True)) / math.hypot(*axis)
+
+
+def insertion_error(
+    facts: MissionFacts, position: Sequence[float], velocity: Sequence[float]
+) -> dict[str, float]:
+    """Flown minus target, by quantity.
+
+    Args:
+        facts: the mission.
+        position: m, shape (3,).
+        velocity: m/s, shape (3,).
+
+    Returns:
+        radius_m, speed_m_s, flight_path_angle_deg, inclination_deg; ascending_node_deg if
+        the target has a node; for a Keplerian target also semi_major_axis_m, eccentricity
+        and argument_of_perigee_deg.
+    """
+    flown = orbit_state(position, velocity)
+    wanted = target_state(facts, position)
+    errors = {
+        "radius_m": flown.radius_m - wanted.radius_m,
+        "speed_m_s": flown.speed_m_s - wanted.speed_m_s,
+        "flight_path_angle_deg": flown.flight_path_angle_deg - wanted.flight_path_angle_deg,
+        "inclination_deg": flown.inclination_deg - wanted.inclination_deg,
+    }
+    if math.isfinite(wanted.ascending_node_deg):
+        errors["ascending_node_deg"] = _half_turn(
+            flown.ascending_node_deg - wanted.ascending_node_deg
+        )
+    if int(facts.target["kind"]) == TARGET_KEPLERIAN:
+        from ares_models.orbits import Elements
+
+        elements = Elements.from_state(position, velocity, facts.mu)
+        errors["semi_major_axis_m"] = elements.semi_major_axis - float(
+            facts.target["semi_major_axis"]
+        )
+        errors["eccentricity"] = elements.eccentricity - float(facts.target["eccentricity"])
+        errors["argument_of_perigee_deg"] = _half_turn(
+            math.degrees(elements.argument_of_perigee - float(facts.target["argument_of_perigee"]))
+        )
+    return errors
+
+
+@dataclass
+class FlightSummary:
+    """A flight as it is seen from outside: events, guidance status, diagnostics.
+
+    Attributes:
+        facts: the mission.
+        guidance: name of the law.
+        bag: absolute path of the bag; None if nothing is recorded.
+        events: in the order of arrival.
+        first_converged: first status with an accepted solution.
+        last_converged: last one.
+        guidance_cycles: highest cycle number seen.
+        seen_from_start: no guidance cycle was missed before the first that was seen.
+        max_stale_cycles: most cycles in a row without an accepted solution.
+        diagnostics: warnings and errors, the first MAX_DIAGNOSTICS of them.
+        diagnostic_count: all of them.
+        lost_messages: events, status messages and diagnostics that the monitor did not get.
+        problems: what went wrong around the flight, one line each.
+        interrupted: Ctrl-C or SIGTERM ended it.
+        realtime_factor: flight time over wall time, start-up left out; None if not known.
+        wall_s: wall time of the whole command, s.
+    """
+
+    facts: MissionFacts
+    guidance: str
+    bag: str | None = None
+    events: list[Event] = field(default_factory=list)
+    first_converged: Status | None = None
+    last_converged: Status | None = None
+    guidance_cycles: int = 0
+    seen_from_start: bool = False
+    max_stale_cycles: int = 0
+    diagnostics: list[Diagnostic] = field(default_factory=list)
+    diagnostic_count: int = 0
+    lost_messages: int = 0
+    problems: list[str] = field(default_factory=list)
+    interrupted: bool = False
+    realtime_factor: float | None = None
+    wall_s: float = math.nan
+
+    # ---- collecting
+
+    def add_event(self, event: Event) -> None:
+        """Take an event."""
+        self.events.append(event)
+
+    def forget_flight(self) -> None:
+        """Forget events and guidance: another flight has begun."""
+        self.events.clear()
+        self.first_converged = self.last_converged = None
+        self.guidance_cycles = self.max_stale_cycles = 0
+
+    def add_status(self, status: Status) -> None:
+        """Take a guidance status; a gap in the cycle numbers counts as lost messages."""
+        if not self.guidance_cycles:
+            self.seen_from_start = status.cycle <= 1
+        elif status.cycle > self.guidance_cycles + 1:
+            self.lost_messages += status.cycle - self.guidance_cycles - 1
+        self.guidance_cycles = max(self.guidance_cycles, status.cycle)
+        self.max_stale_cycles = max(self.max_stale_cycles, status.stale_cycles)
+        if status.converged:
+            self.first_converged = self.first_converged or status
+            self.last_converged = status
+
+    def add_diagnostic(self, diagnostic: Diagnostic) -> None:
+        """Take a warning or an error."""
+        self.diagnostic_count += 1
+        if len(self.diagnostics) < MAX_DIAGNOSTICS:
+            self.diagnostics.append(diagnostic)
+
+    def set_rate(self, flight_time: float, wall_time: float) -> None:
+        """Note that so much flight time (s) was seen to pass in so much wall time (s)."""
+        if flight_time > 0.0 and wall_time > 0.0:
+            self.realtime_factor = flight_time / wall_time
+
+    # ---- the flight
+
+    def first(self, kind: int, index: int | None = None) -> Event | None:
+        """First event of a type, and of an index if one is given; None if there is none."""
+        for event in self.events:
+            if event.type == kind and index in (None, event.index):
+                return event
+        return None
+
+    @property
+    def started(self) -> bool:
+        """The first event of the flight has come."""
+        return self.first(FLIGHT_STARTED) is not None
+
+    @property
+    def end(self) -> Event | None:
+        """FLIGHT_COMPLETE or IMPACT; None before."""
+        return self.first(FLIGHT_COMPLETE) or self.first(IMPACT)
+
+    @property
+    def t_plf_s(self) -> float | None:
+        """Time of the fairing jettison (the one that waits for the heating), s."""
+        if self.facts.fairing is None:
+            return None
+        event = self.first(JETTISON_DONE, self.facts.fairing)
+        return event.time if event else None
+
+    @property
+    def t_meco_s(self) -> float | None:
+        """Time of the main-engine cut-off command, s."""
+        event = self.first(CUTOFF)
+        return event.time if event else None
+
+    @property
+    def m_f_kg(self) -> float | None:
+        """Mass at the end of the flight, kg."""
+        return self.end.mass if self.end else None
+
+    @property
+    def insertion_error(self) -> dict[str, float]:
+        """Errors of the state at the end of the flight, tail-off included; empty before.
+
+        See `insertion_error` of this module.
+        """
+        if self.end is None:
+            return {}
+        return insertion_error(self.facts, self.end.position, self.end.velocity)
+
+    @property
+    def first_convergence_iterations(self) -> int | None:
+        """Iterations until the first accepted solution; None if it was not seen."""
+        status = self.first_converged
+        return status.total_iterations if status and self.seen_from_start else None
+
+    # ---- the verdict
+
+    @property
+    def outcome(self) -> Outcome:
+        """How the flight ended."""
+        if self.first(IMPACT):
+            return Outcome.IMPACT
+        if self.end is None:
+            return Outcome.INTERRUPTED if self.interrupted else Outcome.INCOMPLETE
+        if self.first(CUTOFF) is None:
+            return Outcome.DEPLETION
+        return Outcome.TARGET_MISSED if self.misses() else Outcome.TARGET
+
+    def misses(self) -> list[str]:
+        """The quantities that lie beyond TOLERANCES, one text each."""
+        return [
+            f"{name} off by {error:.3g}, allowed {TOLERANCES[name]:g}"
+            for name, error in self.insertion_error.items()
+            if name in TOLERANCES and not abs(error) <= TOLERANCES[name]
+        ]
+
+    def shortcomings(self) -> list[str]:
+        """All that was not as it should be, one line each; empty for a good flight."""
+        lines = {
+            Outcome.TARGET: [],
+            Outcome.TARGET_MISSED: ["target missed: " + "; ".join(self.misses())],
+            Outcome.DEPLETION: ["propellant ran out before the target was reached"],
+            Outcome.IMPACT: ["the vehicle met the ground"],
+            Outcome.INCOMPLETE: ["the flight did not come to its end"],
+            Outcome.INTERRUPTED: ["interrupted"],
+        }[self.outcome]
+        if self.outcome in (Outcome.TARGET, Outcome.TARGET_MISSED):
+            lines = lines + [
+                f"{name} was not jettisoned"
+                for index, name in enumerate(self.facts.jettisons)
+                if self.first(JETTISON_DONE, index) is None
+            ]
+        return lines + self.problems
+
+    @property
+    def exit_code(self) -> int:
+        """Exit status of `ares fly`."""
+        if self.outcome is Outcome.INTERRUPTED:
+            return EXIT_INTERRUPTED
+        return EXIT_NOT_AS_IT_SHOULD if self.shortcomings() else EXIT_TARGET
+
+    # ---- for people and programs
+
+    def event_name(self, event: Event) -> str:
+        """An event in words, with the mission's names."""
+        lists: dict[int, Sequence[str]] = {
+            IGNITION: self.facts.arcs,
+            ARC_ENDED: self.facts.arcs,
+            STAGING: self.facts.stages,
+            JETTISON_DONE: self.facts.jettisons,
+            DEPLETION: self.facts.stages,
+        }
+        name = EVENT_NAMES.get(event.type, f"event {event.type}")
+        names = lists.get(event.type, ())
+        return f"{name}: {names[event.index]}" if event.index < len(names) else name
+
+    def to_json(self) -> dict[str, Any]:
+        """The object that `ares fly --json` prints; unknown numbers are None."""
+        errors = self.insertion_error
+        keys = dict.fromkeys(("radius_m", "speed_m_s", "flight_path_angle_deg", "inclination_deg"))
+        result = {
+            "mission": self.facts.name,
+            "guidance": self.guidance,
+            "t_plf_s": self.t_plf_s,
+            "t_meco_s": self.t_meco_s,
+            "m_f_kg": self.m_f_kg,
+            "insertion_error": {**keys, **errors},
+            "guidance_cycles": self.guidance_cycles,
+            "wall_s": self.wall_s,
+            "realtime_factor": self.realtime_factor,
+            "bag": self.bag,
+            "outcome": self.outcome.value,
+            "exit_status": self.exit_code,
+            "shortcomings": self.shortcomings(),
+            "first_convergence_iterations": self.first_convergence_iterations,
+            "max_stale_cycles": self.max_stale_cycles,
+            "lost_messages": self.lost_messages,
+            "events": [
+                {
+                    "t_s": event.time,
+                    "type": event.type,
+                    "index": event.index,
+                    "name": self.event_name(event),
+                    "mass_kg": event.mass,
+                }
+                for event in self.events
+            ],
+            "diagnostic_count": self.diagnostic_count,
+            "diagnostics": [
+                {
+                    "t_s": line.time,
+                    "node": line.node,
+                    "level": line.level,
+                    "message": line.message,
+                }
+                for line in self.diagnostics
+            ],
+        }
+        return {key: _json_value(value) for key, value in result.items()}
+
+
+def _json_value(value: Any) -> Any:
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: _json_value(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_json_value(item) for item in value]
+    return value

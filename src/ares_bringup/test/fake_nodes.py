@@ -1,0 +1,140 @@
+"""Stand-ins for the nodes of a flight that fly nothing: for the layout, not the physics.
+
+    python -m fake_nodes NAME --ros-args ...    with NAME vehicle_sim, guidance or recorder
+
+$FAKE_<NAME> says how the node behaves:
+    refuse   cannot be configured
+    crash    raises in flight
+    hang     ignores SIGTERM
+    kill     kills itself with SIGKILL in flight
+    exit1    ends with status 1 in flight
+    slow     (simulator) never comes to the end of the flight
+    miss     (simulator) ends far from the target
+"""
+
+import math
+import os
+import signal
+from pathlib import Path
+from typing import Any
+
+from ares_msgs.msg import FlightEvent, GuidanceStatus
+from ares_node.node import FlightNode, NodeError
+from ares_node.parameters import Parameter
+from ares_node.qos import EVENTS, FLIGHT, FLIGHT_EVENT, GUIDANCE_STATUS
+from ares_node.run import run_node
+from ares_node.time import stamp_from_seconds
+
+RADIUS = 6.6e6
+SPEED = 7700.0
+#: Steps of 0.02 s: flight begins, faults happen, flight ends. All nodes are up by the first.
+BEGIN, FAULT, END = 50, 75, 100
+
+TABLES = {
+    "vehicle_sim": {
+        "mission": "",
+        "pace": 0.0,
+        "seed": 0,
+        "dispersions": "",
+        "navigation_period_s": 0.1,
+        "attitude_rate_limit_deg_s": 0.0,
+        "start_timeout_s": 30.0,
+        "expected_recorders": 0,
+    },
+    "guidance": {
+        "mission": "",
+        "law": "",
+        "cycle_period_s": 1.0,
+        "hold_time_s": 5.0,
+        "heating_source": "",
+        "expected_recorders": 0,
+    },
+    "recorder": {"bag": "", "mission": "", "law": "", "seed": 0},
+}
+
+
+class FakeNode(FlightNode):
+    """Counts time and does what it was told."""
+
+    def __init__(self, name: str, **kwargs: Any) -> None:
+        table = [Parameter(key, value, "") for key, value in TABLES[name].items()]
+        super().__init__(name, parameters=table, **kwargs)
+        self.role = name
+        self.behaviour = os.environ.get(f"FAKE_{name.upper()}", "")
+        self.step = 0
+
+    def configure(self) -> None:
+        if self.behaviour == "refuse":
+            raise NodeError("refused, as it was told")
+        if self.role == "vehicle_sim":
+            self.out = self.create_publisher(FlightEvent, FLIGHT_EVENT, EVENTS)
+        elif self.role == "guidance":
+            self.out = self.create_publisher(GuidanceStatus, GUIDANCE_STATUS, FLIGHT)
+        else:
+            Path(self.values["bag"]).mkdir()
+        self.create_timer(0.02, self.tick)
+
+    def tick(self) -> None:
+        self.step += 1
+        if self.step == FAULT:
+            if self.behaviour == "crash":
+                raise RuntimeError("crashed, as it was told")
+            if self.behaviour == "kill":
+                os.kill(os.getpid(), signal.SIGKILL)
+            if self.behaviour == "exit1":
+                self.finish(1)
+            if self.behaviour == "hang":
+                for number in (signal.SIGTERM, signal.SIGINT):
+                    signal.signal(number, signal.SIG_IGN)
+        if self.role == "vehicle_sim":
+            self.fly()
+        elif self.role == "guidance":
+            self.guide()
+
+    def fly(self) -> None:
+        if self.step == BEGIN:
+            self.event(FlightEvent.FLIGHT_STARTED, 0)
+        elif self.step == FAULT:
+            self.event(FlightEvent.JETTISON, 0)
+        elif self.step == END and self.behaviour != "slow":
+            self.event(FlightEvent.CUTOFF, 0)
+            self.event(FlightEvent.FLIGHT_COMPLETE, 0)
+
+    def event(self, kind: int, index: int) -> None:
+        speed = SPEED + (10.0 if self.behaviour == "miss" else 0.0)
+        inclination = math.radians(28.5)
+        self.out.publish(
+            FlightEvent(
+                stamp=stamp_from_seconds(float(self.step)),
+                time=float(self.step),
+                type=kind,
+                index=index,
+                position=[RADIUS, 0.0, 0.0],
+                velocity=[0.0, speed * math.cos(inclination), speed * math.sin(inclination)],
+                mass=1000.0 - self.step,
+            )
+        )
+
+    def guide(self) -> None:
+        inclination = math.radians(28.5)
+        self.out.publish(
+            GuidanceStatus(
+                stamp=stamp_from_seconds(float(self.step)),
+                cycle=self.step,
+                law=GuidanceStatus.LAW_PEG,
+                converged=self.step > 2,
+                total_iterations=10 * self.step,
+                cutoff_time=float(END),
+                predicted_position=[RADIUS, 0.0, 0.0],
+                predicted_velocity=[
+                    0.0,
+                    SPEED * math.cos(inclination),
+                    SPEED * math.sin(inclination),
+                ],
+            )
+        )
+
+
+def main(name: str) -> int:
+    """Run the node as a process."""
+    return run_node(lambda **kwargs: FakeNode(name, **kwargs), name=name)

@@ -1,0 +1,7 @@
+"""Run the stand-in as a process."""
+
+import sys
+
+from fake_nodes import main
+
+sys.exit(main("recorder"))
