@@ -210,6 +210,20 @@ def replay(
     raise typer.Exit(replay_bag(bag, pace, topic or (), namespace))
 
 
+@app.command()
+def plot(
+    bag: Annotated[Path, typer.Argument(metavar="BAG", help="Folder of a bag.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Image file (.png, .svg, .pdf); default: flight.png in the bag."),
+    ] = None,
+) -> None:
+    """Draw a recorded flight."""
+    from ares_bringup.plot import plot_bag
+
+    typer.echo(plot_bag(bag, out))
+
+
 NODES = {
     "sim": "ares_vehicle_sim.node",
     "guidance": "ares_guidance.node",

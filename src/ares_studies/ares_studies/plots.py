@@ -47,13 +47,12 @@ def draw_flight(
     _level(axes[0, 1], target.get("speed_m_s"), "target")
     _line(axes[1, 0], t, np.degrees(truth["flight_path_angle"]), "flight-path angle, deg")
     _level(axes[1, 0], target.get("flight_path_angle_deg"), "target")
-    _line(axes[1, 1], t, _pitch(truth), "pitch of the thrust above the horizon, deg")
+    # the first sample stands before the first command
+    _line(axes[1, 1], t[1:], _pitch(truth)[1:], "pitch of the thrust above the horizon, deg")
     _line(axes[2, 0], t, truth["heating_rate"], "free molecular heating, W/m²")
     axes[2, 0].set_yscale("log")
     _level(axes[2, 0], heating_limit_w_m2, "limit")
-    settled = status["cutoff_time"]
-    _line(axes[2, 1], status["time"], settled, "predicted cut-off, s", step=True)
-    # without the last digits of matplotlib's offset notation
+    _line(axes[2, 1], status["time"], status["cutoff_time"], "predicted cut-off, s", step=True)
     axes[2, 1].ticklabel_format(axis="y", useOffset=False)
     for row in axes:
         for panel in row:
@@ -105,11 +104,10 @@ def _level(panel: Axes, value: float | None, word: str) -> None:
     panel.axhline(value, color=ACCENT, linewidth=1.1, linestyle=(0, (5, 3)))
     panel.annotate(
         word,
-        (0.99, value),
+        (0.015, value),
         xycoords=("axes fraction", "data"),
         xytext=(0, 3),
         textcoords="offset points",
         fontsize=8,
         color=ACCENT,
-        ha="right",
     )
