@@ -214,6 +214,16 @@ def sourced_ros(root: Path, environ: Mapping[str, str]) -> str:
     return ""
 
 
+def ros_paths(environ: Mapping[str, str]) -> dict[str, str]:
+    """What sourcing a ROS 2 has put into the search paths."""
+    prefixes = split_path(environ.get("AMENT_PREFIX_PATH", ""))
+    added = {
+        name: [entry for entry in split_path(environ.get(name, "")) if _below(entry, prefixes)]
+        for name in SEARCH_PATHS
+    }
+    return {name: os.pathsep.join(entries) for name, entries in added.items() if entries}
+
+
 def find_ros_python(environ: Mapping[str, str]) -> str | None:
     """A Python that can import the rclpy of the sourced ROS 2; this one if possible."""
     candidates = [base_python()]
@@ -252,25 +262,42 @@ def _below(entry: str, prefixes: Iterable[str]) -> bool:
     return any(entry == prefix or entry.startswith(prefix + os.sep) for prefix in prefixes)
 
 
+def _without(value: str, prefixes: Sequence[str]) -> str:
+    return os.pathsep.join(x for x in split_path(value) if not _below(x, prefixes))
+
+
 SEARCH_PATHS = ("PATH", "PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH")
 
 
-def without_foreign_ros(environ: Mapping[str, str], root: Path, ros: str) -> dict[str, str]:
-    """Copy of ``environ`` without the traces of a ROS 2, or another clone, that is not used."""
+def without_other_clone(environ: Mapping[str, str], root: Path) -> dict[str, str]:
+    """Copy of ``environ`` without what another clone of this project has put there."""
     result = dict(environ)
-    foreign: list[str] = []
     other = environ.get("ARES_WORKSPACE", "")
-    if other and other != str(root):
-        foreign.append(other)
-    if not ros and "ROS_DISTRO" in environ:
-        foreign += split_path(environ.get("AMENT_PREFIX_PATH", ""))
-        for name in ("ROS_DISTRO", "COLCON_PREFIX_PATH"):
-            result.pop(name, None)
-    foreign = [prefix for prefix in foreign if prefix not in ("/", "/usr", "/usr/local")]
+    if not other or other == str(root):
+        return result
     for name in SEARCH_PATHS:
-        if foreign and name in result:
-            kept = [x for x in split_path(result[name]) if not _below(x, foreign)]
-            result[name] = os.pathsep.join(kept)
+        if name in result:
+            result[name] = _without(result[name], [other])
+    for name in ("NUMBA_CACHE_DIR", "ROS_LOG_DIR", "VIRTUAL_ENV"):
+        if _below(result.get(name, ""), [other]):
+            del result[name]
+    del result["ARES_WORKSPACE"]
+    return result
+
+
+def without_foreign_ros(environ: Mapping[str, str], ros: str) -> dict[str, str]:
+    """Copy of ``environ`` without the traces of a sourced ROS 2 that is not the one in use."""
+    result = dict(environ)
+    distro = environ.get("ROS_DISTRO", "")
+    if not distro or (ros and distro == ROS_DISTRO):
+        return result
+    prefixes = split_path(environ.get("AMENT_PREFIX_PATH", ""))
+    foreign = [prefix for prefix in prefixes if prefix not in ("/", "/usr", "/usr/local")]
+    for name in SEARCH_PATHS:
+        if name in result:
+            result[name] = _without(result[name], foreign)
+    for name in ("ROS_DISTRO", "COLCON_PREFIX_PATH"):
+        result.pop(name, None)
     return result
 
 
@@ -283,12 +310,14 @@ class Workspace:
         python: version of Python in .venv, such as "3.12".
         ros: prefix of the sourced ROS 2 that it is built on; empty for the wheels.
         sourced: prefix of the ROS 2 that was sourced when .venv was made; empty for none.
+        ros_paths: what sourcing it added to the search paths, for shells without it.
     """
 
     root: Path
     python: str
     ros: str = ""
     sourced: str = ""
+    ros_paths: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
     @property
     def venv(self) -> Path:
@@ -322,7 +351,11 @@ class Workspace:
             environ: the user's environment; one made by this function is fine too.
             build: leave out the workspace itself, for the tools that make it.
         """
-        result = without_foreign_ros(environ, self.root, self.ros)
+        result = without_foreign_ros(without_other_clone(environ, self.root), self.ros)
+        for name, value in self.ros_paths.items():
+            present = split_path(result.get(name, ""))
+            absent = [entry for entry in split_path(value) if entry not in present]
+            result[name] = os.pathsep.join([*present, *absent])
         venv, install = str(self.venv), str(self.root / "install")
         front: dict[str, list[str]] = {name: [] for name in SEARCH_PATHS}
         front["PATH"] = [f"{venv}/bin"]
@@ -334,7 +367,9 @@ class Workspace:
             front["PYTHONPATH"] += [str(path) for path in mine]
             front["PYTHONPATH"] += [str(self.root / "build" / path.name) for path in mine]
             front["PYTHONPATH"] += [f"{install}/lib/python{self.python}/site-packages"]
-        if not self.ros:
+        if self.ros:
+            result["ROS_DISTRO"] = ROS_DISTRO
+        else:
             front["AMENT_PREFIX_PATH"] += [venv]
             front["LD_LIBRARY_PATH"] += [f"{venv}/lib"]
             front["LD_LIBRARY_PATH"] += sorted(map(str, self.site_packages.glob("ros_*.libs")))
@@ -351,8 +386,7 @@ class Workspace:
         result["VIRTUAL_ENV"] = venv
         result.pop("PYTHONHOME", None)
         previous = result.get("NUMBA_CACHE_DIR", "")
-        owner = result.get("ARES_WORKSPACE", "")
-        if not previous or (owner and _below(previous, [f"{owner}/build/kernels"])):
+        if not previous or _below(previous, [f"{self.root}/build/kernels"]):
             result["NUMBA_CACHE_DIR"] = str(self.kernels)
         result["ARES_WORKSPACE"] = str(self.root)
         result.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
@@ -408,7 +442,8 @@ def prepared_environment(root: Path, environ: Mapping[str, str]) -> Workspace | 
         return None
     if stamp.get("digest") != environment_digest(root, python, ros):
         return None
-    return Workspace(root, python, ros, stamp.get("sourced", ""))
+    ros_paths = {name: stamp[f"ros {name}"] for name in SEARCH_PATHS if f"ros {name}" in stamp}
+    return Workspace(root, python, ros, stamp.get("sourced", ""), ros_paths)
 
 
 def build_digests(workspace: Workspace) -> dict[str, str]:
@@ -566,7 +601,7 @@ def make_environment(root: Path, environ: Mapping[str, str], lock: int) -> Works
         text=True,
         check=True,
     ).stdout.strip()
-    workspace = Workspace(root, version, ros, sourced)
+    workspace = Workspace(root, version, ros, sourced, ros_paths(environ) if ros else {})
     build_environ = workspace.environment(environ, build=True)
     if not ros:
         build_environ.pop("PYTHONPATH", None)
@@ -609,6 +644,7 @@ def make_environment(root: Path, environ: Mapping[str, str], lock: int) -> Works
         "python": version,
         "ros": ros,
         "sourced": sourced,
+        **{f"ros {name}": value for name, value in workspace.ros_paths.items()},
     }
     write_stamp(venv_stamp(root), stamp)
     return workspace
@@ -773,7 +809,8 @@ def main(arguments: list[str]) -> int:
         )
     verb, rest = (arguments[0], list(arguments[1:])) if arguments else ("", [])
     asks_help = verb in ("", "env", "-h") or "--help" in arguments
-    workspace = prepare(ROOT, os.environ, kernels=not asks_help)
+    environ = without_other_clone(os.environ, ROOT)
+    workspace = prepare(ROOT, environ, kernels=not asks_help)
     if verb == "prepare":
         say("the workspace is prepared")
         return 0
@@ -781,8 +818,8 @@ def main(arguments: list[str]) -> int:
         print_environment(workspace, os.environ)
         return 0
     if verb == "test":
-        return run_tests(workspace, os.environ, rest)
-    environment = workspace.environment(os.environ)
+        return run_tests(workspace, environ, rest)
+    environment = workspace.environment(environ)
     command = [str(workspace.interpreter), "-m", "ares_bringup.cli", *arguments]
     if arguments in ([], ["--help"], ["-h"]):
         status = subprocess.run(command, env=environment, check=False).returncode
@@ -802,7 +839,7 @@ def main(arguments: list[str]) -> int:
 if __name__ == "__main__":
     try:
         sys.exit(main(sys.argv[1:]))
-    except WorkspaceError as problem:
+    except (WorkspaceError, OSError) as problem:
         say(str(problem))
         sys.exit(2)
     except KeyboardInterrupt:
