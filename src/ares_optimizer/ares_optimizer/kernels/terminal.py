@@ -1,0 +1,121 @@
+"""Terminal sets (Eq. 3.1) as equations with gradients.
+
+Every row is scaled: 1 is one hundredth of the size of the orbit, of its speed, or of a
+radian. All rows are smooth where the elements themselves are not: a plane is two components
+of the unit normal, an apse line is two components of the eccentricity vector.
+"""
+
+import math
+
+from ares_models.arrays import (
+    TARGET_KEPLERIAN,
+    TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
+    Record,
+)
+from ares_models.jit import kernel
+from ares_models.kernels.vectors import Vector, axpy, cross, dot, norm, scale
+
+from ares_optimizer.kernels.problem import Array
+
+MAX_ROWS = 6
+SCALE = 100.0
+_EQUATORIAL = 1e-6  # sine of the inclination below which the node has no meaning
+
+
+@kernel
+def put_row(gradient: Array, row: int, by_position: Vector, by_velocity: Vector) -> None:
+    """Write one row of the gradient by position and velocity."""
+    for c in range(3):
+        gradient[row, c] = by_position[c]
+        gradient[row, 3 + c] = by_velocity[c]
+
+
+@kernel
+def normal_component(
+    r: Vector, v: Vector, axis: Vector, level: float, row: int, c: Array, gradient: Array
+) -> None:
+    """Row that asks for a component of the orbit's unit normal."""
+    h = cross(r, v)
+    size = norm(h)
+    value = dot(h, axis) / size
+    w = scale(SCALE / size, axpy(-value / size, h, axis))
+    c[row] = SCALE * (value - level)
+    put_row(gradient, row, cross(v, w), cross(w, r))
+
+
+@kernel
+def terminal_rows(
+    target: Record, mu: float, r: Vector, v: Vector, c: Array, gradient: Array
+) -> int:
+    """Values and gradients of the terminal equations.
+
+    Args:
+        target: record TARGET.
+        mu: m3/s2.
+        r: m.
+        v: m/s.
+        c: shape (MAX_ROWS,), written: scaled residuals, zero on the target.
+        gradient: shape (MAX_ROWS, 6), written: by position (1/m) and velocity (s/m).
+
+    Returns:
+        number of rows. TARGET_RADIUS_SPEED_ANGLE_*: radius, speed, flight-path angle, then
+        inclination or plane. TARGET_KEPLERIAN: energy, two components of the eccentricity
+        vector, plane.
+    """
+    radius = norm(r)
+    speed = norm(v)
+    zero = (0.0, 0.0, 0.0)
+    if target.kind == TARGET_KEPLERIAN:
+        a = target.semi_major_axis
+        s = SCALE * a / mu
+        c[0] = s * (0.5 * speed * speed - mu / radius + 0.5 * mu / a)
+        put_row(gradient, 0, scale(s * mu / (radius * radius * radius), r), scale(s, v))
+    else:
+        s = SCALE / target.radius
+        c[0] = s * (radius - target.radius)
+        put_row(gradient, 0, scale(s / radius, r), zero)
+        s = SCALE / target.speed
+        c[1] = s * (speed - target.speed)
+        put_row(gradient, 1, zero, scale(s / speed, v))
+        sine = dot(r, v) / (radius * speed)
+        c[2] = SCALE * (sine - math.sin(target.flight_path_angle))
+        s = SCALE / (radius * speed)
+        put_row(
+            gradient,
+            2,
+            scale(s, axpy(-sine * speed / radius, r, v)),
+            scale(s, axpy(-sine * radius / speed, v, r)),
+        )
+    si = math.sin(target.inclination)
+    ci = math.cos(target.inclination)
+    if target.kind == TARGET_RADIUS_SPEED_ANGLE_INCLINATION and abs(si) > _EQUATORIAL:
+        normal_component(r, v, (0.0, 0.0, 1.0), ci, 3, c, gradient)
+        return 4
+    node = (math.cos(target.ascending_node), math.sin(target.ascending_node), 0.0)
+    if target.kind == TARGET_RADIUS_SPEED_ANGLE_INCLINATION:
+        node = (1.0, 0.0, 0.0)
+    across = (-ci * node[1], ci * node[0], si)
+    row = 3
+    normal_component(r, v, node, 0.0, row, c, gradient)
+    normal_component(r, v, across, 0.0, row + 1, c, gradient)
+    if target.kind != TARGET_KEPLERIAN:
+        return 5
+    cw = math.cos(target.argument_of_perigee)
+    sw = math.sin(target.argument_of_perigee)
+    along = dot(r, v)
+    for k in range(2):
+        # towards perigee, and a quarter turn ahead of it
+        if k == 0:
+            axis = axpy(sw, across, scale(cw, node))
+            level = target.eccentricity
+        else:
+            axis = axpy(cw, across, scale(-sw, node))
+            level = 0.0
+        x = dot(r, axis)
+        y = dot(v, axis)
+        q = speed * speed / mu - 1.0 / radius
+        c[1 + k] = SCALE * (q * x - along * y / mu - level)
+        by_position = axpy(q, axis, axpy(x / (radius * radius * radius), r, scale(-y / mu, v)))
+        by_velocity = axpy(2.0 * x / mu, v, axpy(-y / mu, r, scale(-along / mu, axis)))
+        put_row(gradient, 1 + k, scale(SCALE, by_position), scale(SCALE, by_velocity))
+    return 5
