@@ -10,7 +10,7 @@ setup(
     description="What every Ares node shares: process entry, lifecycle base, parameters, QoS.",
     license="Apache-2.0",
     maintainer="Ares maintainers",
-    maintainer_email="maintainers@users.noreply.github.com",
+    maintainer_email="ares-maintainers@example.org",
     packages=find_packages(exclude=["test", "test.*"]),
     package_data={PACKAGE: ["py.typed"]},
     data_files=[
