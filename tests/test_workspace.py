@@ -1,0 +1,461 @@
+"""The preparation of the workspace, without preparing one."""
+
+import fcntl
+import importlib.util
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+import sysconfig
+import time
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+
+
+def load():
+    spec = importlib.util.spec_from_file_location("workspace", ROOT / "tools" / "workspace.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["workspace"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+workspace = load()
+
+
+@pytest.fixture
+def project(tmp_path):
+    """A small project: one interface package, two Python packages."""
+    root = tmp_path / "a project"
+    files = {
+        "requirements/ros-jazzy.txt": "ros-rclpy==7.1.6\n",
+        "requirements/build.txt": "colcon-core==0.21.3\n",
+        "requirements/runtime.txt": "numpy==2.4.6\n",
+        "requirements/dev.txt": "pytest==9.2.0\n",
+        "src/ares_msgs/package.xml": "<package/>",
+        "src/ares_msgs/CMakeLists.txt": "project(ares_msgs)\n",
+        "src/ares_msgs/msg/A.msg": "float64 x\n",
+        "src/ares_one/package.xml": "<package/>",
+        "src/ares_one/setup.py": "setup()\n",
+        "src/ares_one/ares_one/__init__.py": "",
+        "src/ares_one/ares_one/constants.py": "ONE = 1.0\n",
+        "src/ares_one/ares_one/kernels/__init__.py": "",
+        "src/ares_one/ares_one/kernels/sums.py": (
+            "from ares_one.constants import (\n    ONE,\n)\nfrom . import parts\n\n"
+            "@kernel\ndef total(x):\n    return ONE + parts.half(x)\n"
+        ),
+        "src/ares_one/ares_one/kernels/parts.py": "def half(x):\n    return 0.5 * x\n",
+        "src/ares_two/package.xml": "<package/>",
+        "src/ares_two/setup.py": "setup()\n",
+        "src/ares_two/ares_two/node.py": "from ares_one.kernels.sums import total\n",
+        "src/ares_two/launch/a.launch.py": "",
+    }
+    for name, text in files.items():
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_text(text)
+    return root
+
+
+def test_digest_sees_where_parts_end():
+    assert workspace.digest(["ab", "c"]) != workspace.digest(["a", "bc"])
+    assert workspace.digest(["ab", b"c"]) == workspace.digest([b"ab", "c"])
+
+
+def test_environment_follows_pins_python_ros_and_place(project):
+    before = workspace.environment_digest(project, "3.11", "")
+    assert workspace.environment_digest(project, "3.11", "") == before
+    assert workspace.environment_digest(project, "3.12", "") != before
+    assert workspace.environment_digest(project, "3.11", "/opt/ros/jazzy") != before
+    (project / "requirements" / "dev.txt").write_text("pytest==9.2.1\n")
+    assert workspace.environment_digest(project, "3.11", "") != before
+
+
+def test_a_sourced_ros_does_not_depend_on_the_wheels(project):
+    before = workspace.environment_digest(project, "3.12", "/opt/ros/jazzy")
+    (project / "requirements" / "ros-jazzy.txt").write_text("ros-rclpy==7.1.8\n")
+    assert workspace.environment_digest(project, "3.12", "/opt/ros/jazzy") == before
+
+
+def test_interfaces_are_rebuilt_for_messages_only(project):
+    before = workspace.interface_digest(project, "x")
+    (project / "src/ares_one/ares_one/constants.py").write_text("ONE = 2.0\n")
+    (project / "src/ares_one/setup.py").write_text("setup(name='ares_one')\n")
+    assert workspace.interface_digest(project, "x") == before
+    (project / "src/ares_msgs/msg/B.msg").write_text("float64 y\n")
+    changed = workspace.interface_digest(project, "x")
+    assert changed != before
+    (project / "src/ares_msgs/msg/B.msg").write_text("float64 z\n")
+    assert workspace.interface_digest(project, "x") != changed
+
+
+def test_packages_are_reinstalled_for_their_layout_only(project):
+    before = workspace.package_digest(project)
+    (project / "src/ares_one/ares_one/constants.py").write_text("ONE = 2.0\n")
+    (project / "src/ares_two/launch/a.launch.py").write_text("# live through its link\n")
+    assert workspace.package_digest(project) == before
+    (project / "src/ares_two/launch/b.launch.py").write_text("")
+    added = workspace.package_digest(project)
+    assert added != before
+    (project / "src/ares_one/setup.py").write_text("setup(name='ares_one')\n")
+    assert workspace.package_digest(project) != added
+
+
+@pytest.mark.parametrize(
+    ("changed", "counts"),
+    [
+        ("ares_one/ares_one/kernels/sums.py", True),
+        ("ares_one/ares_one/kernels/parts.py", True),  # relative import, no kernel of its own
+        ("ares_one/ares_one/constants.py", True),  # frozen into the machine code
+        ("ares_two/ares_two/node.py", False),
+        ("ares_one/ares_one/unused.py", False),
+    ],
+)
+def test_kernels_are_compiled_anew_for_what_they_are_made_from(project, changed, counts):
+    before = workspace.kernel_digest(project)
+    with (project / "src" / changed).open("a") as stream:
+        stream.write("\n# changed\n")
+    assert (workspace.kernel_digest(project) != before) == counts
+
+
+def test_kernels_of_this_project_are_all_seen():
+    kernels = [
+        path
+        for path in ROOT.glob("src/*/ares_*/**/*.py")
+        if "\n@kernel" in path.read_text(encoding="utf-8")
+    ]
+    assert kernels
+    digest = workspace.kernel_digest(ROOT)
+    assert workspace.Workspace(ROOT, "3.11").kernels.name == digest
+
+
+def test_the_environment_is_its_own_fixed_point(project):
+    prepared = workspace.Workspace(project, "3.12")
+    once = prepared.environment({"PATH": "/bin", "HOME": "/h"})
+    assert prepared.environment(once) == once
+    assert once["HOME"] == "/h"
+    assert once["PATH"] == f"{project}/.venv/bin:/bin"
+    assert once["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
+    assert once["AMENT_PREFIX_PATH"].split(":") == [f"{project}/install", f"{project}/.venv"]
+    assert f"{project}/src/ares_one" in once["PYTHONPATH"].split(":")
+
+
+def test_the_user_decides_over_the_defaults(project):
+    mine = {"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp", "NUMBA_CACHE_DIR": "/cache"}
+    result = workspace.Workspace(project, "3.12").environment(mine)
+    assert result["RMW_IMPLEMENTATION"] == "rmw_cyclonedds_cpp"
+    assert result["NUMBA_CACHE_DIR"] == "/cache"
+
+
+def test_kernels_of_an_older_state_are_not_used(project):
+    prepared = workspace.Workspace(project, "3.12")
+    before = prepared.environment({})
+    (project / "src/ares_one/ares_one/constants.py").write_text("ONE = 2.0\n")
+    assert prepared.environment(before)["NUMBA_CACHE_DIR"] != before["NUMBA_CACHE_DIR"]
+
+
+def test_an_unused_ros_leaves_no_trace(project):
+    humble = "/opt/ros/humble"
+    sourced = {
+        "ROS_DISTRO": "humble",
+        "AMENT_PREFIX_PATH": humble,
+        "PATH": f"{humble}/bin:/usr/bin",
+        "PYTHONPATH": f"{humble}/lib/python3.10/site-packages:/mine",
+    }
+    result = workspace.Workspace(project, "3.12").environment(sourced)
+    assert not [name for name, value in result.items() if humble in value]
+    assert "ROS_DISTRO" not in result
+    assert result["PYTHONPATH"].endswith(":/mine")
+    assert result["PATH"].endswith(":/usr/bin")
+
+
+def test_another_clone_leaves_no_trace(project, tmp_path):
+    (tmp_path / "b").mkdir()
+    other = workspace.Workspace(tmp_path / "b", "3.12").environment({"PATH": "/bin"})
+    alone = workspace.Workspace(project, "3.12").environment({"PATH": "/bin"})
+    assert workspace.Workspace(project, "3.12").environment(other) == alone
+
+
+@pytest.fixture
+def jazzy(tmp_path):
+    """A sourced ROS 2 Jazzy, as far as one can see it from its environment."""
+    prefix = tmp_path / "jazzy"
+    (prefix / "share/rclpy").mkdir(parents=True)
+    (prefix / "share/rclpy/package.xml").touch()
+    return {
+        "ROS_DISTRO": "jazzy",
+        "AMENT_PREFIX_PATH": str(prefix),
+        "PATH": f"{prefix}/bin:/bin",
+        "PYTHONPATH": f"{prefix}/lib/python3.12/site-packages",
+    }
+
+
+def test_a_sourced_jazzy_is_found(project, jazzy):
+    assert workspace.sourced_ros(project, jazzy) == jazzy["AMENT_PREFIX_PATH"]
+    assert workspace.sourced_ros(project, jazzy | {"ROS_DISTRO": "humble"}) == ""
+    assert workspace.sourced_ros(project, {"PATH": "/bin"}) == ""
+
+
+def test_a_workspace_on_a_sourced_jazzy_runs_in_a_plain_shell(project, jazzy):
+    paths = workspace.ros_paths(jazzy)
+    prefix = jazzy["AMENT_PREFIX_PATH"]
+    prepared = workspace.Workspace(project, "3.12", prefix, prefix, paths)
+    plain = prepared.environment({"PATH": "/bin"})
+    assert prefix in plain["AMENT_PREFIX_PATH"].split(":")
+    assert f"{prefix}/lib/python3.12/site-packages" in plain["PYTHONPATH"].split(":")
+    assert plain["ROS_DISTRO"] == "jazzy"
+    assert "_ROS_WHEELS_BOOTSTRAP_COMPLETE" not in plain
+
+
+def stamped(project, **changes):
+    """Pretend that .venv is complete."""
+    python = project / ".venv/bin/python"
+    python.parent.mkdir(parents=True, exist_ok=True)
+    if not python.exists():
+        python.symlink_to(sys.executable)
+    stamp = {"python": "3.11", "ros": "", "sourced": ""} | changes
+    made_from = workspace.environment_digest(project, stamp["python"], stamp["ros"])
+    workspace.write_stamp(workspace.venv_stamp(project), {"digest": made_from} | stamp)
+
+
+def test_a_complete_environment_is_accepted(project):
+    assert workspace.prepared_environment(project, {}) is None
+    stamped(project)
+    found = workspace.prepared_environment(project, {})
+    assert found == workspace.Workspace(project, "3.11")
+
+
+def test_an_environment_is_made_anew_when_it_does_not_fit(project, jazzy):
+    stamped(project)
+    assert workspace.prepared_environment(project, jazzy) is None
+    assert workspace.prepared_environment(project, {}) is not None
+    (project / "requirements/runtime.txt").write_text("numpy==2.5.0\n")
+    assert workspace.prepared_environment(project, {}) is None
+    stamped(project)
+    assert workspace.prepared_environment(project, {}) is not None
+    workspace.venv_stamp(project).write_text('{"digest": "cut of')
+    assert workspace.prepared_environment(project, {}) is None
+    stamped(project)
+    (project / ".venv/bin/python").unlink()
+    assert workspace.prepared_environment(project, {}) is None
+
+
+def test_a_jazzy_without_a_python_for_it_is_asked_once(project, jazzy):
+    stamped(project, sourced=jazzy["AMENT_PREFIX_PATH"])
+    assert workspace.prepared_environment(project, jazzy) is not None
+
+
+def test_a_removed_jazzy_is_noticed(project, jazzy):
+    prefix = jazzy["AMENT_PREFIX_PATH"]
+    stamped(project, ros=prefix, sourced=prefix)
+    assert workspace.prepared_environment(project, {}) is not None
+    shutil.rmtree(prefix)
+    assert workspace.prepared_environment(project, {}) is None
+
+
+def test_a_build_counts_only_with_its_stamp(project):
+    prepared = workspace.Workspace(project, "3.11")
+    (project / "build").mkdir()
+    (project / "install").mkdir()
+    (project / "install/setup.sh").touch()
+    assert not workspace.is_built(prepared)
+    workspace.write_stamp(workspace.build_stamp(project), workspace.build_digests(prepared))
+    assert workspace.is_built(prepared)
+    (project / "src/ares_msgs/msg/A.msg").write_text("float32 x\n")
+    assert not workspace.is_built(prepared)
+
+
+def program(folder: Path, name: str, text: str = "") -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / name
+    path.write_text(f"#!/bin/sh\n{text}\n")
+    path.chmod(0o755)
+    return path
+
+
+def test_a_missing_compiler_is_one_line(tmp_path):
+    environ = {"PATH": str(tmp_path)}
+    with pytest.raises(workspace.WorkspaceError, match=r"no C compiler .* install"):
+        workspace.check_prerequisites(environ)
+    program(tmp_path, "gcc")
+    with pytest.raises(workspace.WorkspaceError, match=r"no C\+\+ compiler .* install"):
+        workspace.check_prerequisites(environ)
+    program(tmp_path, "g++")
+    if Path(sysconfig.get_path("include"), "Python.h").exists():
+        workspace.check_prerequisites(environ)
+
+
+def test_a_compiler_may_be_named(tmp_path):
+    compiler = program(tmp_path / "elsewhere", "mycc")
+    environ = {"PATH": str(tmp_path), "CC": f"{shlex.quote(str(compiler))} -m64"}
+    assert workspace.find_compiler("CC", ("cc",), environ) == str(compiler)
+    assert workspace.find_compiler("CC", ("cc",), environ | {"CC": "nothing"}) is None
+
+
+def test_missing_parts_of_python_are_one_line(tmp_path, monkeypatch):
+    program(tmp_path, "cc")
+    program(tmp_path, "c++")
+    environ = {"PATH": str(tmp_path)}
+    monkeypatch.setattr(workspace.importlib.util, "find_spec", {}.get)
+    with pytest.raises(workspace.WorkspaceError, match="virtual environments: install"):
+        workspace.check_prerequisites(environ)
+    monkeypatch.setattr(workspace.sysconfig, "get_path", lambda _: str(tmp_path))
+    with pytest.raises(workspace.WorkspaceError, match="header files: install"):
+        workspace.check_prerequisites(environ)
+
+
+UNSATISFIED = "ERROR: Could not find a version that satisfies the requirement numpy==2.4.6"
+
+
+@pytest.mark.parametrize(
+    ("output", "cause"),
+    [
+        (
+            f"WARNING: Retrying ... NewConnectionError(...)\n{UNSATISFIED} (from versions: none)\n",
+            "no network or package index (pip could not get numpy==2.4.6)",
+        ),
+        (
+            f"{UNSATISFIED} (from versions: 2.4.5)\nERROR: No matching distribution found\n",
+            "the package index has no numpy==2.4.6",
+        ),
+        ("OSError: [Errno 28] No space left on device: 'x'\n", "the disk is full"),
+        ("a\nCMake Error at x: y\nmore\n\n", "CMake Error at x: y"),
+        ("only this\n", "only this"),
+        ("", "no output"),
+    ],
+)
+def test_the_cause_of_a_failure_is_named(output, cause):
+    assert workspace.cause_of_failure(output).startswith(cause)
+
+
+def test_a_failed_step_names_cause_and_log(project):
+    prepared = workspace.Workspace(project, "3.11")
+    command = [sys.executable, "-c", "print('error: no luck'); raise SystemExit(3)"]
+    with (
+        workspace.preparation_lock(project) as lock,
+        pytest.raises(workspace.WorkspaceError, match=r"the step failed: error: no luck \(log: "),
+    ):
+        workspace.run_logged(command, prepared, dict(os.environ), lock, "the step")
+    assert "no luck" in prepared.log.read_text()
+
+
+def test_a_second_call_waits_for_the_first(project):
+    script = ROOT / "tools" / "workspace.py"
+    code = (
+        "import importlib.util, pathlib, sys\n"
+        f"spec = importlib.util.spec_from_file_location('w', {str(script)!r})\n"
+        "w = importlib.util.module_from_spec(spec); sys.modules['w'] = w\n"
+        "spec.loader.exec_module(w)\n"
+        f"with w.preparation_lock(pathlib.Path({str(project)!r})):\n    print('mine')\n"
+    )
+    with workspace.preparation_lock(project):
+        second = subprocess.Popen(
+            [sys.executable, "-c", code],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        assert "waiting" in second.stderr.readline()
+        time.sleep(0.1)
+        assert second.poll() is None
+    out, _ = second.communicate(timeout=20)
+    assert out == "mine\n"
+
+
+def test_a_child_that_outlives_its_parent_keeps_the_lock(project):
+    with workspace.preparation_lock(project) as lock:
+        child = subprocess.Popen(["sleep", "60"], pass_fds=(lock,))
+    try:
+        descriptor = os.open(project / "build/.lock", os.O_RDWR)
+        with pytest.raises(BlockingIOError):
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    finally:
+        child.kill()
+        child.wait()
+    fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    os.close(descriptor)
+
+
+def test_cmake_paths_are_moved_to_this_machine(tmp_path):
+    target = tmp_path / "share/a/cmake/export.cmake"
+    target.parent.mkdir(parents=True)
+    old = "/opt/python/cp312-cp312"
+    target.write_text(
+        f'INCLUDE "{old}/include/python3.12;{old}/lib/python3.12/site-packages/numpy/_core/include"'
+    )
+    assert workspace.relocate_cmake(tmp_path / "share", "/inc", "/site") == 1
+    assert target.read_text() == 'INCLUDE "/inc;/site/numpy/_core/include"'
+    assert workspace.relocate_cmake(tmp_path / "share", "/inc", "/site") == 0
+
+
+def test_node_executables_start_from_a_path_with_blanks(tmp_path):
+    interpreter = tmp_path / "a b" / "python"
+    interpreter.parent.mkdir()
+    interpreter.symlink_to(sys.executable)
+    script = tmp_path / "install/lib/ares_one/node"
+    script.parent.mkdir(parents=True)
+    script.write_text(f'#!"{interpreter}"\nimport sys\nprint(sys.argv[1:])\n')
+    script.chmod(0o755)
+    workspace.repair_scripts(tmp_path / "install", interpreter)
+    answer = subprocess.run([script, "x y"], capture_output=True, text=True, check=True)
+    assert answer.stdout == "['x y']\n"
+
+
+@pytest.fixture
+def launcher(tmp_path):
+    """The launcher in a project of its own, with a stand-in for tools/workspace.py."""
+    root = tmp_path / "a b" / "clone"
+    (root / "tools").mkdir(parents=True)
+    shutil.copy(ROOT / "ares", root)
+    (root / "tools/workspace.py").write_text("import os, sys\nprint(os.getcwd(), sys.argv[1:])\n")
+    return root / "ares"
+
+
+def run(command, **settings):
+    return subprocess.run(command, capture_output=True, text=True, check=False, **settings)
+
+
+def test_the_launcher_keeps_folder_and_arguments(launcher, tmp_path):
+    link = tmp_path / "link"
+    link.symlink_to("a b/clone/ares")
+    environ = os.environ | {"PYTHON": sys.executable}
+    for command in (launcher, link):
+        answer = run([command, "fly", "--mission", "x y.yaml"], cwd=tmp_path, env=environ)
+        assert answer.stdout == f"{tmp_path} ['fly', '--mission', 'x y.yaml']\n"
+
+
+def tools_only(folder: Path) -> dict[str, str]:
+    """An environment with the few tools of the launcher and no Python."""
+    for name in ("sh", "dirname", "readlink"):
+        program(folder, name, f'exec {shutil.which(name)} "$@"')
+    return {"PATH": str(folder)}
+
+
+@pytest.mark.parametrize("old", [False, True])
+def test_no_fitting_python_is_one_line(launcher, tmp_path, old):
+    environ = tools_only(tmp_path / "bin")
+    if old:  # prints no path, like a Python that is too old
+        program(tmp_path / "bin", "python3")
+    answer = run([launcher, "fly"], env=environ)
+    assert answer.returncode == 2
+    assert answer.stdout == ""
+    assert answer.stderr.count("\n") == 1
+    assert "no Python 3.11, 3.12 or 3.13 found: install" in answer.stderr
+
+
+def test_a_named_python_that_does_not_fit_is_one_line(launcher, tmp_path):
+    old = program(tmp_path / "old", "python3.9")
+    answer = run([launcher, "fly"], env=tools_only(tmp_path / "bin") | {"PYTHON": str(old)})
+    assert answer.returncode == 2
+    assert answer.stderr.count("\n") == 1
+    assert str(old) in answer.stderr
+
+
+def test_the_makefile_lists_its_targets():
+    answer = run(["make", "--no-print-directory", "help"], cwd=ROOT)
+    assert answer.returncode == 0
+    for target in ("help", "prepare", "fly", "test", "lint", "format", "clean"):
+        assert f"\n  {target} " in answer.stdout
