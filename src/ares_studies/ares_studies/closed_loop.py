@@ -13,7 +13,7 @@ from ares_models.arrays import NAVIGATION, STEERING
 from ares_models.mission import Mission
 from ares_studies.kernels import fly
 from ares_vehicle_sim.arrays import OPTIONS, PLANT
-from ares_vehicle_sim.dispersions import Dispersions, disperse
+from ares_vehicle_sim.dispersions import NO_ERRORS, Dispersions, disperse
 from ares_vehicle_sim.kernels import begin_flight
 from ares_vehicle_sim.simulator import Simulator, SimulatorOptions
 
@@ -57,7 +57,7 @@ def fly_compiled(
     """
     options = options or SimulatorOptions()
     dispersions = dispersions or Dispersions()
-    if dispersions.navigation != Dispersions().navigation:
+    if dispersions.navigation != NO_ERRORS:
         raise ValueError("navigation errors need fly_stepwise; the compiled loop has none")
     believed = mission.arrays()
     start = mission.start()

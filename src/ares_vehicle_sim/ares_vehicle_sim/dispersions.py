@@ -42,6 +42,9 @@ class NavigationErrors(_Table):
     heating_noise: Fraction = 0.0
 
 
+NO_ERRORS = NavigationErrors()
+
+
 class Dispersions(_Table):
     """One-sigma dispersions of the true vehicle and its navigation.
 
@@ -65,7 +68,7 @@ class Dispersions(_Table):
     jettison_mass: Fraction = 0.0
     log_density: Annotated[float, Field(ge=0.0, le=3.0, allow_inf_nan=False)] = 0.0
     j2: Annotated[float, Field(ge=0.0, le=0.01, allow_inf_nan=False)] | None = None
-    navigation: NavigationErrors = NavigationErrors()
+    navigation: NavigationErrors = NO_ERRORS
 
 
 def load_dispersions(path: str | Path) -> Dispersions:
@@ -185,6 +188,7 @@ class NavigationErrorModel:
     def __init__(self, errors: NavigationErrors, seed: int) -> None:
         """Draw the biases of one flight."""
         self._errors = errors
+        self._none = errors == NO_ERRORS
 
         def constant(name: str, sigma: float, shape: int) -> NDArray[np.float64]:
             return sigma * stream(seed, "navigation." + name).standard_normal(shape)
@@ -201,6 +205,8 @@ class NavigationErrorModel:
     def corrupt(self, nav: NDArray[np.void]) -> None:
         """Turn the true state in ``nav``, shape (1,), dtype NAVIGATION, into the reported one."""
         errors = self._errors
+        if self._none:
+            return
         nav["position"] += self._position_bias
         nav["velocity"] += self._velocity_bias
         if errors.position_noise_m > 0.0:

@@ -24,6 +24,7 @@ from ares_models.kernels.vectors import (
     add,
     angle_between,
     axpy,
+    is_finite,
     load,
     norm,
     scale,
@@ -46,6 +47,8 @@ from ares_vehicle_sim.arrays import (
 SAME_TIME = 1e-9
 SAME_BURNOUT = 1e-6
 SLEW_STEP = 0.02
+#: How far the length of a commanded direction may be from 1.
+UNIT_TOLERANCE = 1e-6
 
 
 @kernel
@@ -392,6 +395,21 @@ def begin_flight(
     plant.command.jettison = -1
     log_event(plant, FLIGHT_STARTED, 0, environment, atmosphere)
     begin_arc(plant, 0, environment, atmosphere, arcs, jettisons)
+
+
+@kernel
+def command_is_sound(steering: Record, jettisons: NDArray[Any]) -> bool:
+    """Whether a command can be flown: finite, a unit vector, a jettison that there is."""
+    direction = load(steering.direction)
+    return (
+        is_finite(direction)
+        and abs(norm(direction) - 1.0) <= UNIT_TOLERANCE
+        and is_finite(load(steering.direction_rate))
+        and math.isfinite(steering.reference_time)
+        and not math.isinf(steering.cutoff_time)
+        and not math.isinf(steering.jettison_time)
+        and -1 <= steering.jettison < jettisons.shape[0]
+    )
 
 
 @kernel

@@ -251,14 +251,8 @@ class VehicleSimNode(FlightNode):
         simulator = self.simulator
         stamp = stamp_from_ns(simulator.time_ns)
         self._clock_out.publish(Clock(clock=stamp))
-        truth = simulator.truth()
-        self._truth_out.publish(
-            VehicleState(
-                stamp=stamp,
-                sequence=simulator.sequence,
-                **{name: _plain(truth[name]) for name in TRUTH.names},
-            )
-        )
+        truth = dict(zip(TRUTH.names, simulator.truth().item(), strict=True))
+        self._truth_out.publish(VehicleState(stamp=stamp, sequence=simulator.sequence, **truth))
         for event in simulator.new_events():
             self._event_out.publish(_event_message(event))
         if simulator.complete:
@@ -344,11 +338,6 @@ class VehicleSimNode(FlightNode):
         if last is None or now - last >= REPORT_PERIOD * NANOSECONDS:
             self._last_report[kind] = now
             self._diagnostics.report(level, message, now)
-
-
-def _plain(value: Any) -> Any:
-    """A Python number, or the array itself: message fields are not type-checked."""
-    return value if isinstance(value, np.ndarray) else value.item()
 
 
 def _readers(publisher: Publisher) -> int:

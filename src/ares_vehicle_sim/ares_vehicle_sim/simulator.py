@@ -12,15 +12,16 @@ from ares_models.mission import Mission
 from ares_vehicle_sim.arrays import OPTIONS, PLANT, TRUTH
 from ares_vehicle_sim.dispersions import Dispersions, NavigationErrorModel, disperse
 from ares_vehicle_sim.kernels import (
+    UNIT_TOLERANCE,
     accept_command,
     begin_flight,
+    command_is_sound,
     describe,
     flight_step,
     measure,
 )
 
 NANOSECONDS = 1_000_000_000
-UNIT_TOLERANCE = 1e-6
 
 
 class CommandRefused(ValueError):
@@ -121,34 +122,6 @@ class Simulator:
         """The flight is over, and by a cut-off command."""
         return self.complete and bool(self.plant["inserted"])
 
-    def check(self, steering: NDArray[np.void]) -> None:
-        """Refuse a command that cannot be flown.
-
-        Args:
-            steering: shape (1,), dtype STEERING.
-
-        Raises:
-            CommandRefused: naming the field and its value.
-        """
-        command = steering[0]
-        for name in ("reference_time", "direction", "direction_rate"):
-            if not np.all(np.isfinite(command[name])):
-                raise CommandRefused(f"{name} is {_text(command[name])}; expected finite numbers")
-        length = float(np.linalg.norm(command["direction"]))
-        if abs(length - 1.0) > UNIT_TOLERANCE:
-            raise CommandRefused(
-                f"direction has length {length:.9g}; expected a unit vector within "
-                f"{UNIT_TOLERANCE:g}"
-            )
-        for name in ("cutoff_time", "jettison_time"):
-            if math.isinf(command[name]):
-                raise CommandRefused(f"{name} is {command[name]}; expected a time or nan")
-        if not -1 <= command["jettison"] < len(self._arrays.jettisons):
-            raise CommandRefused(
-                f"jettison is {command['jettison']}; expected -1 to "
-                f"{len(self._arrays.jettisons) - 1}"
-            )
-
     def command(self, steering: NDArray[np.void]) -> None:
         """Put a command in force.
 
@@ -158,7 +131,8 @@ class Simulator:
         Raises:
             CommandRefused: the command cannot be flown; the last good one stays.
         """
-        self.check(steering)
+        if not command_is_sound(steering[0], self._arrays.jettisons):
+            raise CommandRefused(_complaint(steering[0], len(self._arrays.jettisons)))
         accept_command(self._plant[0], steering[0], self._arrays.jettisons)
 
     def advance(self) -> None:
@@ -201,5 +175,18 @@ class Simulator:
         self._errors.corrupt(self._nav)
 
 
-def _text(value: Any) -> str:
-    return np.array2string(np.asarray(value), separator=", ")
+def _complaint(command: Any, jettisons: int) -> str:
+    """Which field of an unsound command is wrong, its value, and what was expected."""
+    for name in ("reference_time", "direction", "direction_rate"):
+        if not np.all(np.isfinite(command[name])):
+            value = np.array2string(np.asarray(command[name]), separator=", ")
+            return f"{name} is {value}; expected finite numbers"
+    length = float(np.linalg.norm(command["direction"]))
+    if abs(length - 1.0) > UNIT_TOLERANCE:
+        return (
+            f"direction has length {length:.9g}; expected a unit vector within {UNIT_TOLERANCE:g}"
+        )
+    for name in ("cutoff_time", "jettison_time"):
+        if math.isinf(command[name]):
+            return f"{name} is {command[name]}; expected a time or nan"
+    return f"jettison is {command['jettison']}; expected -1 to {jettisons - 1}"
