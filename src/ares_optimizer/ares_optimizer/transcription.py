@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from ares_models.arrays import BURN, MISSION_TIME, TIME_AFTER_IGNITION, MissionArrays, Record
 from numpy.typing import NDArray
 
+from ares_models.arrays import BURN, MISSION_TIME, TIME_AFTER_IGNITION, MissionArrays, Record
 from ares_optimizer.kernels.problem import (
     AT_DROP,
     AT_FIXED_TIME,

@@ -4,10 +4,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+
 from ares_models.jit import kernel
 from ares_models.kernels.environment import log_heating_gradient
 from ares_models.kernels.vectors import load
-
 from ares_optimizer.kernels.heating import greatest_heating
 from ares_optimizer.kernels.problem import (
     D_EARLIEST,

@@ -6,7 +6,6 @@ from ares_models.arrays import Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import log_heating
 from ares_models.kernels.vectors import Vector, add, axpy, load, scale, sub
-
 from ares_optimizer.kernels.problem import Array
 from ares_optimizer.kernels.shooting import N_ACCELERATION, N_POSITION, N_TIME, N_VELOCITY
 

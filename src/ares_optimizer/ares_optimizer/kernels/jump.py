@@ -13,9 +13,10 @@ pi here is that of Eq. 3.50 times the heating rate.
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+
 from ares_models.arrays import ALTITUDE_SPHERICAL, Record
 from ares_models.jit import kernel
-from numpy.typing import NDArray
 
 # inputs of the jump: r, V, lambda_v, its rate, thrust acceleration before and after
 JUMP_INPUTS = 14

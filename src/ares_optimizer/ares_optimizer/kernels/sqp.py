@@ -12,8 +12,8 @@ Nocedal and Wright, *Numerical Optimization*, chapters 15 to 18.
 import math
 
 import numpy as np
-from ares_models.jit import kernel
 
+from ares_models.jit import kernel
 from ares_optimizer.kernels.algebra import (
     dual_multipliers,
     full_qr,
@@ -24,10 +24,7 @@ from ares_optimizer.kernels.algebra import (
 from ares_optimizer.kernels.evaluate import (
     Point,
     Scratch,
-    count_rows,
     evaluate,
-    make_point,
-    make_scratch,
 )
 from ares_optimizer.kernels.problem import D_EARLIEST, TIME_SCALE, Array, Problem
 from ares_optimizer.kernels.shooting import drop_column

@@ -14,7 +14,6 @@ from ares_models.arrays import (
 )
 from ares_models.jit import kernel
 from ares_models.kernels.vectors import Vector, axpy, cross, dot, norm, scale
-
 from ares_optimizer.kernels.problem import Array
 
 MAX_ROWS = 6
