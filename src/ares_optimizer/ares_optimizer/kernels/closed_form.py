@@ -15,10 +15,10 @@ the radius at the start of each shorter arc.
 import math
 
 import numpy as np
-from ares_models.arrays import Record
-from ares_models.jit import kernel
 from numpy.typing import NDArray
 
+from ares_models.arrays import Record
+from ares_models.jit import kernel
 from ares_optimizer.kernels.costates import thrust_acceleration_tangents
 
 SIMPSON = 1
@@ -35,12 +35,78 @@ _WEIGHTS = np.array(
 
 
 @kernel
+def _correct_gravity(
+    mu: float,
+    omega_square: float,
+    h: float,
+    columns: int,
+    d_h: NDArray[np.float64],
+    d_omega_square: NDArray[np.float64],
+    state: NDArray[np.float64],
+    tangent: NDArray[np.float64],
+) -> None:
+    """Half an arc's worth of what the linear field leaves out, as an impulse.
+
+    V += h/2 (g(r) + w^2 r) and lambda_v' += h/2 (G(r) + w^2) lambda_v: made at both ends of
+    an arc, the error falls with the square of its length instead of with its length.
+
+    Args:
+        mu: m3/s2.
+        omega_square: w^2 of the arc, 1/s2.
+        h: length of the arc, s.
+        columns: how many tangents to carry.
+        d_h: derivative of h by column.
+        d_omega_square: derivative of w^2 by column.
+        state: shape (12,), changed.
+        tangent: shape (MAX_COLUMNS, 12), changed.
+    """
+    half = 0.5 * h
+    r0, r1, r2 = state[0], state[1], state[2]
+    p0, p1, p2 = state[6], state[7], state[8]
+    square = r0 * r0 + r1 * r1 + r2 * r2
+    inverse = 1.0 / math.sqrt(square)
+    k = mu * inverse * inverse * inverse
+    rest = omega_square - k
+    three = 3.0 * k
+    third = three * inverse
+    e0, e1, e2 = r0 * inverse, r1 * inverse, r2 * inverse
+    ep = e0 * p0 + e1 * p1 + e2 * p2
+    for c in range(columns):
+        a0, a1, a2 = tangent[c, 0], tangent[c, 1], tangent[c, 2]
+        b0, b1, b2 = tangent[c, 6], tangent[c, 7], tangent[c, 8]
+        ea = e0 * a0 + e1 * a1 + e2 * a2
+        eb = e0 * b0 + e1 * b1 + e2 * b2
+        pa = p0 * a0 + p1 * a1 + p2 * a2
+        dw = half * d_omega_square[c]
+        dh = 0.5 * d_h[c]
+        w = half * three * ea
+        x = dw + dh * rest
+        tangent[c, 3] += half * rest * a0 + w * e0 + x * r0
+        tangent[c, 4] += half * rest * a1 + w * e1 + x * r1
+        tangent[c, 5] += half * rest * a2 + w * e2 + x * r2
+        w = half * (three * eb + third * (pa - 5.0 * ea * ep)) + dh * three * ep
+        y = half * third * ea + x
+        z = half * third * ep
+        tangent[c, 9] += w * e0 + half * rest * b0 + y * p0 + z * a0
+        tangent[c, 10] += w * e1 + half * rest * b1 + y * p1 + z * a1
+        tangent[c, 11] += w * e2 + half * rest * b2 + y * p2 + z * a2
+    state[3] += half * rest * r0
+    state[4] += half * rest * r1
+    state[5] += half * rest * r2
+    w = half * three * ep
+    state[9] += half * rest * p0 + w * e0
+    state[10] += half * rest * p1 + w * e1
+    state[11] += half * rest * p2 + w * e2
+
+
+@kernel
 def closed_form_segment(
     segment: Record,
     arcs: int,
     mu: float,
     omega_square: float,
     rule: int,
+    correct: bool,
     columns: int,
     state: NDArray[np.float64],
     tangent: NDArray[np.float64],
@@ -56,12 +122,13 @@ def closed_form_segment(
         mu: m3/s2.
         omega_square: 1/s2, held over the segment; 0: mu/r^3 anew at every arc's start.
         rule: SIMPSON or MILNE.
+        correct: give the rest of inverse-square gravity as an impulse at the arcs' ends.
         columns: how many tangents to carry; 0 for none.
         state: shape (12,), changed: r, V, lambda_v, lambda_v'.
-        tangent: shape (12, MAX_COLUMNS), changed.
+        tangent: shape (MAX_COLUMNS, 12), changed.
         integrals: at least 6 numbers, written: Ic, Is of the last arc.
-        integral_tangents: shape (6, MAX_COLUMNS), scratch.
-        scratch: shape (at least 7, MAX_COLUMNS), scratch.
+        integral_tangents: shape (MAX_COLUMNS, 6), scratch.
+        scratch: shape (at least 4, MAX_COLUMNS), scratch.
     """
     h = (segment.end - segment.start) / arcs
     i = segment.start_column if segment.start_column < columns else -1
@@ -72,9 +139,11 @@ def closed_form_segment(
     acceleration_tangent = scratch[0]
     d_omega = scratch[1]
     d_h = scratch[2]
+    d_square = scratch[3]
     for c in range(columns):
         d_h[c] = 0.0
         d_omega[c] = 0.0
+        d_square[c] = 0.0
     if i >= 0:
         d_h[i] = -1.0 / arcs
     if j >= 0:
@@ -87,12 +156,15 @@ def closed_form_segment(
         else:
             omega = math.sqrt(mu / (square * math.sqrt(square)))
             for c in range(columns):
-                along = r0 * tangent[0, c] + r1 * tangent[1, c] + r2 * tangent[2, c]
+                along = r0 * tangent[c, 0] + r1 * tangent[c, 1] + r2 * tangent[c, 2]
                 d_omega[c] = -1.5 * omega * along / square
+                d_square[c] = 2.0 * omega * d_omega[c]
+        if correct:
+            _correct_gravity(mu, omega * omega, h, columns, d_h, d_square, state, tangent)
         for n in range(6):
             integrals[n] = 0.0
             for c in range(columns):
-                integral_tangents[n, c] = 0.0
+                integral_tangents[c, n] = 0.0
         for node in range(_NODES):
             weight = _WEIGHTS[rule - 1, node]
             if weight == 0.0:
@@ -123,9 +195,9 @@ def closed_form_segment(
             for c in range(columns):
                 d_angle = d_omega[c] * t + omega * 0.25 * node * d_h[c]
                 slow = sin * d_omega[c] / (omega * omega)
-                b0 = cos * tangent[6, c] + sin * tangent[9, c] / omega
-                b1 = cos * tangent[7, c] + sin * tangent[10, c] / omega
-                b2 = cos * tangent[8, c] + sin * tangent[11, c] / omega
+                b0 = cos * tangent[c, 6] + sin * tangent[c, 9] / omega
+                b1 = cos * tangent[c, 7] + sin * tangent[c, 10] / omega
+                b2 = cos * tangent[c, 8] + sin * tangent[c, 11] / omega
                 b0 += d_angle * z0 - slow * state[9]
                 b1 += d_angle * z1 - slow * state[10]
                 b2 += d_angle * z2 - slow * state[11]
@@ -137,12 +209,12 @@ def closed_form_segment(
                 b1 = x * b1 + y * u1
                 b2 = x * b2 + y * u2
                 w = wa * d_angle
-                integral_tangents[0, c] += cos * b0 - w * sin * u0
-                integral_tangents[1, c] += cos * b1 - w * sin * u1
-                integral_tangents[2, c] += cos * b2 - w * sin * u2
-                integral_tangents[3, c] += sin * b0 + w * cos * u0
-                integral_tangents[4, c] += sin * b1 + w * cos * u1
-                integral_tangents[5, c] += sin * b2 + w * cos * u2
+                integral_tangents[c, 0] += cos * b0 - w * sin * u0
+                integral_tangents[c, 1] += cos * b1 - w * sin * u1
+                integral_tangents[c, 2] += cos * b2 - w * sin * u2
+                integral_tangents[c, 3] += sin * b0 + w * cos * u0
+                integral_tangents[c, 4] += sin * b1 + w * cos * u1
+                integral_tangents[c, 5] += sin * b2 + w * cos * u2
         cos = math.cos(omega * h)
         sin = math.sin(omega * h)
         for n in range(3):
@@ -157,33 +229,33 @@ def closed_form_segment(
             for c in range(columns):
                 dw = d_omega[c]
                 d_angle = dw * h + omega * d_h[c]
-                dr = tangent[n, c]
-                dv = tangent[n + 3, c]
-                dp = tangent[n + 6, c]
-                dq = tangent[n + 9, c]
-                d_ic = integral_tangents[n, c]
-                d_js = integral_tangents[n + 3, c]
-                tangent[n, c] = (
+                dr = tangent[c, n]
+                dv = tangent[c, n + 3]
+                dp = tangent[c, n + 6]
+                dq = tangent[c, n + 9]
+                d_ic = integral_tangents[c, n]
+                d_js = integral_tangents[c, n + 3]
+                tangent[c, n] = (
                     cos * dr
                     - sin * d_angle * r
                     + (sin * dv + cos * d_angle * v) / omega
                     + (sin * d_ic - cos * d_js + d_angle * along) / omega
                     - dw * (sin * v + across) / (omega * omega)
                 )
-                tangent[n + 3, c] = (
+                tangent[c, n + 3] = (
                     cos * (dv + d_ic)
                     + sin * (d_js - omega * dr)
                     - sin * d_angle * v
                     - (dw * sin + omega * cos * d_angle) * r
                     - d_angle * across
                 )
-                tangent[n + 6, c] = (
+                tangent[c, n + 6] = (
                     cos * dp
                     - sin * d_angle * p
                     + (sin * dq + cos * d_angle * q) / omega
                     - dw * sin * q / (omega * omega)
                 )
-                tangent[n + 9, c] = (
+                tangent[c, n + 9] = (
                     cos * dq
                     - sin * d_angle * q
                     - omega * (sin * dp + cos * d_angle * p)
@@ -193,3 +265,5 @@ def closed_form_segment(
             state[n + 3] = cos * v - omega * sin * r + along
             state[n + 6] = cos * p + sin * q / omega
             state[n + 9] = cos * q - omega * sin * p
+        if correct:
+            _correct_gravity(mu, omega * omega, h, columns, d_h, d_square, state, tangent)

@@ -20,6 +20,8 @@ Numer. Anal. 7 (1987), the 6(4) pair with six stages, first same as last; Bryson
 import math
 
 import numpy as np
+from numpy.typing import NDArray
+
 from ares_models.arrays import ALTITUDE_SPHERICAL, Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import (
@@ -29,7 +31,6 @@ from ares_models.kernels.environment import (
     relative_velocity,
 )
 from ares_models.kernels.vectors import Vector, axpy, dot, scale
-from numpy.typing import NDArray
 
 INVERSE_SQUARE = 0
 LINEAR = 1
@@ -66,77 +67,6 @@ _B = np.array(
         1.0 / 12.0,
     ]
 )
-
-
-@kernel
-def _accelerate(
-    y: NDArray[np.float64],
-    thrust_acceleration: float,
-    acceleration_tangent: NDArray[np.float64],
-    mu: float,
-    omega_square: float,
-    gravity: int,
-    columns: int,
-    tangent: NDArray[np.float64],
-    out: NDArray[np.float64],
-    out_tangent: NDArray[np.float64],
-) -> None:
-    """Right-hand side r'', p'' and its derivative along every column.
-
-    Args:
-        y: shape (6,): position m, primer.
-        thrust_acceleration: T/m, m/s2.
-        acceleration_tangent: its derivative by column, shape (columns,).
-        mu: m3/s2.
-        omega_square: 1/s2, used under linear gravity.
-        gravity: INVERSE_SQUARE or LINEAR.
-        columns: how many to carry.
-        tangent: shape (6, columns), derivative of y.
-        out: shape (6,), written: r'', p''.
-        out_tangent: shape (6, columns), written.
-    """
-    r0, r1, r2 = y[0], y[1], y[2]
-    p0, p1, p2 = y[3], y[4], y[5]
-    inverse_p = 1.0 / math.sqrt(p0 * p0 + p1 * p1 + p2 * p2)
-    u0, u1, u2 = p0 * inverse_p, p1 * inverse_p, p2 * inverse_p
-    if gravity == LINEAR:
-        k = omega_square
-        three = 0.0
-        e0, e1, e2 = 0.0, 0.0, 0.0
-        third = 0.0
-    else:
-        square = r0 * r0 + r1 * r1 + r2 * r2
-        inverse_r = 1.0 / math.sqrt(square)
-        k = mu * inverse_r * inverse_r * inverse_r
-        three = 3.0 * k
-        e0, e1, e2 = r0 * inverse_r, r1 * inverse_r, r2 * inverse_r
-        third = three * inverse_r
-    ep = e0 * p0 + e1 * p1 + e2 * p2
-    out[0] = thrust_acceleration * u0 - k * r0
-    out[1] = thrust_acceleration * u1 - k * r1
-    out[2] = thrust_acceleration * u2 - k * r2
-    out[3] = three * ep * e0 - k * p0
-    out[4] = three * ep * e1 - k * p1
-    out[5] = three * ep * e2 - k * p2
-    turn = thrust_acceleration * inverse_p
-    for c in range(columns):
-        a0, a1, a2 = tangent[0, c], tangent[1, c], tangent[2, c]
-        b0, b1, b2 = tangent[3, c], tangent[4, c], tangent[5, c]
-        ea = e0 * a0 + e1 * a1 + e2 * a2
-        eb = e0 * b0 + e1 * b1 + e2 * b2
-        ub = u0 * b0 + u1 * b1 + u2 * b2
-        pa = p0 * a0 + p1 * a1 + p2 * a2
-        along = acceleration_tangent[c] - turn * ub
-        w = three * ea
-        out_tangent[0, c] = turn * b0 + along * u0 + w * e0 - k * a0
-        out_tangent[1, c] = turn * b1 + along * u1 + w * e1 - k * a1
-        out_tangent[2, c] = turn * b2 + along * u2 + w * e2 - k * a2
-        w = three * eb + third * (pa - 5.0 * ea * ep)
-        x = third * ea
-        z = third * ep
-        out_tangent[3, c] = w * e0 - k * b0 + x * p0 + z * a0
-        out_tangent[4, c] = w * e1 - k * b1 + x * p1 + z * a1
-        out_tangent[5, c] = w * e2 - k * b2 + x * p2 + z * a2
 
 
 @kernel
@@ -202,21 +132,29 @@ def integrate_segment(
         gravity: INVERSE_SQUARE or LINEAR.
         columns: how many tangents to carry; 0 for none.
         state: shape (12,), changed: r, V, lambda_v, lambda_v'.
-        tangent: shape (12, MAX_COLUMNS), changed.
+        tangent: shape (MAX_COLUMNS, 12), changed: derivative of the state by each unknown.
         stage: shape (6, 6), scratch.
-        stage_tangent: shape (6, 6, MAX_COLUMNS), scratch.
-        scratch: shape (9, MAX_COLUMNS), scratch.
+        stage_tangent: shape (6, MAX_COLUMNS, 6), scratch.
+        scratch: shape (>= 2, MAX_COLUMNS), scratch.
     """
-    length = segment.end - segment.start
-    h = length / steps
+    h = (segment.end - segment.start) / steps
     h_square = h * h
-    # d h by column
-    i = segment.start_column if segment.start_column < columns else -1
-    j = segment.end_column if segment.end_column < columns else -1
-    stretched = i != j
-    y = np.empty(6)
-    half = scratch[:6]
-    acceleration_tangent = scratch[6]
+    start_column = segment.start_column if segment.start_column < columns else -1
+    end_column = segment.end_column if segment.end_column < columns else -1
+    if start_column == end_column:
+        stretch = 0.0
+    else:
+        stretch = 1.0 / steps
+    acceleration_tangent = scratch[0]
+    stretch_by = scratch[1]
+    for c in range(columns):
+        stretch_by[c] = 0.0
+    if start_column >= 0:
+        stretch_by[start_column] = -stretch
+    if end_column >= 0:
+        stretch_by[end_column] = stretch
+    y0 = y1 = y2 = y3 = y4 = y5 = 0.0
+    x0 = x1 = x2 = x3 = x4 = x5 = 0.0
     for step in range(steps):
         first = 0
         if step > 0:
@@ -224,66 +162,138 @@ def integrate_segment(
             first = 1
             for n in range(6):
                 stage[0, n] = stage[5, n]
-                for c in range(columns):
-                    stage_tangent[0, n, c] = stage_tangent[5, n, c]
+            for c in range(columns):
+                for n in range(6):
+                    stage_tangent[0, c, n] = stage_tangent[5, c, n]
         for m in range(first, STAGES):
             ch = _C[m] * h
-            for n in range(6):
-                low = n if n < 3 else n + 3
-                total = 0.0
-                for q in range(m):
-                    total += _A[m, q] * stage[q, n]
-                y[n] = state[low] + ch * state[low + 3] + h_square * total
-                for c in range(columns):
-                    half[n, c] = tangent[low, c] + ch * tangent[low + 3, c]
+            x0 = x1 = x2 = x3 = x4 = x5 = 0.0
+            for q in range(m):
+                a = _A[m, q]
+                x0 += a * stage[q, 0]
+                x1 += a * stage[q, 1]
+                x2 += a * stage[q, 2]
+                x3 += a * stage[q, 3]
+                x4 += a * stage[q, 4]
+                x5 += a * stage[q, 5]
+            y0 = state[0] + ch * state[3] + h_square * x0
+            y1 = state[1] + ch * state[4] + h_square * x1
+            y2 = state[2] + ch * state[5] + h_square * x2
+            y3 = state[6] + ch * state[9] + h_square * x3
+            y4 = state[7] + ch * state[10] + h_square * x4
+            y5 = state[8] + ch * state[11] + h_square * x5
+            fraction = (step + _C[m]) * stretch
+            thrust = thrust_acceleration_tangents(
+                segment, (step + _C[m]) * h, fraction, columns, acceleration_tangent
+            )
+            inverse_p = 1.0 / math.sqrt(y3 * y3 + y4 * y4 + y5 * y5)
+            u0, u1, u2 = y3 * inverse_p, y4 * inverse_p, y5 * inverse_p
+            if gravity == LINEAR:
+                k = omega_square
+                three = 0.0
+                third = 0.0
+                e0, e1, e2 = 0.0, 0.0, 0.0
+            else:
+                inverse_r = 1.0 / math.sqrt(y0 * y0 + y1 * y1 + y2 * y2)
+                k = mu * inverse_r * inverse_r * inverse_r
+                three = 3.0 * k
+                third = three * inverse_r
+                e0, e1, e2 = y0 * inverse_r, y1 * inverse_r, y2 * inverse_r
+            ep = e0 * y3 + e1 * y4 + e2 * y5
+            stage[m, 0] = thrust * u0 - k * y0
+            stage[m, 1] = thrust * u1 - k * y1
+            stage[m, 2] = thrust * u2 - k * y2
+            stage[m, 3] = three * ep * e0 - k * y3
+            stage[m, 4] = three * ep * e1 - k * y4
+            stage[m, 5] = three * ep * e2 - k * y5
+            turn = thrust * inverse_p
+            for c in range(columns):
+                a0 = tangent[c, 0] + ch * tangent[c, 3]
+                a1 = tangent[c, 1] + ch * tangent[c, 4]
+                a2 = tangent[c, 2] + ch * tangent[c, 5]
+                b0 = tangent[c, 6] + ch * tangent[c, 9]
+                b1 = tangent[c, 7] + ch * tangent[c, 10]
+                b2 = tangent[c, 8] + ch * tangent[c, 11]
                 for q in range(m):
                     a = h_square * _A[m, q]
-                    for c in range(columns):
-                        half[n, c] += a * stage_tangent[q, n, c]
-                if stretched:
-                    change = (_C[m] * state[low + 3] + 2.0 * h * total) / steps
-                    if i >= 0:
-                        half[n, i] -= change
-                    if j >= 0:
-                        half[n, j] += change
-            s = (step + _C[m]) * h
-            value = thrust_acceleration_tangents(
-                segment,
-                s,
-                (step + _C[m]) / steps if stretched else 0.0,
-                columns,
-                acceleration_tangent,
-            )
-            _accelerate(
-                y,
-                value,
-                acceleration_tangent,
-                mu,
-                omega_square,
-                gravity,
-                columns,
-                half,
-                stage[m],
-                stage_tangent[m],
-            )
-        for n in range(6):
-            low = n if n < 3 else n + 3
-            total = 0.0
+                    a0 += a * stage_tangent[q, c, 0]
+                    a1 += a * stage_tangent[q, c, 1]
+                    a2 += a * stage_tangent[q, c, 2]
+                    b0 += a * stage_tangent[q, c, 3]
+                    b1 += a * stage_tangent[q, c, 4]
+                    b2 += a * stage_tangent[q, c, 5]
+                w = stretch_by[c]
+                if w != 0.0:
+                    # a moving end changes the step itself
+                    x = w * _C[m]
+                    z = 2.0 * w * h
+                    a0 += x * state[3] + z * x0
+                    a1 += x * state[4] + z * x1
+                    a2 += x * state[5] + z * x2
+                    b0 += x * state[9] + z * x3
+                    b1 += x * state[10] + z * x4
+                    b2 += x * state[11] + z * x5
+                if m == STAGES - 1:
+                    # the last stage is the end of the step
+                    tangent[c, 0] = a0
+                    tangent[c, 1] = a1
+                    tangent[c, 2] = a2
+                    tangent[c, 6] = b0
+                    tangent[c, 7] = b1
+                    tangent[c, 8] = b2
+                ea = e0 * a0 + e1 * a1 + e2 * a2
+                eb = e0 * b0 + e1 * b1 + e2 * b2
+                ub = u0 * b0 + u1 * b1 + u2 * b2
+                pa = y3 * a0 + y4 * a1 + y5 * a2
+                along = acceleration_tangent[c] - turn * ub
+                w = three * ea
+                stage_tangent[m, c, 0] = turn * b0 + along * u0 + w * e0 - k * a0
+                stage_tangent[m, c, 1] = turn * b1 + along * u1 + w * e1 - k * a1
+                stage_tangent[m, c, 2] = turn * b2 + along * u2 + w * e2 - k * a2
+                w = three * eb + third * (pa - 5.0 * ea * ep)
+                x = third * ea
+                z = third * ep
+                stage_tangent[m, c, 3] = w * e0 - k * b0 + x * y3 + z * a0
+                stage_tangent[m, c, 4] = w * e1 - k * b1 + x * y4 + z * a1
+                stage_tangent[m, c, 5] = w * e2 - k * b2 + x * y5 + z * a2
+        x0 = x1 = x2 = x3 = x4 = x5 = 0.0
+        for q in range(STAGES):
+            b = _B[q]
+            x0 += b * stage[q, 0]
+            x1 += b * stage[q, 1]
+            x2 += b * stage[q, 2]
+            x3 += b * stage[q, 3]
+            x4 += b * stage[q, 4]
+            x5 += b * stage[q, 5]
+        for c in range(columns):
+            a0 = a1 = a2 = b0 = b1 = b2 = 0.0
             for q in range(STAGES):
-                total += _B[q] * stage[q, n]
-            for c in range(columns):
-                tangent[low, c] = half[n, c]
-            for q in range(STAGES):
-                b = h * _B[q]
-                for c in range(columns):
-                    tangent[low + 3, c] += b * stage_tangent[q, n, c]
-            if stretched:
-                if i >= 0:
-                    tangent[low + 3, i] -= total / steps
-                if j >= 0:
-                    tangent[low + 3, j] += total / steps
-            state[low] = y[n]
-            state[low + 3] += h * total
+                b = _B[q]
+                a0 += b * stage_tangent[q, c, 0]
+                a1 += b * stage_tangent[q, c, 1]
+                a2 += b * stage_tangent[q, c, 2]
+                b0 += b * stage_tangent[q, c, 3]
+                b1 += b * stage_tangent[q, c, 4]
+                b2 += b * stage_tangent[q, c, 5]
+            w = stretch_by[c]
+            tangent[c, 3] += h * a0 + w * x0
+            tangent[c, 4] += h * a1 + w * x1
+            tangent[c, 5] += h * a2 + w * x2
+            tangent[c, 9] += h * b0 + w * x3
+            tangent[c, 10] += h * b1 + w * x4
+            tangent[c, 11] += h * b2 + w * x5
+        state[0] = y0
+        state[1] = y1
+        state[2] = y2
+        state[6] = y3
+        state[7] = y4
+        state[8] = y5
+        state[3] += h * x0
+        state[4] += h * x1
+        state[5] += h * x2
+        state[9] += h * x3
+        state[10] += h * x4
+        state[11] += h * x5
 
 
 @kernel

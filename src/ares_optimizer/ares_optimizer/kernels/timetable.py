@@ -10,9 +10,10 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+
 from ares_models.arrays import BURN, HEATING_LIMIT, MISSION_TIME, Record
 from ares_models.jit import kernel
-from numpy.typing import NDArray
 
 MAX_SEGMENTS = 64
 
@@ -172,7 +173,6 @@ def build_timetable(
     tail = -1
     tail_start = 0.0
     inserted = False
-    mass_by_start = 0.0
     tail_mass_rate = 0.0
     count = 0
     for _ in range(16 * MAX_SEGMENTS):

@@ -1,4 +1,4 @@
-"""The optimum as a root: shooting, its Jacobian, Newton, and a first guess.
+"""The optimum as a root: shooting and its Jacobian.
 
 Unknowns: lambda_v and lambda_r at the start, the cut-off time, and for every heating
 jettison still to come its time and pi. Equations: |lambda_v| = 1 at the start (the scale is
@@ -10,11 +10,13 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+
 from ares_models.arrays import (
-    BURN,
     HEATING_LIMIT,
+    JETTISON,
+    MAX_JETTISONS,
     TARGET_KEPLERIAN,
-    TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
     Record,
 )
 from ares_models.jit import kernel
@@ -25,14 +27,10 @@ from ares_models.kernels.vectors import (
     axpy,
     cross,
     dot,
-    load,
     norm,
     scale,
     sub,
-    unit,
 )
-from numpy.typing import NDArray
-
 from ares_optimizer.kernels.closed_form import closed_form_segment
 from ares_optimizer.kernels.costates import (
     LINEAR,
@@ -43,25 +41,21 @@ from ares_optimizer.kernels.costates import (
     log_heating_hessian_product,
     thrust_acceleration_tangents,
 )
+from ares_optimizer.kernels.terminal import SCALE, terminal_rows
 from ares_optimizer.kernels.timetable import (
     COLUMN_CUTOFF,
     COLUMN_JETTISON,
-    HEATING_IGNORED,
     HEATING_OPTIMAL,
     MAX_SEGMENTS,
     SEGMENT,
     build_timetable,
     heating_count,
-    segment_mass,
 )
 
-MAX_UNKNOWNS = COLUMN_JETTISON + 2 * 8
+MAX_UNKNOWNS = COLUMN_JETTISON + 2 * MAX_JETTISONS
 
-CONVERGED = 0
-ITERATION_LIMIT = 1
-STALLED = 2
-SINGULAR = 3
-BAD_TIMETABLE = 4
+#: s after its earliest time, of a drop that is held there.
+AT_ONCE = 1e-6
 
 #: Propagators: Runge-Kutta-Nystroem, closed form with Simpson's or with Milne's rule.
 RUNGE_KUTTA = 0
@@ -70,6 +64,7 @@ OPTIONS = np.dtype(
     [
         ("gravity", np.int64),  # costates.INVERSE_SQUARE or LINEAR
         ("propagator", np.int64),  # RUNGE_KUTTA, closed_form.SIMPSON or MILNE
+        ("corrected", np.int64),  # 1: closed form with the rest of gravity as impulses
         ("heating", np.int64),  # timetable.HEATING_*
         ("step", np.float64),  # s, longest step or closed-form arc
         ("max_iterations", np.int64),
@@ -81,10 +76,10 @@ OPTIONS = np.dtype(
 WORK = np.dtype(
     [
         ("state", np.float64, (ROWS,)),
-        ("tangent", np.float64, (ROWS, MAX_COLUMNS)),
+        ("tangent", np.float64, (MAX_COLUMNS, ROWS)),
         ("stage", np.float64, (STAGES, 6)),
-        ("stage_tangent", np.float64, (STAGES, 6, MAX_COLUMNS)),
-        ("scratch", np.float64, (9, MAX_COLUMNS)),
+        ("stage_tangent", np.float64, (STAGES, MAX_COLUMNS, 6)),
+        ("scratch", np.float64, (4, MAX_COLUMNS)),
         ("residual", np.float64, (MAX_COLUMNS,)),
         ("jacobian", np.float64, (MAX_COLUMNS, MAX_COLUMNS)),
         ("factors", np.float64, (MAX_COLUMNS, MAX_COLUMNS)),
@@ -95,16 +90,20 @@ WORK = np.dtype(
         ("unit", np.float64, (MAX_COLUMNS,)),  # size of each unknown
         ("floor", np.float64, (MAX_COLUMNS,)),  # earliest time of each unknown time
         ("ceiling", np.float64),  # latest cut-off: the mass is gone
+        ("terminal", np.float64, (6,)),
+        ("terminal_gradient", np.float64, (6, 6)),
         ("heating_times", np.float64, (8,)),
+        ("jettisons", JETTISON, (MAX_JETTISONS,)),  # as flown: inactive limits become times
         ("segments", SEGMENT, (MAX_SEGMENTS,)),
         ("steps", np.int64, (MAX_SEGMENTS,)),
         ("segment_count", np.int64),
+        ("lowest", np.float64),  # smallest radius of the last flight, m
         ("evaluations", np.int64),
+        ("stuck", np.int64),  # heating unknown that ran into its earliest time
+        ("pinned", np.int64, (MAX_JETTISONS,)),  # 1: this heating unknown stays there
     ],
     align=True,
 )
-
-_POLE = (0.0, 0.0, 1.0)
 
 
 @kernel
@@ -132,192 +131,82 @@ def _row(
     """A row of the Jacobian from the gradient by the state."""
     for c in range(columns):
         out[c] = (
-            by_r[0] * tangent[0, c]
-            + by_r[1] * tangent[1, c]
-            + by_r[2] * tangent[2, c]
-            + by_v[0] * tangent[3, c]
-            + by_v[1] * tangent[4, c]
-            + by_v[2] * tangent[5, c]
-            + by_p[0] * tangent[6, c]
-            + by_p[1] * tangent[7, c]
-            + by_p[2] * tangent[8, c]
-            + by_q[0] * tangent[9, c]
-            + by_q[1] * tangent[10, c]
-            + by_q[2] * tangent[11, c]
+            by_r[0] * tangent[c, 0]
+            + by_r[1] * tangent[c, 1]
+            + by_r[2] * tangent[c, 2]
+            + by_v[0] * tangent[c, 3]
+            + by_v[1] * tangent[c, 4]
+            + by_v[2] * tangent[c, 5]
+            + by_p[0] * tangent[c, 6]
+            + by_p[1] * tangent[c, 7]
+            + by_p[2] * tangent[c, 8]
+            + by_q[0] * tangent[c, 9]
+            + by_q[1] * tangent[c, 10]
+            + by_q[2] * tangent[c, 11]
         )
 
 
 @kernel
-def fixed_plane(target: Record) -> tuple[bool, Vector]:
-    """Whether the target fixes the plane of the orbit, and its normal.
-
-    A free node at inclination 0 or 180 deg is a fixed plane.
-    """
-    si = math.sin(target.inclination)
-    ci = math.cos(target.inclination)
-    if target.kind == TARGET_RADIUS_SPEED_ANGLE_INCLINATION:
-        if abs(si) < 1e-7:
-            return True, (0.0, 0.0, 1.0 if ci > 0.0 else -1.0)
-        return False, _POLE
-    node = target.ascending_node
-    return True, (si * math.sin(node), -si * math.cos(node), ci)
-
-
-@kernel
-def perifocal(target: Record, normal: Vector) -> tuple[Vector, Vector]:
-    """Unit vectors to the perigee and 90 deg ahead of it, in the plane of ``normal``."""
-    node = (math.cos(target.ascending_node), math.sin(target.ascending_node), 0.0)
-    ahead = cross(normal, node)
-    c = math.cos(target.argument_of_perigee)
-    s = math.sin(target.argument_of_perigee)
-    return add(scale(c, node), scale(s, ahead)), add(scale(-s, node), scale(c, ahead))
-
-
-@kernel
-def terminal_rows(
+def end_rows(
     target: Record,
     mu: float,
     state: NDArray[np.float64],
     tangent: NDArray[np.float64],
     columns: int,
-    residual: NDArray[np.float64],
-    jacobian: NDArray[np.float64],
+    work: Record,
 ) -> None:
-    """Terminal set and reduced transversality, with their Jacobian rows.
+    """Terminal set and reduced transversality: residuals and Jacobian rows 1 to 6.
 
     A motion that the terminal set leaves free must not change the cost: lambda . dx = 0 for
-    the turn of the whole state about the axis e, which is e . C = 0 with
-    C = r x lambda_r + V x lambda_v. Free downrange angle: e along h; free node: e along the
-    pole. On a Keplerian target the free motion is that along the orbit,
+    the turn of the whole state about an axis e, which is e . C = 0 with
+    C = r x lambda_r + V x lambda_v. Free downrange: e along h; free node: e along the pole.
+    On a Keplerian target the free motion is that along the orbit,
     lambda_r . V + lambda_v . g = 0.
 
     Args:
         target: record TARGET.
         mu: m3/s2.
         state: shape (12,) at the end of the thrust: r, V, lambda_v, lambda_v'.
-        tangent: shape (12, MAX_COLUMNS).
+        tangent: shape (MAX_COLUMNS, 12).
         columns: how many Jacobian columns to write.
-        residual: rows 1 to 6 are written, without unit.
-        jacobian: rows 1 to 6 are written.
+        work: record WORK; rows of ``residual`` and ``jacobian`` are written, without unit.
     """
-    zero = (0.0, 0.0, 0.0)
     r = (state[0], state[1], state[2])
     v = (state[3], state[4], state[5])
     p = (state[6], state[7], state[8])
     q = (state[9], state[10], state[11])
+    residual = work.residual
+    jacobian = work.jacobian
+    rows = terminal_rows(target, mu, r, v, work.terminal, work.terminal_gradient)
+    for i in range(rows):
+        residual[1 + i] = work.terminal[i] / SCALE
+        for c in range(columns):
+            total = 0.0
+            for n in range(6):
+                total += work.terminal_gradient[i, n] * tangent[c, n]
+            jacobian[1 + i, c] = total / SCALE
+    row = 1 + rows
     radius = norm(r)
-    speed = norm(v)
-    e = scale(1.0 / radius, r)
-    d = scale(1.0 / speed, v)
     h = cross(r, v)
-    # C = r x lambda_r + V x lambda_v with lambda_r = -q
+    # C with lambda_r = -q
     turn = sub(cross(v, p), cross(r, q))
-    planar, normal = fixed_plane(target)
-    row = 1
-    if target.kind == TARGET_KEPLERIAN:
-        a = target.semi_major_axis
-        first, second = perifocal(target, normal)
-        # energy
-        size = abs(a) / mu
-        residual[row] = size * (0.5 * speed * speed - mu / radius + 0.5 * mu / a)
-        _row(
-            jacobian[row],
-            tangent,
-            columns,
-            scale(size * mu / (radius * radius), e),
-            scale(size, v),
-            zero,
-            zero,
-        )
-        row += 1
-        # eccentricity vector
-        rv = dot(r, v)
-        factor = speed * speed - mu / radius
-        for i in range(2):
-            axis = first if i == 0 else second
-            ra = dot(r, axis)
-            va = dot(v, axis)
-            residual[row] = (factor * ra - rv * va) / mu
-            if i == 0:
-                residual[row] -= target.eccentricity
-            by_r = axpy(factor, axis, scale(-va, v))
-            by_r = axpy(mu * ra / (radius * radius), e, by_r)
-            by_v = axpy(-rv, axis, axpy(2.0 * ra, v, scale(-va, r)))
-            _row(
-                jacobian[row],
-                tangent,
-                columns,
-                scale(1.0 / mu, by_r),
-                scale(1.0 / mu, by_v),
-                zero,
-                zero,
-            )
-            row += 1
-    else:
-        residual[row] = radius / target.radius - 1.0
-        _row(jacobian[row], tangent, columns, scale(1.0 / target.radius, e), zero, zero, zero)
-        row += 1
-        residual[row] = speed / target.speed - 1.0
-        _row(jacobian[row], tangent, columns, zero, scale(1.0 / target.speed, d), zero, zero)
-        row += 1
-        sine = dot(e, d)
-        residual[row] = sine - math.sin(target.flight_path_angle)
-        _row(
-            jacobian[row],
-            tangent,
-            columns,
-            scale(1.0 / radius, axpy(-sine, e, d)),
-            scale(1.0 / speed, axpy(-sine, d, e)),
-            zero,
-            zero,
-        )
-        row += 1
-    if planar:
-        residual[row] = dot(e, normal)
-        _row(
-            jacobian[row],
-            tangent,
-            columns,
-            scale(1.0 / radius, axpy(-residual[row], e, normal)),
-            zero,
-            zero,
-            zero,
-        )
-        row += 1
-        residual[row] = dot(d, normal)
-        _row(
-            jacobian[row],
-            tangent,
-            columns,
-            zero,
-            scale(1.0 / speed, axpy(-residual[row], d, normal)),
-            zero,
-            zero,
-        )
-        row += 1
-    else:
-        length = norm(h)
-        axis = scale(1.0 / length, h)
-        cosine = axis[2]
-        residual[row] = cosine - math.cos(target.inclination)
-        by_h = scale(1.0 / length, axpy(-cosine, axis, _POLE))
-        _row(jacobian[row], tangent, columns, cross(v, by_h), cross(by_h, r), zero, zero)
-        row += 1
-        # the turn about the pole
+    if rows == 4:
+        pole = (0.0, 0.0, 1.0)
         size = 1.0 / target.speed
         residual[row] = size * turn[2]
         _row(
             jacobian[row],
             tangent,
             columns,
-            scale(-size, cross(q, _POLE)),
-            scale(size, cross(p, _POLE)),
-            scale(size, cross(_POLE, v)),
-            scale(-size, cross(_POLE, r)),
+            scale(-size, cross(q, pole)),
+            scale(size, cross(p, pole)),
+            scale(size, cross(pole, v)),
+            scale(-size, cross(pole, r)),
         )
         row += 1
     if target.kind == TARGET_KEPLERIAN:
         k = mu / (radius * radius * radius)
+        e = scale(1.0 / radius, r)
         size = target.semi_major_axis * target.semi_major_axis / mu
         ep = dot(e, p)
         residual[row] = size * (-dot(q, v) - k * radius * ep)
@@ -380,6 +269,7 @@ def _jettison_rows(
     after = thrust_acceleration_tangents(following, 0.0, 0.0, columns, scratch[1])
     rate, by_r, by_v = log_heating_gradient(r, v, environment, atmosphere)
     passive = options.heating != HEATING_OPTIMAL
+    pinned = work.pinned[index] == 1
     weight = 0.0 if passive else pi
     gravity, _ = gravity_terms(r, mu, omega_square, options.gravity, p)
     p_after = axpy(-weight, by_v, p)
@@ -392,6 +282,9 @@ def _jettison_rows(
     work.residual[row] = rate - math.log(limit)
     if passive:
         work.residual[row + 1] = pi
+    elif pinned:
+        # no choice of time, no condition on the Hamiltonian
+        work.residual[row + 1] = (segment.end - work.floor[row] - AT_ONCE) / 100.0
     else:
         work.residual[row + 1] = size * (
             before * length_before - after * length_after + weight * drift
@@ -400,10 +293,10 @@ def _jettison_rows(
     u_after = scale(1.0 / length_after, p_after)
     jacobian = work.jacobian
     for c in range(columns):
-        dr = (tangent[0, c], tangent[1, c], tangent[2, c])
-        dv = (tangent[3, c], tangent[4, c], tangent[5, c])
-        dp = (tangent[6, c], tangent[7, c], tangent[8, c])
-        dq = (tangent[9, c], tangent[10, c], tangent[11, c])
+        dr = (tangent[c, 0], tangent[c, 1], tangent[c, 2])
+        dv = (tangent[c, 3], tangent[c, 4], tangent[c, 5])
+        dp = (tangent[c, 6], tangent[c, 7], tangent[c, 8])
+        dq = (tangent[c, 9], tangent[c, 10], tangent[c, 11])
         jacobian[row, c] = dot(by_r, dr) + dot(by_v, dv)
         jacobian[row + 1, c] = 0.0
         if not passive:
@@ -418,18 +311,21 @@ def _jettison_rows(
                 dp_after = axpy(-1.0, by_v, dp_after)
                 dq_after = axpy(1.0, by_r, dq_after)
                 change += drift
-            # the scale follows a, but its change times a zero is nothing
-            jacobian[row + 1, c] = size * (
-                scratch[0, c] * length_before
-                + before * dot(u_before, dp)
-                - scratch[1, c] * length_after
-                - after * dot(u_after, dp_after)
-                + change
-            )
-            jacobian[row + 1, c] -= work.residual[row + 1] * size * scratch[1, c]
+            if pinned:
+                jacobian[row + 1, c] = 0.01 if c == row else 0.0
+            else:
+                jacobian[row + 1, c] = size * (
+                    scratch[0, c] * length_before
+                    + before * dot(u_before, dp)
+                    - scratch[1, c] * length_after
+                    - after * dot(u_after, dp_after)
+                    + change
+                )
+                # the scale follows the acceleration
+                jacobian[row + 1, c] -= work.residual[row + 1] * size * scratch[1, c]
             for n in range(3):
-                tangent[6 + n, c] = dp_after[n]
-                tangent[9 + n, c] = dq_after[n]
+                tangent[c, 6 + n] = dp_after[n]
+                tangent[c, 9 + n] = dq_after[n]
         elif c == row + 1:
             jacobian[row + 1, c] = 1.0
     for n in range(3):
@@ -441,6 +337,70 @@ def _jettison_rows(
 def unknown_count(start: Record, jettisons: NDArray[Any], options: Record) -> int:
     """Number of unknowns: 7, and 2 per heating jettison still to come."""
     return COLUMN_JETTISON + 2 * heating_count(start, jettisons, options.heating)
+
+
+@kernel
+def begin_state(
+    start: Record, mu: float, options: Record, unknowns: NDArray[np.float64], work: Record
+) -> float:
+    """State and costates at the start into ``work.state``; omega^2 of linear gravity, or 0."""
+    state = work.state
+    for i in range(3):
+        state[i] = start.position[i]
+        state[3 + i] = start.velocity[i]
+        state[6 + i] = unknowns[i]
+        state[9 + i] = -unknowns[3 + i]
+    square = state[0] * state[0] + state[1] * state[1] + state[2] * state[2]
+    work.lowest = math.sqrt(square)
+    if options.gravity == LINEAR:
+        # omega0 of the radius at the start (Eq. 3.4; printed without the root)
+        return mu / (square * work.lowest)
+    return 0.0
+
+
+@kernel
+def fly_segment(
+    segment: Record,
+    steps: int,
+    mu: float,
+    omega_square: float,
+    options: Record,
+    columns: int,
+    work: Record,
+) -> None:
+    """Carry ``work.state`` and ``work.tangent`` over a segment by the chosen propagator."""
+    state = work.state
+    if options.propagator == RUNGE_KUTTA:
+        integrate_segment(
+            segment,
+            steps,
+            mu,
+            omega_square,
+            options.gravity,
+            columns,
+            state,
+            work.tangent,
+            work.stage,
+            work.stage_tangent,
+            work.scratch,
+        )
+    else:
+        closed_form_segment(
+            segment,
+            steps,
+            mu,
+            omega_square,
+            options.propagator,
+            options.corrected == 1,
+            columns,
+            state,
+            work.tangent,
+            work.stage[0],
+            work.stage_tangent[0],
+            work.scratch,
+        )
+    radius = math.sqrt(state[0] * state[0] + state[1] * state[1] + state[2] * state[2])
+    work.lowest = min(work.lowest, radius)
 
 
 @kernel
@@ -495,15 +455,7 @@ def shoot(
     residual = work.residual
     jacobian = work.jacobian
     mu = environment.mu
-    for i in range(3):
-        state[i] = start.position[i]
-        state[3 + i] = start.velocity[i]
-        state[6 + i] = unknowns[i]
-        state[9 + i] = -unknowns[3 + i]
-    omega_square = 0.0
-    if options.gravity == LINEAR:
-        square = state[0] * state[0] + state[1] * state[1] + state[2] * state[2]
-        omega_square = mu / (square * math.sqrt(square))
+    omega_square = begin_state(start, mu, options, unknowns, work)
     all_columns = 0
     columns = 0
     if tangents:
@@ -511,10 +463,10 @@ def shoot(
         columns = 6
         for i in range(ROWS):
             for c in range(n):
-                tangent[i, c] = 0.0
+                tangent[c, i] = 0.0
         for i in range(3):
-            tangent[6 + i, i] = 1.0
-            tangent[9 + i, 3 + i] = -1.0
+            tangent[i, 6 + i] = 1.0
+            tangent[3 + i, 9 + i] = -1.0
     residual[0] = 0.5 * (
         unknowns[0] * unknowns[0] + unknowns[1] * unknowns[1] + unknowns[2] * unknowns[2] - 1.0
     )
@@ -529,34 +481,7 @@ def shoot(
         steps = int(math.ceil((segment.end - segment.start) / options.step - 1e-9))
         steps = max(1, steps, work.steps[i])
         work.steps[i] = steps
-        if options.propagator == RUNGE_KUTTA:
-            integrate_segment(
-                segment,
-                steps,
-                mu,
-                omega_square,
-                options.gravity,
-                columns,
-                state,
-                tangent,
-                work.stage,
-                work.stage_tangent,
-                work.scratch,
-            )
-        else:
-            closed_form_segment(
-                segment,
-                steps,
-                mu,
-                omega_square,
-                options.propagator,
-                columns,
-                state,
-                tangent,
-                work.stage[0],
-                work.stage_tangent[0],
-                work.scratch,
-            )
+        fly_segment(segment, steps, mu, omega_square, options, columns, work)
         if segment.end_heating >= 0 and i + 1 < count:
             index = segment.end_heating
             met += 1
@@ -582,488 +507,8 @@ def shoot(
             )
     if COLUMN_JETTISON + 2 * met != n:
         return False
-    terminal_rows(target, mu, state, tangent, all_columns, residual, jacobian)
+    end_rows(target, mu, state, tangent, all_columns, work)
     total = 0.0
     for i in range(n):
         total += residual[i]
     return math.isfinite(total)
-
-
-@kernel
-def factor(n: int, a: NDArray[np.float64], pivots: NDArray[np.int64]) -> bool:
-    """LU factors of ``a`` in place, rows exchanged; False if singular."""
-    for k in range(n):
-        best = k
-        for i in range(k + 1, n):
-            if abs(a[i, k]) > abs(a[best, k]):
-                best = i
-        pivots[k] = best
-        if not abs(a[best, k]) > 0.0:
-            return False
-        if best != k:
-            for j in range(n):
-                a[k, j], a[best, j] = a[best, j], a[k, j]
-        inverse = 1.0 / a[k, k]
-        for i in range(k + 1, n):
-            a[i, k] *= inverse
-            x = a[i, k]
-            if x != 0.0:
-                for j in range(k + 1, n):
-                    a[i, j] -= x * a[k, j]
-    return math.isfinite(a[n - 1, n - 1])
-
-
-@kernel
-def solve(
-    n: int, a: NDArray[np.float64], pivots: NDArray[np.int64], b: NDArray[np.float64]
-) -> None:
-    """Solve with the factors of :func:`factor`; ``b`` is replaced by the answer."""
-    for k in range(n):
-        i = pivots[k]
-        if i != k:
-            b[k], b[i] = b[i], b[k]
-    for i in range(n):
-        total = b[i]
-        for j in range(i):
-            total -= a[i, j] * b[j]
-        b[i] = total
-    for i in range(n - 1, -1, -1):
-        total = b[i]
-        for j in range(i + 1, n):
-            total -= a[i, j] * b[j]
-        b[i] = total / a[i, i]
-
-
-@kernel
-def find_floors(start: Record, arcs: NDArray[Any], jettisons: NDArray[Any], work: Record) -> bool:
-    """Earliest time of every unknown time, and the latest cut-off, into ``work``.
-
-    Returns:
-        False if the sequence makes no flight.
-    """
-    last = arcs.shape[0] - 1
-    count = build_timetable(
-        start, arcs, jettisons, HEATING_IGNORED, work.heating_times, 1e12, work.segments
-    )
-    if count == 0:
-        return False
-    index = 0
-    for j in range(jettisons.shape[0]):
-        if jettisons[j].criterion != HEATING_LIMIT or (start.jettisoned >> j) & 1 == 1:
-            continue
-        earliest = start.time
-        for i in range(count):
-            arc = arcs[work.segments[i].arc]
-            if arc.kind == BURN and arc.stage >= jettisons[j].stage:
-                earliest = work.segments[i].start
-                break
-        work.floor[COLUMN_JETTISON + 2 * index] = earliest
-        index += 1
-    for i in range(count):
-        if work.segments[i].arc == last:
-            work.floor[COLUMN_CUTOFF] = work.segments[i].start
-            break
-    final = work.segments[count - 1]
-    # 2 % of the mass is left: beyond that nothing flies
-    work.ceiling = final.start + 0.98 * final.mass / final.flow
-    return True
-
-
-@kernel
-def _prepare(start: Record, options: Record, n: int, work: Record) -> None:
-    """Units of the unknowns; step counts start anew."""
-    for i in range(n):
-        work.unit[i] = 1.0
-    for i in range(3):
-        work.unit[3 + i] = 1e-3
-    for i in range(COLUMN_CUTOFF, n):
-        work.unit[i] = 100.0
-    for i in range(COLUMN_JETTISON + 1, n, 2):
-        work.unit[i] = 5.0
-    for i in range(MAX_SEGMENTS):
-        work.steps[i] = 0
-    work.evaluations = 0
-
-
-@kernel
-def _length(n: int, x: NDArray[np.float64], unit: NDArray[np.float64]) -> float:
-    """Norm of a step in scaled unknowns."""
-    total = 0.0
-    for i in range(n):
-        total += (x[i] / unit[i]) ** 2
-    return math.sqrt(total)
-
-
-@kernel
-def _step_limit(n: int, x: NDArray[np.float64], work: Record) -> float:
-    """Largest fraction of the Newton step that keeps the flight a flight."""
-    step = work.step
-    limit = 1.0
-    # no more than about 30 deg, 1e-3 1/s, 100 s at once
-    for i in range(n):
-        size = abs(step[i]) / work.unit[i]
-        bound = 1.0
-        if i < 3:
-            bound = 0.5
-        if size * limit > bound:
-            limit = bound / size
-    cutoff = x[COLUMN_CUTOFF]
-    move = step[COLUMN_CUTOFF]
-    gap = cutoff - work.floor[COLUMN_CUTOFF]
-    if gap + limit * move < 0.2 * gap:
-        limit = -0.8 * gap / move
-    gap = work.ceiling - cutoff
-    if gap - limit * move < 0.2 * gap:
-        limit = 0.8 * gap / move
-    for i in range(COLUMN_JETTISON, n, 2):
-        gap = x[i] - work.floor[i]
-        if gap + limit * step[i] < 0.2 * gap:
-            limit = -0.8 * gap / step[i]
-        gap = cutoff - x[i]
-        if gap + limit * (move - step[i]) < 0.2 * gap:
-            limit = 0.8 * gap / (step[i] - move)
-    return limit
-
-
-@kernel
-def solve_two_point(
-    start: Record,
-    environment: Record,
-    atmosphere: NDArray[np.float64],
-    arcs: NDArray[Any],
-    jettisons: NDArray[Any],
-    target: Record,
-    options: Record,
-    unknowns: NDArray[np.float64],
-    work: Record,
-) -> tuple[int, float, int]:
-    """Newton with backtracking from ``unknowns``, which are improved in place.
-
-    A step is taken when the next simplified Newton correction is shorter than the step
-    (Deuflhard, *Newton Methods for Nonlinear Problems*, section 3.3): the test does not
-    depend on how the equations are scaled.
-
-    Args:
-        start: record NAVIGATION: time, position, velocity, mass (0: that of the stack), arc,
-            arc_start_time, jettisoned.
-        environment: record ENVIRONMENT.
-        atmosphere: log-density table.
-        arcs: dtype ARC; the last one is the burn that the cut-off ends.
-        jettisons: dtype JETTISON.
-        target: record TARGET.
-        options: record OPTIONS.
-        unknowns: shape (at least n,), see :func:`shoot`; guess in, answer out.
-        work: record WORK.
-
-    Returns:
-        iterations, norm of the last residuals, status (CONVERGED or what went wrong).
-    """
-    n = unknown_count(start, jettisons, options)
-    _prepare(start, options, n, work)
-    if not find_floors(start, arcs, jettisons, work):
-        return 0, math.inf, BAD_TIMETABLE
-    # a guess outside the possible times is moved inside
-    floor = work.floor[COLUMN_CUTOFF]
-    unknowns[COLUMN_CUTOFF] = min(
-        max(unknowns[COLUMN_CUTOFF], floor + 1e-3 * (work.ceiling - floor)),
-        work.ceiling - 0.01 * (work.ceiling - floor),
-    )
-    for i in range(COLUMN_JETTISON, n, 2):
-        span = unknowns[COLUMN_CUTOFF] - work.floor[i]
-        unknowns[i] = min(
-            max(unknowns[i], work.floor[i] + 0.01 * span), unknowns[COLUMN_CUTOFF] - 0.01 * span
-        )
-    good = shoot(
-        start, environment, atmosphere, arcs, jettisons, target, options, unknowns, True, work
-    )
-    if not good:
-        return 0, math.inf, BAD_TIMETABLE
-    for iteration in range(1, options.max_iterations + 1):
-        residual_norm = 0.0
-        for i in range(n):
-            residual_norm += work.residual[i] ** 2
-            work.step[i] = -work.residual[i]
-            for j in range(n):
-                work.factors[i, j] = work.jacobian[i, j]
-        residual_norm = math.sqrt(residual_norm)
-        if not factor(n, work.factors, work.pivots):
-            return iteration, residual_norm, SINGULAR
-        solve(n, work.factors, work.pivots, work.step)
-        length = _length(n, work.step, work.unit)
-        if not math.isfinite(length):
-            return iteration, residual_norm, SINGULAR
-        if length <= options.tolerance:
-            for i in range(n):
-                unknowns[i] += work.step[i]
-            return iteration, residual_norm, CONVERGED
-        fraction = _step_limit(n, unknowns, work)
-        first = True
-        while True:
-            for i in range(n):
-                work.trial[i] = unknowns[i] + fraction * work.step[i]
-            # the first trial is nearly always taken: have its Jacobian at once
-            good = shoot(
-                start,
-                environment,
-                atmosphere,
-                arcs,
-                jettisons,
-                target,
-                options,
-                work.trial,
-                first,
-                work,
-            )
-            accepted = False
-            if good:
-                for i in range(n):
-                    work.correction[i] = -work.residual[i]
-                solve(n, work.factors, work.pivots, work.correction)
-                shorter = _length(n, work.correction, work.unit)
-                accepted = shorter <= (1.0 - 0.25 * fraction) * length
-            if accepted:
-                break
-            first = False
-            fraction *= 0.5
-            if fraction < 1e-3:
-                return iteration, residual_norm, STALLED
-        for i in range(n):
-            unknowns[i] = work.trial[i]
-        if not first:
-            good = shoot(
-                start,
-                environment,
-                atmosphere,
-                arcs,
-                jettisons,
-                target,
-                options,
-                unknowns,
-                True,
-                work,
-            )
-    residual_norm = 0.0
-    for i in range(n):
-        residual_norm += work.residual[i] ** 2
-    return options.max_iterations, math.sqrt(residual_norm), ITERATION_LIMIT
-
-
-@kernel
-def _steering_integrals(
-    omega: float, origin: float, work: Record
-) -> tuple[float, float, float, float]:
-    """Integrals of a, a cos^2, a cos sin, a sin^2 of omega (t - origin) over the segments."""
-    total = 0.0
-    cc = 0.0
-    cs = 0.0
-    ss = 0.0
-    for i in range(work.segment_count):
-        segment = work.segments[i]
-        length = segment.end - segment.start
-        panels = max(1, int(math.ceil(length / 60.0)))
-        h = length / panels
-        for j in range(2 * panels + 1):
-            weight = h / 6.0
-            if j % 2 == 1:
-                weight = 4.0 * weight
-            elif 0 < j < 2 * panels:
-                weight = 2.0 * weight
-            s = 0.5 * j * h
-            thrust = segment.thrust + segment.thrust_slope * s
-            mass = segment.mass - s * (segment.flow + 0.5 * s * segment.flow_slope)
-            wa = weight * thrust / mass
-            angle = omega * (segment.start + s - origin)
-            cos = math.cos(angle)
-            sin = math.sin(angle)
-            total += wa
-            cc += wa * cos * cos
-            cs += wa * cos * sin
-            ss += wa * sin * sin
-    return total, cc, cs, ss
-
-
-@kernel
-def _wanted_state(target: Record, mu: float, r: Vector, v: Vector) -> tuple[Vector, Vector, Vector]:
-    """State of the terminal set nearest to downrange of ``r``, and the downrange direction."""
-    planar, normal = fixed_plane(target)
-    if not planar:
-        # the plane of exact inclination through r, on the branch of the motion
-        up = unit(r)
-        north = axpy(-up[2], up, _POLE)
-        cos_latitude = max(1e-9, norm(north))
-        north = scale(1.0 / cos_latitude, north)
-        west = cross(up, north)
-        along_north = min(1.0, max(-1.0, math.cos(target.inclination) / cos_latitude))
-        along_west = math.sqrt(1.0 - along_north * along_north)
-        if dot(cross(r, v), west) < 0.0:
-            along_west = -along_west
-        normal = add(scale(along_north, north), scale(along_west, west))
-    radial = unit(axpy(-dot(r, normal), normal, r))
-    downrange = cross(normal, radial)
-    if target.kind == TARGET_KEPLERIAN:
-        first, second = perifocal(target, normal)
-        c = dot(radial, first)
-        s = dot(radial, second)
-        e = target.eccentricity
-        parameter = target.semi_major_axis * (1.0 - e * e)
-        radius = parameter / max(1e-3, 1.0 + e * c)
-        root = math.sqrt(mu / parameter)
-        rise = root * e * s
-        along = root * (1.0 + e * c)
-    else:
-        radius = target.radius
-        rise = target.speed * math.sin(target.flight_path_angle)
-        along = target.speed * math.cos(target.flight_path_angle)
-    return (
-        scale(radius, radial),
-        add(scale(rise, radial), scale(along, downrange)),
-        downrange,
-    )
-
-
-@kernel
-def guess_two_point(
-    start: Record,
-    environment: Record,
-    atmosphere: NDArray[np.float64],
-    arcs: NDArray[Any],
-    jettisons: NDArray[Any],
-    target: Record,
-    options: Record,
-    wait: float,
-    unknowns: NDArray[np.float64],
-    work: Record,
-) -> bool:
-    """A first guess from the state alone.
-
-    Under linear gravity the primer is lambda_v = B cos wt + (A/w) sin wt (Eq. 3.34), and the
-    integrals Ic, Is that lead to a wanted end state are known from Eqs. 3.27-3.29. With
-    |lambda_v| = 1 inside them they are linear in A and B. The burn time is then moved until
-    |lambda_v| is 1 at the middle of the impulse, the downrange until its rate there is at
-    right angles to it (nothing is gained by a rate along the thrust), and what a true
-    flight misses is given back to the wanted state.
-
-    Args:
-        start: record NAVIGATION.
-        environment: record ENVIRONMENT.
-        atmosphere: log-density table.
-        arcs: dtype ARC.
-        jettisons: dtype JETTISON.
-        target: record TARGET.
-        options: record OPTIONS.
-        wait: s from the earliest drop to the guessed time of a heating jettison.
-        unknowns: shape (at least n,), written.
-        work: record WORK.
-
-    Returns:
-        False if the sequence makes no flight.
-    """
-    n = unknown_count(start, jettisons, options)
-    _prepare(start, options, n, work)
-    if not find_floors(start, arcs, jettisons, work):
-        return False
-    mu = environment.mu
-    r0 = load(start.position)
-    v0 = load(start.velocity)
-    radius = norm(r0)
-    floor = work.floor[COLUMN_CUTOFF]
-    span = work.ceiling - floor
-    final = arcs[arcs.shape[0] - 1]
-    r_wanted, v_wanted, downrange = _wanted_state(target, mu, r0, v0)
-    mean = 0.5 * (radius + min(norm(r_wanted), 1.5 * radius))
-    omega = math.sqrt(mu / (mean * mean * mean))
-    r_miss = (0.0, 0.0, 0.0)
-    v_miss = (0.0, 0.0, 0.0)
-    r_reached = r0
-    v_reached = v0
-    cutoff = floor + 0.5 * span
-    shift = 0.0
-    for iteration in range(12):
-        cutoff = min(max(cutoff, floor + 0.02 * span), work.ceiling - 0.02 * span)
-        unknowns[COLUMN_CUTOFF] = cutoff
-        for i in range(COLUMN_JETTISON, n, 2):
-            earliest = work.floor[i]
-            unknowns[i] = earliest + min(wait, 0.5 * (cutoff - earliest))
-            unknowns[i + 1] = 0.0
-            work.heating_times[(i - COLUMN_JETTISON) // 2] = unknowns[i]
-        count = build_timetable(
-            start, arcs, jettisons, options.heating, work.heating_times, cutoff, work.segments
-        )
-        work.segment_count = count
-        if count == 0:
-            return False
-        total, cc, cs, ss = _steering_integrals(omega, start.time, work)
-        # |lambda_v| stands for 1 where the impulse has its middle
-        middle = math.atan2(cs, cc)
-        angle = omega * (work.segments[count - 1].end - start.time)
-        cos = math.cos(angle)
-        sin = math.sin(angle)
-        if iteration == 0:
-            # half the way round that the target speed makes, less at the start
-            way = 0.5 * (norm(v0) + norm(v_wanted)) * (cutoff - start.time) / radius
-            way = min(way, 1.5)
-            ahead = unit(cross(cross(r0, v0), r0))
-            r_reached = add(
-                scale(radius * math.cos(way), unit(r0)), scale(radius * math.sin(way), ahead)
-            )
-            v_reached = v0
-        r_wanted, v_wanted, downrange = _wanted_state(target, mu, r_reached, v_reached)
-        a = axpy(omega, sub(r_wanted, r_miss), scale(-1.0, axpy(omega * cos, r0, scale(sin, v0))))
-        b = add(sub(v_wanted, v_miss), axpy(omega * sin, r0, scale(-cos, v0)))
-        determinant = cc * ss - cs * cs
-        first = 1.0
-        shift = 0.0
-        p = v0
-        q = v0
-        for _ in range(3):
-            x = axpy(omega * shift, downrange, a)
-            ic = add(scale(sin, x), scale(cos, b))
-            js = sub(scale(sin, b), scale(cos, x))
-            p = scale(1.0 / determinant, sub(scale(ss, ic), scale(cs, js)))
-            q = scale(1.0 / determinant, sub(scale(cc, js), scale(cs, ic)))
-            p_middle = add(scale(math.cos(middle), p), scale(math.sin(middle), q))
-            q_middle = sub(scale(math.cos(middle), q), scale(math.sin(middle), p))
-            first = norm(p_middle)
-            # rate at the middle per metre of downrange
-            ic = scale(omega * sin, downrange)
-            js = scale(-omega * cos, downrange)
-            dp = scale(1.0 / determinant, sub(scale(ss, ic), scale(cs, js)))
-            dq = scale(1.0 / determinant, sub(scale(cc, js), scale(cs, ic)))
-            dq_middle = sub(scale(math.cos(middle), dq), scale(math.sin(middle), dp))
-            slope = dot(dq_middle, p_middle)
-            if slope == 0.0:
-                break
-            shift -= dot(q_middle, p_middle) / slope
-        limit = 0.3 * radius
-        shift = min(max(shift, -limit), limit)
-        size = norm(p)
-        for i in range(3):
-            unknowns[i] = p[i] / size
-            unknowns[3 + i] = -omega * q[i] / size
-        # rocket equation on the last burn
-        gain = (min(max(first, 0.5), 2.0) - 1.0) * total
-        mass = segment_mass(work.segments[count - 1], work.segments[count - 1].end)
-        move = -math.expm1(-gain / final.exhaust_velocity) * mass / final.mass_flow
-        good = shoot(
-            start,
-            environment,
-            atmosphere,
-            arcs,
-            jettisons,
-            target,
-            options,
-            unknowns,
-            False,
-            work,
-        )
-        if not good:
-            return True
-        r_reached = (work.state[0], work.state[1], work.state[2])
-        v_reached = (work.state[3], work.state[4], work.state[5])
-        aim = axpy(shift, downrange, r_wanted)
-        r_miss = add(r_miss, sub(r_reached, aim))
-        v_miss = add(v_miss, sub(v_reached, v_wanted))
-        if abs(move) < 2.0 and norm(sub(r_reached, aim)) < 0.01 * radius:
-            break
-        cutoff += move
-    return True
