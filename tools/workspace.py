@@ -99,8 +99,12 @@ def environment_digest(root: Path, python: str, ros: str) -> str:
 
 
 def interface_digest(root: Path, environment: str) -> str:
-    """Digest of what the compiled (CMake) packages are made from."""
+    """Digest of what a build from nothing is due for.
+
+    That is what the compiled (CMake) packages are made from, and which packages there are.
+    """
     parts: list[str | bytes] = [GENERATION, environment]
+    parts += [package.name for package in packages(root)]
     for package in packages(root):
         if (package / "CMakeLists.txt").exists():
             for path in _files(package):
@@ -823,7 +827,7 @@ def main(arguments: list[str]) -> int:
     command = [str(workspace.interpreter), "-m", "ares_bringup.cli", *arguments]
     if arguments in ([], ["--help"], ["-h"]):
         status = subprocess.run(command, env=environment, check=False).returncode
-        print(VERBS)
+        print(f"\n{VERBS}")
         return status
     if verb == "exec":
         if not rest:
