@@ -38,6 +38,6 @@ def new_bag(mission: str, folder: Path | None = None, now: datetime | None = Non
     path = folder / stem
     count = 2
     while os.path.lexists(path):
-        path = folder / f"{stem}_{count}"
+        path = folder / f"{stem}_{count:02}"
         count += 1
     return path

@@ -3,11 +3,10 @@
 import os
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from ares_bringup.summary import MissionFacts
-from ares_models.arrays import TARGET, TARGET_RADIUS_SPEED_ANGLE_INCLINATION
+from ares_bringup.testing import made_up_mission
 from ares_node.testing import ros_context, ros_domain
 
 __all__ = ["facts", "fake_nodes", "ros_context", "ros_domain"]
@@ -17,22 +16,8 @@ HERE = Path(__file__).parent
 
 @pytest.fixture
 def facts() -> MissionFacts:
-    """A mission with one arc, one jettison and a circular target at 28.5 deg."""
-    target = np.zeros(1, TARGET)
-    target["kind"] = TARGET_RADIUS_SPEED_ANGLE_INCLINATION
-    target["radius"] = 6.6e6
-    target["speed"] = 7700.0
-    target["inclination"] = np.radians(28.5)
-    return MissionFacts(
-        name="fake",
-        title="Fake flight",
-        mu=3.986004418e14,
-        target=target[0],
-        arcs=["burn"],
-        stages=["only stage"],
-        jettisons=["fairing"],
-        fairing=0,
-    )
+    """A mission with one arc and one jettison."""
+    return made_up_mission()
 
 
 @pytest.fixture

@@ -1,0 +1,154 @@
+"""Flights with stand-ins for the nodes: what happens to the flight when one of them fails."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from ares_bringup import fly as module
+from ares_bringup.fly import fly
+from ares_bringup.options import CannotStart, FlyOptions
+from ares_bringup.summary import Outcome
+
+
+@pytest.fixture
+def flight(facts, fake_nodes, ros_domain, tmp_path, monkeypatch):
+    """Fly the stand-ins in the way that they are told."""
+    monkeypatch.setattr(module, "mission_facts", lambda _: facts)
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
+    pids = []
+    start = module.Crew.start
+
+    def noting_start(self, name, *rest):
+        start(self, name, *rest)
+        pids.append(self.pid(name))
+
+    monkeypatch.setattr(module.Crew, "start", noting_start)
+
+    def run(**behaviour):
+        for name, how in behaviour.items():
+            monkeypatch.setenv(f"FAKE_{name.upper()}", how)
+        said = []
+        try:
+            return fly(FlyOptions(bag=tmp_path / "bag"), said.append, fake_nodes), said
+        finally:
+            assert not [pid for pid in pids if Path(f"/proc/{pid}").exists()]
+
+    return run
+
+
+def test_a_good_flight(flight, tmp_path):
+    summary, said = flight()
+    assert summary.exit_code == 0
+    assert summary.bag == str(tmp_path / "bag")
+    assert summary.t_plf_s == 75.0
+    assert summary.guidance_cycles > 50
+    assert summary.lost_messages == 0
+    assert summary.realtime_factor > 1.0
+    assert 0.0 < summary.wall_s < 60.0
+    assert said == []
+
+
+@pytest.mark.parametrize("name", ["vehicle_sim", "guidance", "recorder"])
+def test_a_node_that_cannot_start_has_the_word(flight, name, capfd):
+    with pytest.raises(CannotStart) as caught:
+        flight(**{name: "refuse"})
+    assert str(caught.value) == ""
+    assert capfd.readouterr().err == f"{name}: refused, as it was told\n"
+
+
+def test_guidance_killed_in_flight(flight):
+    summary, said = flight(guidance="kill")
+    assert summary.outcome is Outcome.TARGET
+    assert summary.exit_code == 1
+    line = "guidance was killed by SIGKILL in flight: flying on with its last good command"
+    assert summary.shortcomings() == said == [line]
+
+
+def test_recorder_killed_in_flight(flight):
+    summary, said = flight(recorder="kill")
+    assert summary.outcome is Outcome.TARGET
+    assert summary.exit_code == 1
+    assert said == ["recorder was killed by SIGKILL in flight: the bag is incomplete"]
+
+
+def test_recorder_that_ends_with_a_complaint(flight):
+    summary, _ = flight(recorder="exit1")
+    assert summary.exit_code == 1
+    assert "recorder ended with exit status 1" in summary.shortcomings()[0]
+
+
+def test_simulator_killed_in_flight(flight):
+    summary, said = flight(vehicle_sim="kill")
+    assert summary.outcome is Outcome.INCOMPLETE
+    assert summary.exit_code == 1
+    assert said == ["vehicle_sim was killed by SIGKILL in flight"]
+
+
+def test_a_node_that_hears_no_signal_is_killed(flight, monkeypatch):
+    monkeypatch.setattr(module, "NODE_STOP_TIMEOUT", 0.5)
+    summary, _ = flight(guidance="hang")
+    assert summary.outcome is Outcome.TARGET
+    assert summary.shortcomings() == ["guidance did not end within 0.5 s: killed"]
+
+
+def test_a_missed_target(flight):
+    summary, _ = flight(vehicle_sim="miss")
+    assert summary.outcome is Outcome.TARGET_MISSED
+    assert summary.exit_code == 1
+
+
+def test_a_flight_without_news_is_given_up(flight, monkeypatch):
+    monkeypatch.setattr(module, "STALL_TIMEOUT", 1.0)
+    summary, _ = flight(vehicle_sim="slow", guidance="kill")
+    assert summary.outcome is Outcome.INCOMPLETE
+    assert "nothing heard for 1 s: given up" in summary.shortcomings()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_flight(flight, number):
+    def interrupt():
+        time.sleep(3.0)
+        os.kill(os.getpid(), number)
+
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    summary, _ = flight(vehicle_sim="slow")
+    thread.join()
+    assert summary.outcome is Outcome.INTERRUPTED
+    assert summary.exit_code == 130
+
+
+def test_a_killed_parent_leaves_nothing(fake_nodes, ros_domain, tmp_path):
+    program = f"""
+from ares_bringup.testing import made_up_mission
+from ares_bringup import fly as module
+from ares_bringup.options import FlyOptions
+module.mission_facts = lambda name: made_up_mission()
+start = module.Crew.start
+def noting_start(self, name, *rest):
+    start(self, name, *rest)
+    print(self.pid(name), flush=True)
+module.Crew.start = noting_start
+module.fly(FlyOptions(record=True, bag=__import__("pathlib").Path({str(tmp_path / "bag")!r})),
+           modules={fake_nodes!r})
+"""
+    environment = {**os.environ, "ROS_DOMAIN_ID": str(ros_domain), "FAKE_VEHICLE_SIM": "slow"}
+    parent = subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, text=True, env=environment
+    )
+    pids = [int(parent.stdout.readline()) for _ in range(3)]
+    deadline = time.monotonic() + 30.0
+    while not (tmp_path / "bag").exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    parent.kill()
+    parent.wait()
+    parent.stdout.close()
+    while [pid for pid in pids if Path(f"/proc/{pid}").exists()]:
+        assert time.monotonic() < deadline, "a child outlived its parent"
+        time.sleep(0.05)

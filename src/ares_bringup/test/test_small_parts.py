@@ -1,0 +1,63 @@
+"""Options, discovery settings and parameter files."""
+
+import pytest
+
+from ares_bringup.discovery import PROFILE, discovery_settings
+from ares_bringup.options import CannotStart, FlyOptions, domain_id
+from ares_bringup.params_file import node_values
+
+
+@pytest.mark.parametrize("text", ["233", "-1", "one", "1.5", "\u0663"])
+def test_a_domain_that_does_not_exist(monkeypatch, text):
+    monkeypatch.setenv("ROS_DOMAIN_ID", text)
+    with pytest.raises(
+        CannotStart, match=r"ROS_DOMAIN_ID is .*; expected an integer from 0 to 232"
+    ):
+        domain_id(FlyOptions())
+
+
+def test_the_domain_of_the_options_wins(monkeypatch):
+    monkeypatch.setenv("ROS_DOMAIN_ID", "7")
+    assert domain_id(FlyOptions()) == 7
+    assert domain_id(FlyOptions(domain_id=8)) == 8
+    monkeypatch.setenv("ROS_DOMAIN_ID", "")
+    assert domain_id(FlyOptions()) == 0
+
+
+def test_discovery_settings_are_added_but_replace_nothing():
+    settings = discovery_settings({})
+    assert settings["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
+    assert settings["FASTRTPS_DEFAULT_PROFILES_FILE"] == str(PROFILE)
+    assert PROFILE.is_file()
+    own = {
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
+        "FASTDDS_DEFAULT_PROFILES_FILE": "/mine.xml",
+    }
+    assert discovery_settings(own) == {}
+
+
+def test_values_of_a_node_in_a_parameter_file(tmp_path):
+    path = tmp_path / "some.yaml"
+    path.write_text(
+        "/**:\n  ros__parameters: {seed: 1, mission: all}\n"
+        "/moon/guidance:\n  ros__parameters: {mission: own}\n"
+        "recorder:\n  ros__parameters: {seed: 3}\n"
+    )
+    assert node_values(path, "guidance") == {"seed": 1, "mission": "own"}
+    assert node_values(path, "recorder") == {"seed": 3, "mission": "all"}
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("- a\n", "not a parameter file"),
+        ("guidance: {mission: x}\n", "guidance: expected ros__parameters"),
+        ("guidance: [\n", "not valid YAML"),
+    ],
+)
+def test_what_is_not_a_parameter_file(tmp_path, text, complaint):
+    path = tmp_path / "bad.yaml"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=complaint) as caught:
+        node_values(path, "guidance")
+    assert "\n" not in str(caught.value)

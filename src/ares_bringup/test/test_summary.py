@@ -1,0 +1,214 @@
+"""The verdict on a flight, from events made up here."""
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ares_bringup.summary import (
+    MAX_DIAGNOSTICS,
+    Diagnostic,
+    FlightSummary,
+    MissionFacts,
+    Outcome,
+    insertion_error,
+    target_state,
+)
+from ares_bringup.testing import (
+    INCLINATION,
+    MU,
+    RADIUS,
+    flown,
+    good_flight,
+    made_up_event,
+    made_up_status,
+)
+from ares_models.arrays import TARGET, TARGET_KEPLERIAN, TARGET_RADIUS_SPEED_ANGLE_PLANE
+from ares_models.orbits import Elements
+from ares_vehicle_sim.arrays import (
+    CUTOFF,
+    DEPLETION,
+    FLIGHT_COMPLETE,
+    IGNITION,
+    IMPACT,
+    JETTISON_DONE,
+)
+
+
+def test_a_good_flight(facts):
+    summary = good_flight(facts)
+    assert summary.outcome is Outcome.TARGET
+    assert summary.exit_code == 0
+    assert summary.shortcomings() == []
+    assert (summary.t_plf_s, summary.t_meco_s, summary.m_f_kg) == (200.0, 400.0, 500.0)
+    assert set(summary.insertion_error) == {
+        "radius_m",
+        "speed_m_s",
+        "flight_path_angle_deg",
+        "inclination_deg",
+    }
+    assert all(abs(error) < 1e-9 for error in summary.insertion_error.values())
+
+
+def test_errors_are_flown_minus_target(facts):
+    errors = good_flight(facts, radius=RADIUS + 30.0, speed=7699.5).insertion_error
+    assert errors["radius_m"] == pytest.approx(30.0)
+    assert errors["speed_m_s"] == pytest.approx(-0.5)
+
+
+def test_a_missed_target_is_named(facts):
+    summary = good_flight(facts, speed=7701.0)
+    assert summary.outcome is Outcome.TARGET_MISSED
+    assert summary.exit_code == 1
+    assert summary.shortcomings() == ["target missed: speed_m_s off by 1, allowed 0.1"]
+
+
+def test_a_fairing_still_aboard_is_a_shortcoming(facts):
+    summary = flown(facts, made_up_event(CUTOFF, 400.0), made_up_event(FLIGHT_COMPLETE, 401.0))
+    assert summary.t_plf_s is None
+    assert summary.shortcomings() == ["fairing was not jettisoned"]
+    assert summary.exit_code == 1
+
+
+def test_ends_that_are_not_the_target(facts):
+    assert flown(facts, made_up_event(IMPACT, 300.0)).outcome is Outcome.IMPACT
+    assert flown(facts).outcome is Outcome.INCOMPLETE
+    dry = flown(facts, made_up_event(DEPLETION, 300.0), made_up_event(FLIGHT_COMPLETE, 300.0))
+    assert dry.outcome is Outcome.DEPLETION
+    stopped = flown(facts)
+    stopped.interrupted = True
+    assert stopped.exit_code == 130
+    assert flown(facts, made_up_event(IMPACT, 300.0)).exit_code == 1
+
+
+def test_an_interruption_after_the_end_changes_nothing(facts):
+    summary = good_flight(facts)
+    summary.interrupted = True
+    assert summary.exit_code == 0
+
+
+def test_a_problem_around_the_flight_is_exit_1(facts):
+    summary = good_flight(facts)
+    summary.problems.append("recorder was killed by SIGKILL in flight: the bag is incomplete")
+    assert summary.outcome is Outcome.TARGET
+    assert summary.exit_code == 1
+
+
+def test_guidance_is_counted(facts):
+    summary = FlightSummary(facts, "peg")
+    summary.add_status(made_up_status(1, converged=False, iterations=60))
+    summary.add_status(made_up_status(2, iterations=75))
+    summary.add_status(made_up_status(5, stale=2))
+    assert summary.guidance_cycles == 5
+    assert summary.lost_messages == 2
+    assert summary.first_convergence_iterations == 75
+    assert summary.max_stale_cycles == 2
+
+
+def test_the_first_convergence_is_unknown_to_who_came_late(facts):
+    summary = FlightSummary(facts, "peg")
+    summary.add_status(made_up_status(3))
+    assert summary.lost_messages == 0
+    assert summary.first_convergence_iterations is None
+
+
+def test_diagnostics_are_bounded(facts):
+    summary = FlightSummary(facts, "peg")
+    for number in range(MAX_DIAGNOSTICS + 5):
+        summary.add_diagnostic(Diagnostic(float(number), "guidance", "WARN", "again"))
+    assert len(summary.diagnostics) == MAX_DIAGNOSTICS
+    assert summary.to_json()["diagnostic_count"] == MAX_DIAGNOSTICS + 5
+
+
+def test_json_has_every_key_and_no_nan(facts):
+    for summary in (FlightSummary(facts, "peg"), flown(facts), good_flight(facts, mass=math.nan)):
+        text = json.dumps(summary.to_json(), allow_nan=False)
+        keys = json.loads(text)
+        assert {
+            "mission",
+            "guidance",
+            "t_plf_s",
+            "t_meco_s",
+            "m_f_kg",
+            "insertion_error",
+            "guidance_cycles",
+            "wall_s",
+            "realtime_factor",
+            "bag",
+        } <= set(keys)
+        assert set(keys["insertion_error"]) == {
+            "radius_m",
+            "speed_m_s",
+            "flight_path_angle_deg",
+            "inclination_deg",
+        }
+    assert keys["m_f_kg"] is None
+
+
+def test_rate_comes_from_what_was_seen_live(facts):
+    summary = good_flight(facts)
+    assert summary.realtime_factor is None
+    summary.set_rate(300.0, 2.0)
+    assert summary.realtime_factor == 150.0
+
+
+def test_events_have_the_names_of_the_mission(facts):
+    summary = FlightSummary(facts, "peg")
+    assert summary.event_name(made_up_event(IGNITION, 0.0)) == "ignition: burn"
+    assert summary.event_name(made_up_event(JETTISON_DONE, 0.0)) == "jettison: fairing"
+    assert summary.event_name(made_up_event(JETTISON_DONE, 0.0, index=7)) == "jettison"
+    assert summary.event_name(made_up_event(77, 0.0)) == "event 77"
+
+
+def test_a_node_is_judged_when_it_is_targeted(facts):
+    target = facts.target.copy()
+    target["kind"] = TARGET_RADIUS_SPEED_ANGLE_PLANE
+    target["ascending_node"] = math.radians(359.9)
+    velocity = made_up_event(CUTOFF, 0.0).velocity
+    errors = insertion_error(replace(facts, target=target), (RADIUS, 0.0, 0.0), velocity)
+    assert errors["ascending_node_deg"] == pytest.approx(0.1)
+
+
+def keplerian(facts):
+    target = np.zeros(1, TARGET)[0]
+    target["kind"] = TARGET_KEPLERIAN
+    target["semi_major_axis"] = 24_361_140.0
+    target["eccentricity"] = 0.7308
+    target["inclination"] = INCLINATION
+    target["ascending_node"] = math.radians(269.8)
+    target["argument_of_perigee"] = math.radians(130.5)
+    return replace(facts, target=target)
+
+
+@given(anomaly=st.floats(-2.5, 2.5))
+def test_any_place_on_a_keplerian_target_is_good(anomaly):
+    facts = keplerian(MissionFacts("gto", "To a transfer orbit", MU, None))
+    target = facts.target
+    orbit = Elements(
+        float(target["semi_major_axis"]),
+        float(target["eccentricity"]),
+        float(target["inclination"]),
+        float(target["ascending_node"]),
+        float(target["argument_of_perigee"]),
+        anomaly,
+    )
+    position, velocity = (vector.tolist() for vector in orbit.state(MU))
+    errors = insertion_error(facts, position, velocity)
+    assert set(errors) > {"semi_major_axis_m", "eccentricity", "argument_of_perigee_deg"}
+    assert abs(errors["radius_m"]) < 1e-3
+    assert abs(errors["semi_major_axis_m"]) < 1e-1
+    for name in ("flight_path_angle_deg", "ascending_node_deg", "argument_of_perigee_deg"):
+        assert abs(errors[name]) < 1e-6
+
+
+def test_a_keplerian_target_is_met_at_the_nearest_place(facts):
+    aimed = keplerian(facts)
+    position = np.array([5.0e6, 3.0e6, -2.0e6])
+    there = target_state(aimed, position.tolist())
+    a, e = float(aimed.target["semi_major_axis"]), float(aimed.target["eccentricity"])
+    assert a * (1 - e) <= there.radius_m <= a * (1 + e)
+    assert there.speed_m_s == pytest.approx(math.sqrt(MU * (2.0 / there.radius_m - 1.0 / a)))
