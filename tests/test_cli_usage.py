@@ -1,0 +1,145 @@
+"""The command line: help, and one clear line for what cannot be done."""
+
+import os
+import re
+import subprocess
+import sys
+
+import pytest
+
+from ares_bringup import __version__
+from ares_bringup.cli import main
+from ares_bringup.options import Guidance, HeatingSource
+from ares_guidance.node import LAWS
+from ares_guidance.peg import HEATING_SOURCES
+
+
+def run(capfd, *argv):
+    status = main(argv)
+    out, err = capfd.readouterr()
+    return status, out, err
+
+
+def one_line(text):
+    assert text.count("\n") == 1
+    assert text.endswith("\n")
+    assert "Traceback" not in text
+    return text
+
+
+def test_help_lists_everything(capfd):
+    status, out, err = run(capfd, "--help")
+    assert (status, err) == (0, "")
+    for verb in ("fly", "missions", "bag", "replay", "node", "info, repair"):
+        assert re.search(rf"\b{verb}\b", out)
+    assert "Exit status" in out
+    assert max(len(line) for line in out.splitlines()) <= 80
+
+
+@pytest.mark.parametrize(
+    "verb",
+    [["fly"], ["missions"], ["bag"], ["bag", "info"], ["bag", "repair"], ["replay"], ["node"]],
+)
+def test_every_verb_has_help(capfd, verb):
+    status, out, _ = run(capfd, *verb, "--help")
+    assert status == 0
+    assert out.startswith(f"Usage: ares {' '.join(verb)}")
+
+
+def test_fly_documents_its_exit_statuses(capfd):
+    _, out, _ = run(capfd, "fly", "--help")
+    for status in ("  0  ", "  1  ", "  2  ", "  130  "):
+        assert status in out
+
+
+def test_version(capfd):
+    assert run(capfd, "--version") == (0, f"ares {__version__}\n", "")
+
+
+@pytest.mark.parametrize(
+    ("argv", "words"),
+    [
+        ([], "Missing command"),
+        (["fli"], "'fli'"),
+        (["fly", "--sed", "3"], "--sed"),
+        (["fly", "--seed", "x"], "--seed"),
+        (["fly", "--seed", "-1"], "--seed"),
+        (["fly", "--pace", "-1"], "--pace"),
+        (["fly", "--guidance", "thrust_only"], "thrust_only"),
+        (["fly", "--domain-id", "300"], "--domain-id"),
+        (["fly", "extra"], "extra"),
+        (["fly", "--bag", "b", "--no-record"], "--bag and --no-record"),
+        (["fly", "--bag", "/", "--in-process"], "--bag is '/', which exists"),
+        (["fly", "--mission", "nowhere"], "nowhere"),
+        (["fly", "--mission", "/nowhere.yaml"], "/nowhere.yaml"),
+        (["missions", "nowhere"], "nowhere"),
+        (["bag"], "Missing command"),
+        (["bag", "info", "/nowhere"], "bag /nowhere does not exist"),
+        (["bag", "repair", "/nowhere"], "bag /nowhere does not exist"),
+        (["replay", "/nowhere"], "bag /nowhere does not exist"),
+        (["node", "rocket"], "rocket"),
+    ],
+)
+def test_bad_input_is_one_line_and_status_2(capfd, argv, words):
+    status, out, err = run(capfd, *argv)
+    assert status == 2
+    assert out == ""
+    assert words in one_line(err)
+
+
+def test_a_bad_domain_in_the_environment(capfd, monkeypatch):
+    monkeypatch.setenv("ROS_DOMAIN_ID", "many")
+    status, _, err = run(capfd, "fly")
+    assert status == 2
+    assert "ROS_DOMAIN_ID is 'many'" in one_line(err)
+
+
+def test_missions_are_listed_and_valid(capfd):
+    status, out, err = run(capfd, "missions")
+    assert (status, err) == (0, "")
+    for name in ("ares_v", "delta_iii", "saturn_v_as506"):
+        assert re.search(rf"^{name}\s+valid", out, re.MULTILINE)
+    assert max(len(line) for line in out.splitlines()) <= 80
+
+
+def test_a_wrong_mission_file_is_named_and_the_others_are_shown(capfd, tmp_path):
+    wrong = tmp_path / "wrong.yaml"
+    wrong.write_text("name: wrong\nstages: []\n")
+    status, out, err = run(capfd, "missions", str(wrong), "delta_iii")
+    assert status == 2
+    assert str(wrong) in one_line(err)
+    assert "delta_iii" in out
+
+
+def test_the_choices_are_those_of_the_nodes():
+    assert set(Guidance) == set(LAWS)
+    assert set(HeatingSource) == set(HEATING_SOURCES)
+
+
+def test_the_command_starts_fast_and_without_ros():
+    program = (
+        "import sys, ares_bringup.cli;"
+        "heavy = {'rclpy', 'numba', 'numpy', 'scipy', 'rich'} & set(sys.modules);"
+        "assert not heavy, heavy"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True)
+
+
+def test_node_becomes_the_node(ros_environment):
+    done = subprocess.run(
+        [sys.executable, "-m", "ares_bringup", "node", "sim", "--ros-args", "-p", "pace:=fast"],
+        env=ros_environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert "parameter pace is 'fast'" in one_line(done.stderr)
+
+
+def test_a_reader_that_goes_away_is_no_traceback():
+    command = f"{sys.executable} -m ares_bringup missions | true"
+    done = subprocess.run(
+        command, shell=True, env=dict(os.environ), capture_output=True, text=True, check=False
+    )
+    assert "Traceback" not in done.stderr

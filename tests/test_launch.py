@@ -1,0 +1,246 @@
+"""The launch file and its parameters, held against the nodes. Launch need not be installed."""
+
+import ast
+import importlib.util
+import runpy
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+import yaml
+
+from ares_bags.recorder import PARAMETERS as RECORDER_PARAMETERS
+from ares_bringup.params_file import node_values
+from ares_guidance.node import PARAMETERS as GUIDANCE_PARAMETERS
+from ares_node.node import AUTOSTART
+from ares_vehicle_sim.node import PARAMETERS as SIMULATOR_PARAMETERS
+
+ROOT = Path(__file__).resolve().parents[1]
+BRINGUP = ROOT / "src" / "ares_bringup"
+LAUNCH_FILE = BRINGUP / "launch" / "flight.launch.py"
+PARAMS_FILE = BRINGUP / "params" / "flight.yaml"
+
+TABLES = {
+    "vehicle_sim": (*SIMULATOR_PARAMETERS, AUTOSTART),
+    "guidance": (*GUIDANCE_PARAMETERS, AUTOSTART),
+    "recorder": (*RECORDER_PARAMETERS, AUTOSTART),
+}
+#: What every rclpy node has besides its own table.
+EVERY_NODE = {"use_sim_time"}
+
+PROMISED = {
+    "namespace",
+    "use_sim_time",
+    "params_file",
+    "mission",
+    "guidance",
+    "pace",
+    "seed",
+    "dispersions",
+    "record",
+    "bag",
+    "exit_when_complete",
+    "log_level",
+}
+
+
+# ---- the parameter file
+
+
+@pytest.mark.parametrize("node", TABLES)
+def test_the_parameter_file_holds_every_parameter_with_its_default(node):
+    expected = {
+        row.name: list(row.default) if isinstance(row.default, tuple) else row.default
+        for row in TABLES[node]
+    }
+    values = node_values(PARAMS_FILE, node)
+    assert values == expected
+    assert {name: type(value) for name, value in values.items()} == {
+        name: type(value) for name, value in expected.items()
+    }
+
+
+def test_the_parameter_file_fits_any_namespace():
+    assert set(yaml.safe_load(PARAMS_FILE.read_text())) == {f"/**/{node}" for node in TABLES}
+
+
+# ---- the launch file, with stand-ins for launch
+
+
+class Recorded:
+    """An action or substitution that only remembers how it was made."""
+
+    def __init__(self, *args, **kwargs):
+        self.args = args
+        self.kwargs = kwargs
+
+
+class LaunchConfiguration(Recorded):
+    def perform(self, context):
+        return context[self.args[0]]
+
+
+def fake_modules():
+    names = {
+        "ament_index_python": [],
+        "ament_index_python.packages": ["get_package_share_directory"],
+        "launch": ["LaunchContext", "LaunchDescription"],
+        "launch.actions": [
+            "DeclareLaunchArgument",
+            "LogInfo",
+            "OpaqueFunction",
+            "SetEnvironmentVariable",
+            "Shutdown",
+            "TimerAction",
+        ],
+        "launch.events": [],
+        "launch.events.process": ["ProcessExited"],
+        "launch.substitutions": [],
+        "launch_ros": [],
+        "launch_ros.actions": ["Node"],
+    }
+    modules = {}
+    for name, members in names.items():
+        module = ModuleType(name)
+        for member in members:
+            setattr(module, member, type(member, (Recorded,), {}))
+        modules[name] = module
+    modules["launch.substitutions"].LaunchConfiguration = LaunchConfiguration
+    modules["ament_index_python.packages"].get_package_share_directory = lambda _: str(BRINGUP)
+    return modules
+
+
+@pytest.fixture
+def description(monkeypatch, tmp_path):
+    monkeypatch.setenv("ARES_BAGS", str(tmp_path))
+    for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", "FASTRTPS_DEFAULT_PROFILES_FILE"):
+        monkeypatch.delenv(name, raising=False)
+    for name, module in fake_modules().items():
+        monkeypatch.setitem(sys.modules, name, module)
+    return runpy.run_path(str(LAUNCH_FILE))["generate_launch_description"]().args[0]
+
+
+def declared(description):
+    return {item.args[0]: item.kwargs for item in description if "description" in item.kwargs}
+
+
+def launched(description, **given):
+    """Nodes by name, as they would be started with these arguments."""
+    context = {name: item["default_value"] for name, item in declared(description).items()}
+    assert set(given) <= set(context)
+    context |= given
+    function = next(item for item in description if type(item).__name__ == "OpaqueFunction")
+    actions = function.kwargs["function"](context)
+    return {item.kwargs["name"]: item.kwargs for item in actions if type(item).__name__ == "Node"}
+
+
+def overrides(node):
+    return node["parameters"][1]
+
+
+def test_every_argument_is_described_and_has_a_default(description):
+    arguments = declared(description)
+    assert set(arguments) == PROMISED
+    for item in arguments.values():
+        assert item["description"].endswith(".") or item["description"].endswith(")")
+        assert isinstance(item["default_value"], str)
+        assert item["default_value"] in item.get("choices", [item["default_value"]])
+    assert Path(arguments["params_file"]["default_value"]) == PARAMS_FILE
+
+
+def test_the_nodes_exist_and_know_what_they_are_given(description):
+    nodes = launched(
+        description,
+        mission="delta_iii",
+        guidance="peg",
+        pace="2",
+        seed="3",
+        dispersions="/some/file.yaml",
+        bag="/some/bag",
+    )
+    assert set(nodes) == set(TABLES)
+    for name, node in nodes.items():
+        setup = (ROOT / "src" / node["package"] / "setup.py").read_text()
+        assert f'"{node["executable"]} = {node["package"]}.node:main"' in setup
+        rows = {row.name: row for row in TABLES[name]}
+        for key, value in overrides(node).items():
+            if key not in EVERY_NODE:
+                assert rows[key].checked(value) == value
+    assert overrides(nodes["vehicle_sim"])["pace"] == 2.0
+    assert overrides(nodes["vehicle_sim"])["exit_when_complete"] is True
+    assert overrides(nodes["guidance"])["law"] == "peg"
+    assert overrides(nodes["recorder"])["bag"] == "/some/bag"
+    assert overrides(nodes["recorder"])["seed"] == 3
+
+
+def test_what_is_not_given_is_left_to_the_parameter_file(description, tmp_path):
+    nodes = launched(description)
+    assert set(overrides(nodes["vehicle_sim"])) == {"expected_recorders", "exit_when_complete"}
+    assert set(overrides(nodes["guidance"])) == {"expected_recorders", "use_sim_time"}
+    recorder = overrides(nodes["recorder"])
+    assert recorder["mission"] == "ares_v"
+    assert recorder["law"] == "peg"
+    assert Path(recorder["bag"]).parent == tmp_path
+    assert Path(recorder["bag"]).name.startswith("ares_v_")
+
+
+@pytest.mark.parametrize(("record", "recorders"), [("true", 1), ("false", 0)])
+def test_the_flight_waits_for_the_recorder_if_there_is_one(description, record, recorders):
+    nodes = launched(description, record=record)
+    assert ("recorder" in nodes) == bool(recorders)
+    for name in ("vehicle_sim", "guidance"):
+        assert overrides(nodes[name])["expected_recorders"] == recorders
+
+
+def test_the_simulator_owns_the_clock(description):
+    nodes = launched(description, use_sim_time="true")
+    assert "use_sim_time" not in overrides(nodes["vehicle_sim"])
+    assert overrides(nodes["guidance"])["use_sim_time"] is True
+    assert overrides(nodes["recorder"])["use_sim_time"] is True
+
+
+def test_a_number_that_is_none_is_refused(description):
+    with pytest.raises(RuntimeError, match="expected numbers"):
+        launched(description, pace="fast")
+
+
+def test_the_launch_ends_with_the_simulator(description):
+    nodes = launched(description)
+    assert type(nodes["vehicle_sim"]["on_exit"]).__name__ == "Shutdown"
+    ended = nodes["recorder"]["on_exit"]
+    could_not_start = Recorded()
+    could_not_start.returncode, could_not_start.process_name = 2, "recorder-3"
+    assert ended(could_not_start, None)
+    could_not_start.returncode = 1
+    assert not ended(could_not_start, None)
+
+
+def test_discovery_is_set_up_as_for_ares_fly(description):
+    environment = {
+        item.args[0]: item.args[1]
+        for item in description
+        if type(item).__name__ == "SetEnvironmentVariable"
+    }
+    assert environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
+    assert Path(environment["FASTRTPS_DEFAULT_PROFILES_FILE"]).is_file()
+
+
+# ---- the launch file and launch itself
+
+
+def test_the_stand_ins_are_all_that_the_launch_file_needs():
+    """And where launch is installed, it takes the file."""
+    imported = {
+        (node.module, alias.name)
+        for node in ast.walk(ast.parse(LAUNCH_FILE.read_text()))
+        if isinstance(node, ast.ImportFrom)
+        and node.module.split(".")[0] in ("launch", "launch_ros")
+        for alias in node.names
+    }
+    fakes = fake_modules()
+    assert all(hasattr(fakes[module], name) for module, name in imported)
+    if importlib.util.find_spec("launch") and importlib.util.find_spec("launch_ros"):
+        for module, name in imported:
+            assert hasattr(importlib.import_module(module), name)
+        assert runpy.run_path(str(LAUNCH_FILE))["generate_launch_description"]
