@@ -2,9 +2,8 @@
 
 import sys
 
-from ares_node.run import run_node
-
 from ares_bags.recorder import RecorderNode
+from ares_node.run import run_node
 
 __all__ = ["RecorderNode", "main"]
 

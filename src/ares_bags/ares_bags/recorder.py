@@ -7,6 +7,14 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from rclpy.executors import Executor
+from rclpy.qos import HistoryPolicy, QoSProfile
+from rclpy.subscription import Subscription
+
+from ares_bags.errors import BagError
+from ares_bags.schema import Qos, Topic
+from ares_bags.types import message_class, stamp_of_cdr, starts_with_stamp
+from ares_bags.writer import BagWriter
 from ares_node.diagnostics import Diagnostics, Level
 from ares_node.node import FlightNode, NodeError
 from ares_node.parameters import Parameter
@@ -20,14 +28,6 @@ from ares_node.qos import (
     THRUST_COMMAND,
     VEHICLE_STATE,
 )
-from rclpy.executors import Executor
-from rclpy.qos import HistoryPolicy, QoSProfile
-from rclpy.subscription import Subscription
-
-from ares_bags.errors import BagError
-from ares_bags.schema import Qos, Topic
-from ares_bags.types import message_class, stamp_of_cdr, starts_with_stamp
-from ares_bags.writer import BagWriter
 
 #: Types of the topics that need not be spelt out.
 TYPES = {

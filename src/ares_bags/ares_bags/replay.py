@@ -15,8 +15,6 @@ from pathlib import Path
 from types import FrameType
 
 import rclpy
-from ares_node.qos import CLOCK, CLOCK_QOS
-from ares_node.time import stamp_from_ns
 from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.node import Node
@@ -29,6 +27,8 @@ from ares_bags.errors import BagError
 from ares_bags.reader import Bag, BagTopic, open_bag
 from ares_bags.schema import type_hash
 from ares_bags.types import message_class
+from ares_node.qos import CLOCK, CLOCK_QOS
+from ares_node.time import stamp_from_ns
 
 #: Messages between two waits for the readers' acknowledgement; below the publishers' depth.
 ACKNOWLEDGE_EVERY = 500
@@ -222,9 +222,9 @@ def run_replay(
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     context = Context()
     try:
-        bag = open_bag(path)
-        rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
         with _stop_on_signals() as stopped:
+            bag = open_bag(path)
+            rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
             result = replay(
                 bag, context, rate=rate, topics=topics, namespace=namespace, stopped=stopped
             )

@@ -4,13 +4,13 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-from ares_node.time import stamp_from_ns
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.serialization import serialize_message
 
 from ares_bags.schema import Qos, Topic
 from ares_bags.writer import BagWriter
 from ares_msgs.msg import FlightEvent, NavState
+from ares_node.time import stamp_from_ns
 
 START_NS = 155_900_000_000
 PERIOD_NS = 100_000_000

@@ -11,12 +11,11 @@ import os
 import time
 from collections.abc import Mapping
 from contextlib import suppress
-from importlib.metadata import version
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from mcap.writer import CompressionType, Writer
+from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
 
 from ares_bags.errors import BagError, cause
 from ares_bags.metadata import RECORD_NAME, bag_information, record_data, write_metadata_file
@@ -123,7 +122,7 @@ class BagWriter:
                 self._output,  # type: ignore[arg-type]
                 compression=CompressionType.ZSTD,
             )
-            self._writer.start(profile="ros2", library=f"ares_bags mcap-python/{version('mcap')}")
+            self._writer.start(profile="ros2", library=f"ares_bags {LIBRARY_IDENTIFIER}")
             # a killed recorder leaves at least what the bag is about
             self._writer.add_metadata(RECORD_NAME, record_data(self._information()))
             self._writer.flush()

@@ -8,11 +8,12 @@ import sys
 from pathlib import Path
 
 import pytest
+from rosbags.rosbag2 import Reader
+
 from ares_bags.errors import BagError
 from ares_bags.reader import open_bag
 from ares_bags.testing import CUSTOM_DATA, NAV, messages, topics, write_bag
 from ares_bags.writer import BagWriter
-from rosbags.rosbag2 import Reader
 
 FILL = Path(__file__).with_name("fill_disk.py")
 

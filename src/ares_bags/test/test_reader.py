@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rclpy.serialization import serialize_message
+
 from ares_bags.compare import differences
 from ares_bags.errors import BagError
 from ares_bags.metadata import METADATA_FILE
@@ -24,7 +26,6 @@ from ares_bags.testing import (
 )
 from ares_bags.writer import BagWriter
 from ares_node.time import stamp_from_ns
-from rclpy.serialization import serialize_message
 
 COUNT = 50
 

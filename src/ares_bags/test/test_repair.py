@@ -6,15 +6,16 @@ import sys
 from pathlib import Path
 
 import pytest
+from mcap.records import Chunk
+from mcap.stream_reader import StreamReader
+from rosbags.rosbag2 import Reader
+
 from ares_bags.compare import differences
 from ares_bags.errors import BagError
 from ares_bags.metadata import METADATA_FILE
 from ares_bags.reader import open_bag
 from ares_bags.repair import repair
 from ares_bags.testing import CUSTOM_DATA, NAV, messages, write_bag
-from mcap.records import Chunk
-from mcap.stream_reader import StreamReader
-from rosbags.rosbag2 import Reader
 
 RECORD = Path(__file__).with_name("record_forever.py")
 

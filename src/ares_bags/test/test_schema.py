@@ -1,6 +1,11 @@
 """Definitions and type hashes against those that the rosbags library works out by itself."""
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap_ros2._dynamic import generate_dynamic
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
 from ares_bags.errors import BagError
 from ares_bags.schema import (
     Qos,
@@ -11,10 +16,6 @@ from ares_bags.schema import (
     split_type_name,
     type_hash,
 )
-from hypothesis import given
-from hypothesis import strategies as st
-from mcap_ros2._dynamic import generate_dynamic
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 OURS = ["NavState", "VehicleState", "ThrustCommand", "GuidanceStatus", "FlightEvent"]
 COMMON = [

@@ -7,6 +7,13 @@ from typing import Any
 
 import pytest
 import yaml
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import Qos as RosbagsQos
+from rosbags.interfaces import QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+from rosbags.rosbag2 import Reader, StoragePlugin, Writer
+
 from ares_bags.errors import BagError
 from ares_bags.metadata import METADATA_FILE
 from ares_bags.reader import open_bag
@@ -22,12 +29,6 @@ from ares_bags.testing import (
     write_bag,
 )
 from ares_bags.writer import BagWriter
-from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
-from rosbags.highlevel import AnyReader
-from rosbags.interfaces import Qos as RosbagsQos
-from rosbags.interfaces import QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
-from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 
 COUNT = 100
 

@@ -39,7 +39,7 @@ FLIGHT = reliable(1000)
 #: flight_event: both ends.
 EVENTS = reliable(100, keep_for_late=True)
 #: /diagnostics, publishing side.
-DIAGNOSTIC = reliable(100)
+DIAGNOSTIC = reliable(1000)
 #: /clock, publishing side. Reliable serves best-effort readers (rclpy) and reliable ones.
 CLOCK_QOS = reliable(10)
 #: What the recorder asks for: deep enough to hold a whole flight of the default length.

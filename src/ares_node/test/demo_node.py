@@ -4,11 +4,12 @@ import sys
 import time
 from typing import Any
 
+from rclpy.executors import Executor
+
 from ares_node.diagnostics import Diagnostics, Level
 from ares_node.node import FlightNode, NodeError
 from ares_node.parameters import Parameter
 from ares_node.run import run_node
-from rclpy.executors import Executor
 
 MODES = (
     "run", "finish", "refuse", "refuse_activation", "defect", "defect_in_callback", "slow_start"

@@ -3,10 +3,11 @@
 import math
 
 import pytest
-from ares_node.node import FlightNode
-from ares_node.parameters import Parameter, ParameterError
 from rclpy.context import Context
 from rclpy.parameter import Parameter as RosParameter
+
+from ares_node.node import FlightNode
+from ares_node.parameters import Parameter, ParameterError
 
 TABLE = [
     Parameter("step", 0.5, "Step.", "s", 0.0, 10.0),

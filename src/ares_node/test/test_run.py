@@ -7,12 +7,13 @@ import time
 from pathlib import Path
 
 import pytest
-from ares_node.diagnostics import Level
-from ares_node.testing import spin_until
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.context import Context
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.node import Node
+
+from ares_node.diagnostics import Level
+from ares_node.testing import spin_until
 
 DEMO = Path(__file__).with_name("demo_node.py")
 

@@ -3,6 +3,9 @@
 import math
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
 from ares_node.time import (
     ns_from_seconds,
     ns_from_stamp,
@@ -11,8 +14,6 @@ from ares_node.time import (
     stamp_from_ns,
     stamp_from_seconds,
 )
-from hypothesis import given
-from hypothesis import strategies as st
 
 
 @given(st.integers(-(2**31) * 10**9, (2**31 - 1) * 10**9))

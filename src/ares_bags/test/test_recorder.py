@@ -1,0 +1,399 @@
+"""The recorder node: what was published is in the bag, whatever ends the recording."""
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.context import Context
+from rclpy.executors import Executor
+from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+from rosbags.rosbag2 import Reader
+
+from ares_bags.compare import differences
+from ares_bags.reader import LOG_TIME, open_bag
+from ares_bags.recorder import TYPES, RecorderNode, qos_of
+from ares_bags.repair import repair
+from ares_bags.schema import type_hash
+from ares_bags.testing import DIAGNOSTICS, EVENT, NAV, START_NS, flight_event, nav_state, report
+from ares_msgs.msg import FlightEvent, NavState
+from ares_node.qos import DIAGNOSTIC, EVENTS, FLIGHT
+from ares_node.testing import spin_until
+
+
+@dataclass
+class Source:
+    """A node that publishes made-up flights and listens to /diagnostics."""
+
+    context: Context
+    node: Node
+    executor: Executor
+    nav: Publisher
+    event: Publisher
+    diagnostics: Publisher
+    heard: list[DiagnosticArray] = field(default_factory=list)
+
+    def publish(self, first: int, count: int) -> None:
+        for number in range(first, first + count):
+            self.nav.publish(nav_state(number))
+            if number % 10 == 0:
+                self.event.publish(flight_event(number // 10))
+            if number % 7 == 0:
+                self.diagnostics.publish(report(number))
+
+    def wait_for_recorder(self, timeout: float = 20.0) -> None:
+        outputs = (self.nav, self.event, self.diagnostics)
+        # it listens to its own diagnostics
+        wanted = (1, 1, 2)
+        assert spin_until(
+            self.executor,
+            lambda: all(
+                output.get_subscription_count() >= count
+                for output, count in zip(outputs, wanted, strict=True)
+            ),
+            timeout,
+        )
+
+
+def expected_counts(count: int) -> dict[str, int]:
+    return {NAV: count, EVENT: -(-count // 10), DIAGNOSTICS: -(-count // 7)}
+
+
+@pytest.fixture
+def source(ros_context: Context) -> Iterator[Source]:
+    node = Node("source", namespace="ares", context=ros_context)
+    executor = EventsExecutor(context=ros_context)
+    executor.add_node(node)
+    source = Source(
+        ros_context,
+        node,
+        executor,
+        node.create_publisher(NavState, "nav_state", FLIGHT),
+        node.create_publisher(FlightEvent, "flight_event", EVENTS),
+        node.create_publisher(DiagnosticArray, "/diagnostics", DIAGNOSTIC),
+    )
+    node.create_subscription(DiagnosticArray, "/diagnostics", source.heard.append, 100)
+    yield source
+    executor.shutdown()
+    node.destroy_node()
+
+
+@pytest.fixture
+def recorders(source: Source) -> Iterator[Any]:
+    made: list[RecorderNode] = []
+
+    def make(**values: object) -> RecorderNode:
+        overrides = [Parameter(name, value=value) for name, value in values.items()]
+        node = RecorderNode(context=source.context, parameter_overrides=overrides)
+        source.executor.add_node(node)
+        made.append(node)
+        return node
+
+    yield make
+    for node in made:
+        node.stop()
+        source.executor.remove_node(node)
+        node.destroy_node()
+
+
+def test_what_is_published_is_in_the_bag(source: Source, recorders: Any, tmp_path: Path) -> None:
+    path = tmp_path / "flight"
+    recorder = recorders(bag=str(path), mission="ares_v", law="peg", seed=7)
+    # flight_event is kept for late readers: this one comes before the recorder
+    source.event.publish(flight_event(99))
+    assert recorder.start(), recorder.failure
+    source.wait_for_recorder()
+    source.publish(0, 200)
+    recorder.drain_and_close(source.executor)
+    counts = expected_counts(200)
+    counts[EVENT] += 1
+    assert recorder.message_counts == counts
+    assert (recorder.error, recorder.lost, recorder.exit_code) == (None, 0, 0)
+
+    bag = open_bag(path)
+    assert {name: topic.count for name, topic in bag.topics.items()} == counts
+    assert bag.custom_data == {"mission": "ares_v", "law": "peg", "seed": "7"}
+    columns = bag.columns("nav_state")
+    assert columns["sequence"].tolist() == list(range(200))
+    assert (columns[LOG_TIME] == columns["stamp"]).all()
+    assert columns["position"].tolist() == [list(nav_state(n).position) for n in range(200)]
+    assert [message.status[0].message for _, message in bag.messages("diagnostics")] == [
+        f"line {number}" for number in range(0, 200, 7)
+    ]
+    for name, topic in bag.topics.items():
+        assert topic.type_hash == type_hash(topic.type_name)
+        assert [qos.reliability for qos in topic.qos] == ["reliable"]
+        kept = "transient_local" if name == EVENT else "volatile"
+        assert [qos.durability for qos in topic.qos] == [kept]
+    with Reader(path) as reader:
+        assert sum(1 for _ in reader.messages()) == sum(counts.values())
+
+
+def test_qos_is_that_of_the_publisher(source: Source, recorders: Any, tmp_path: Path) -> None:
+    """Another publisher's profile, as discovery tells it, not what the recorder asked for."""
+    other = source.node.create_publisher(
+        NavState, "nav_state", QoSProfile(depth=3, durability=EVENTS.durability)
+    )
+    recorder = recorders(bag=str(tmp_path / "flight"), topics=["nav_state"])
+    assert recorder.start()
+    assert spin_until(source.executor, lambda: other.get_subscription_count() == 1)
+    other.publish(nav_state(0))
+    recorder.drain_and_close(source.executor)
+    topic = open_bag(tmp_path / "flight").topics[NAV]
+    assert sorted(qos.durability for qos in topic.qos) == ["transient_local", "volatile"]
+    endless = {qos.deadline_ns for qos in topic.qos} | {qos.lifespan_ns for qos in topic.qos}
+    assert endless == {2**63 - 1}
+    assert qos_of(EVENTS).durability == "transient_local"
+
+
+def test_times_of_other_clocks_and_before_zero(
+    source: Source, recorders: Any, tmp_path: Path
+) -> None:
+    recorder = recorders(bag=str(tmp_path / "flight"))
+    assert recorder.start()
+    source.wait_for_recorder()
+    source.nav.publish(nav_state(5))
+    assert spin_until(source.executor, lambda: recorder.message_counts.get(NAV) == 1)
+    for sec in (1_790_000_000, -3):
+        foreign = report(0)
+        foreign.header.stamp.sec = sec
+        source.diagnostics.publish(foreign)
+    recorder.drain_and_close(source.executor)
+    bag = open_bag(tmp_path / "flight")
+    flight_time = START_NS + 5 * 10**8
+    assert bag.columns("diagnostics")[LOG_TIME].tolist() == [flight_time] * 2
+    assert (bag.start_ns, bag.end_ns) == (flight_time, flight_time)
+
+
+def test_deactivation_drains_and_closes(source: Source, recorders: Any, tmp_path: Path) -> None:
+    recorder = recorders(bag=str(tmp_path / "flight"))
+    assert recorder.start()
+    source.wait_for_recorder()
+    source.publish(0, 500)
+    # as from a lifecycle service call: nothing spins meanwhile
+    recorder.trigger_deactivate()
+    assert recorder.message_counts == expected_counts(500)
+    assert open_bag(tmp_path / "flight").message_count == sum(expected_counts(500).values())
+    recorder.trigger_activate()
+    assert recorder.failure == f"bag {tmp_path / 'flight'} is closed; start a new recorder"
+
+
+def test_never_activated(recorders: Any, tmp_path: Path) -> None:
+    recorder = recorders(bag=str(tmp_path / "flight"))
+    recorder.trigger_configure()
+    recorder.stop()
+    assert open_bag(tmp_path / "flight").message_count == 0
+
+
+@pytest.mark.parametrize(
+    ("values", "line"),
+    [
+        ({}, "parameter bag is ''; expected the folder of a new bag"),
+        ({"bag": "{tmp}"}, "bag {tmp} exists already; expected a new name"),
+        ({"bag": "{tmp}/file/bag"}, "bag {tmp}/file/bag cannot be created: "),
+        ({"bag": "{tmp}/a", "topics": ["nav"]}, "parameter topics has 'nav'; expected one of nav_"),
+        (
+            {"bag": "{tmp}/b", "topics": ["x:no_msgs/msg/X"]},
+            "parameter topics has 'x:no_msgs/msg/X': message type no_msgs/msg/X is not installed",
+        ),
+        (
+            {"bag": "{tmp}/c", "topics": ["x:std_msgs/msg/String"]},
+            "parameter topics has 'x:std_msgs/msg/String'; expected a type that begins with a s",
+        ),
+    ],
+)
+def test_recordings_that_cannot_start(
+    recorders: Any, tmp_path: Path, values: dict[str, Any], line: str
+) -> None:
+    (tmp_path / "file").touch()
+    if "bag" in values:
+        values = {**values, "bag": values["bag"].format(tmp=tmp_path)}
+    recorder = recorders(**values)
+    assert not recorder.start()
+    assert recorder.failure.startswith(line.format(tmp=tmp_path))
+
+
+def test_full_disk_is_reported_once_and_the_flight_goes_on(
+    source: Source, recorders: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recorder = recorders(bag=str(tmp_path / "flight"), flush_interval_s=0.01)
+    assert recorder.start()
+    source.wait_for_recorder()
+    former = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, former[1]))
+    try:
+        for first in range(0, 2000, 50):
+            source.publish(first, 50)
+            spin_until(source.executor, lambda: False, timeout=0.015)
+            if recorder.error:
+                break
+        assert recorder.error is not None
+        source.publish(5000, 70)
+        assert spin_until(source.executor, lambda: recorder.lost > 70)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, former)
+    recorder.drain_and_close(source.executor)
+    assert recorder.exit_code == 1
+    bag = open_bag(tmp_path / "flight")
+    counts = {name: topic.count for name, topic in bag.topics.items() if topic.count}
+    assert counts == recorder.message_counts
+    assert counts[NAV] > 50
+    assert bag.columns(NAV)["sequence"].tolist() == list(range(counts[NAV]))
+    reports = [
+        array
+        for array in source.heard
+        if array.status[0].name == "ares/recorder" and array.status[0].level == b"\x02"
+    ]
+    assert [array.status[0].message for array in reports] == [recorder.error]
+    assert reports[0].header.stamp.sec >= START_NS // 10**9
+    error_output = capsys.readouterr().err
+    assert error_output == f"recorder: {recorder.error}\n"
+    assert "is incomplete: File too large; " in error_output
+
+
+def wait_until_quiet(file: Path) -> None:
+    """Wait until a file has grown and then has not grown for half a second."""
+    first = last = file.stat().st_size
+    changed = begin = time.monotonic()
+    while last == first or time.monotonic() - changed < 0.5:
+        assert time.monotonic() - begin < 30.0
+        time.sleep(0.02)
+        size = file.stat().st_size
+        if size != last:
+            last, changed = size, time.monotonic()
+
+
+def start_process(
+    environment: dict[str, str], path: Path, *more: str, limit: int | None = None
+) -> "subprocess.Popen[str]":
+    values = [f"bag:={json.dumps(str(path))}", *more]
+    arguments = [item for value in values for item in ("-p", value)]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "ares_bags.node", "--ros-args", *arguments],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    if limit is not None:
+        limits = (limit, resource.RLIM_INFINITY)
+        resource.prlimit(process.pid, resource.RLIMIT_FSIZE, limits)
+    return process
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_right_after_the_last_message_loses_nothing(
+    source: Source, ros_environment: dict[str, str], tmp_path: Path, number: signal.Signals
+) -> None:
+    process = start_process(ros_environment, tmp_path / "flight", "mission:=ares_v")
+    try:
+        source.wait_for_recorder()
+        source.publish(0, 900)
+        process.send_signal(number)
+        out, err = process.communicate(timeout=30)
+    finally:
+        process.kill()
+    assert (process.returncode, out, err) == (0, "", "")
+    bag = open_bag(tmp_path / "flight")
+    assert {name: topic.count for name, topic in bag.topics.items()} == expected_counts(900)
+
+
+def test_a_killed_process_leaves_a_bag_that_can_be_repaired(
+    source: Source, ros_environment: dict[str, str], tmp_path: Path
+) -> None:
+    process = start_process(ros_environment, tmp_path / "flight", "flush_interval_s:=0.1")
+    try:
+        source.wait_for_recorder()
+        source.publish(0, 300)
+        wait_until_quiet(tmp_path / "flight" / "flight_0.mcap")
+        source.publish(300, 100)
+    finally:
+        process.kill()
+        process.communicate(timeout=30)
+    done = repair(tmp_path / "flight")
+    # the timer flushed what came before the pause
+    assert done.counts[NAV] >= 300
+    columns = open_bag(done.path).columns(NAV)
+    assert columns["sequence"].tolist() == list(range(done.counts[NAV]))
+
+
+def test_a_process_with_a_full_disk_ends_with_status_1(
+    source: Source, ros_environment: dict[str, str], tmp_path: Path
+) -> None:
+    process = start_process(
+        ros_environment, tmp_path / "flight", "flush_interval_s:=0.05", limit=20_000
+    )
+    try:
+        source.wait_for_recorder()
+        source.publish(0, 900)
+        assert spin_until(
+            source.executor,
+            lambda: any(array.status[0].name == "ares/recorder" for array in source.heard),
+        )
+        assert process.poll() is None, "it stays, so that the flight goes on"
+        process.terminate()
+        _, err = process.communicate(timeout=30)
+    finally:
+        process.kill()
+    assert process.returncode == 1
+    assert err.startswith(f"recorder: bag {tmp_path / 'flight'} is incomplete: File too large; ")
+    assert err.count("\n") == 1
+    assert open_bag(tmp_path / "flight").custom_data["incomplete"] == "File too large"
+
+
+def test_a_process_that_cannot_start_ends_with_status_2(
+    ros_environment: dict[str, str], tmp_path: Path
+) -> None:
+    process = start_process(ros_environment, tmp_path)
+    _, err = process.communicate(timeout=30)
+    assert process.returncode == 2
+    assert err == f"recorder: bag {tmp_path} exists already; expected a new name\n"
+
+
+def test_two_recorders_write_equal_bags(
+    source: Source, recorders: Any, ros_environment: dict[str, str], tmp_path: Path
+) -> None:
+    """One in this process, one in another: equal decoded messages at equal times."""
+    recorder = recorders(bag=str(tmp_path / "one"))
+    process = start_process(ros_environment, tmp_path / "two")
+    try:
+        assert recorder.start()
+        assert spin_until(
+            source.executor,
+            lambda: (
+                source.nav.get_subscription_count() == 2
+                and source.event.get_subscription_count() == 2
+                and source.diagnostics.get_subscription_count() == 3
+            ),
+            timeout=20.0,
+        )
+        source.publish(0, 300)
+        recorder.drain_and_close(source.executor)
+        process.terminate()
+        process.communicate(timeout=30)
+    finally:
+        process.kill()
+    assert differences(open_bag(tmp_path / "one"), open_bag(tmp_path / "two")) == []
+
+
+def test_every_topic_of_the_design_has_a_type() -> None:
+    assert TYPES.keys() == {
+        "nav_state", "vehicle_state", "thrust_command", "guidance_status", "flight_event",
+        "/diagnostics",
+    }  # fmt: skip
+    for type_name in TYPES.values():
+        assert type_hash(type_name).startswith("RIHS01_")
+    assert os.environ["ROS_PYTHON_CHECK_FIELDS"] == "1"

@@ -1,0 +1,227 @@
+"""Replay: equal messages in equal order, with the clock, at a pace."""
+
+import itertools
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from threading import Event, Thread
+from typing import Any
+
+import pytest
+from rclpy.context import Context
+from rclpy.executors import Executor
+from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
+from rosgraph_msgs.msg import Clock
+
+from ares_bags.compare import differences
+from ares_bags.errors import BagError
+from ares_bags.reader import open_bag
+from ares_bags.recorder import RecorderNode
+from ares_bags.replay import replay
+from ares_bags.schema import Topic
+from ares_bags.testing import EVENT, NAV, PERIOD_NS, START_NS, messages, topics, write_bag
+from ares_bags.writer import BagWriter
+from ares_msgs.msg import FlightEvent, NavState
+from ares_node.qos import FLIGHT
+from ares_node.testing import ros_context_on, spin_until
+from ares_node.time import ns_from_stamp
+
+COUNT = 60
+
+
+@pytest.fixture
+def executor(ros_context: Context) -> Iterator[Executor]:
+    executor = EventsExecutor(context=ros_context)
+    yield executor
+    executor.shutdown()
+
+
+@pytest.fixture
+def listener(ros_context: Context, executor: Executor) -> Iterator[Node]:
+    node = Node("listener", context=ros_context)
+    executor.add_node(node)
+    yield node
+    executor.remove_node(node)
+    node.destroy_node()
+
+
+def in_background(executor: Executor, work: Any) -> Any:
+    """Run `work` in a thread while the executor spins here; its result or error."""
+    outcome: list[Any] = []
+    over = Event()
+
+    def run() -> None:
+        try:
+            outcome.append(work())
+        except Exception as error:
+            outcome.append(error)
+        finally:
+            over.set()
+
+    thread = Thread(target=run)
+    thread.start()
+    assert spin_until(executor, over.is_set, timeout=60.0)
+    thread.join()
+    spin_until(executor, lambda: False, timeout=0.2)
+    if isinstance(outcome[0], Exception):
+        raise outcome[0]
+    return outcome[0]
+
+
+def test_a_recorded_replay_equals_the_bag(
+    executor: Executor, ros_domain: int, ros_context: Context, tmp_path: Path
+) -> None:
+    original = open_bag(write_bag(tmp_path / "flight", 3000))
+    overrides = [Parameter("bag", value=str(tmp_path / "again"))]
+    recorder = RecorderNode(context=ros_context, parameter_overrides=overrides)
+    executor.add_node(recorder)
+    assert recorder.start(), recorder.failure
+    with ros_context_on(ros_domain) as other:
+        result = in_background(
+            executor, lambda: replay(original, other, rate=0.0, wait_for_readers_s=10.0)
+        )
+        recorder.drain_and_close(executor)
+    recorder.stop()
+    executor.remove_node(recorder)
+    recorder.destroy_node()
+    again = open_bag(tmp_path / "again")
+    assert result.complete
+    assert result.counts == {name: topic.count for name, topic in original.topics.items()}
+    assert differences(original, again) == []
+    assert again.topics[EVENT].qos == original.topics[EVENT].qos
+
+
+def test_order_and_clock(
+    executor: Executor, listener: Node, ros_domain: int, tmp_path: Path
+) -> None:
+    heard: list[tuple[str, int]] = []
+    clocks: list[int] = []
+    listener.create_subscription(
+        NavState, NAV, lambda m: heard.append((NAV, ns_from_stamp(m.stamp))), FLIGHT
+    )
+    listener.create_subscription(
+        FlightEvent, EVENT, lambda m: heard.append((EVENT, ns_from_stamp(m.stamp))), FLIGHT
+    )
+    listener.create_subscription(
+        Clock, "/clock", lambda m: clocks.append(ns_from_stamp(m.clock)), QoSProfile(depth=1000)
+    )
+    bag = open_bag(write_bag(tmp_path / "flight", COUNT))
+    with ros_context_on(ros_domain) as context:
+        in_background(
+            executor,
+            lambda: replay(
+                bag, context, rate=0.0, topics=["nav_state", EVENT], wait_for_readers_s=10.0
+            ),
+        )
+    sent = [(topic, time) for topic, time, _ in messages(COUNT) if topic in (NAV, EVENT)]
+    for name in (NAV, EVENT):
+        assert [entry for entry in heard if entry[0] == name] == [
+            entry for entry in sent if entry[0] == name
+        ]
+    assert clocks == [START_NS + number * PERIOD_NS for number in range(COUNT)]
+
+
+def test_pace_namespace_and_topics(
+    executor: Executor, listener: Node, ros_domain: int, tmp_path: Path
+) -> None:
+    """5.9 s of flight at ten times real time."""
+    arrivals: list[float] = []
+    listener.create_subscription(
+        NavState, "/again/ares/nav_state", lambda _: arrivals.append(time.monotonic()), FLIGHT
+    )
+    bag = open_bag(write_bag(tmp_path / "flight", COUNT))
+    with ros_context_on(ros_domain) as context:
+        result = in_background(
+            executor,
+            lambda: replay(
+                bag,
+                context,
+                rate=10.0,
+                topics=["nav_state"],
+                namespace="/again/",
+                wait_for_readers_s=10.0,
+            ),
+        )
+    assert result.counts == {"/again/ares/nav_state": COUNT}
+    assert len(arrivals) == COUNT
+    assert result.wall_s >= 0.59
+    assert arrivals[-1] - arrivals[0] > 0.4
+
+
+def test_it_can_be_stopped(ros_context: Context, tmp_path: Path) -> None:
+    bag = open_bag(write_bag(tmp_path / "flight", COUNT))
+    looks = itertools.count()
+    result = replay(
+        bag, ros_context, rate=0.001, wait_for_readers_s=0.0, stopped=lambda: next(looks) > 5
+    )
+    assert not result.complete
+    assert sum(result.counts.values()) == 3
+
+
+def test_what_cannot_be_replayed(ros_context: Context, tmp_path: Path) -> None:
+    bag = open_bag(write_bag(tmp_path / "flight", 3))
+    with pytest.raises(BagError, match="has no single topic 'nav'; expected of: /ares/"):
+        replay(bag, ros_context, topics=["nav"])
+    for rate in (-1.0, float("nan"), float("inf")):
+        with pytest.raises(ValueError, match="expected zero or a positive number"):
+            replay(bag, ros_context, rate=rate)
+    known = topics()[0]
+    for name, topic, text in (
+        (
+            "version",
+            Topic(NAV, known.type_name, known.definition, "RIHS01_" + "0" * 64),
+            "topic /ares/nav_state was recorded with another version of ares_msgs/msg/NavState",
+        ),
+        (
+            "missing",
+            Topic(NAV, "no_such_msgs/msg/X", known.definition, "RIHS01_" + "0" * 64),
+            "package no_such_msgs is not installed",
+        ),
+    ):
+        with BagWriter(tmp_path / name) as writer:
+            writer.add_topic(topic)
+            writer.write(NAV, 1, messages(1)[0][2])
+        with pytest.raises(BagError, match=text):
+            replay(open_bag(tmp_path / name), ros_context)
+
+
+RUN = "import sys; from ares_bags.replay import run_replay; "
+
+
+def run(environment: dict[str, str], call: str) -> "subprocess.Popen[str]":
+    return subprocess.Popen(
+        [sys.executable, "-c", RUN + call],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def test_as_a_process(
+    executor: Executor, listener: Node, ros_environment: dict[str, str], tmp_path: Path
+) -> None:
+    path = write_bag(tmp_path / "flight", COUNT)
+    process = run(ros_environment, f"sys.exit(run_replay({str(path)!r}, rate=0.0))")
+    out, err = process.communicate(timeout=30)
+    assert (process.returncode, err) == (0, "")
+    assert out.startswith(f"published {len(messages(COUNT))} messages of {path} in ")
+
+    heard: list[NavState] = []
+    listener.create_subscription(NavState, NAV, heard.append, FLIGHT)
+    process = run(ros_environment, f"sys.exit(run_replay({str(path)!r}, rate=0.1))")
+    assert spin_until(executor, lambda: bool(heard), timeout=30.0)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=30)
+    assert (process.returncode, err) == (0, "")
+    assert out.endswith("s, stopped before the end\n")
+
+    process = run(ros_environment, f"sys.exit(run_replay({str(tmp_path / 'none')!r}))")
+    _, err = process.communicate(timeout=30)
+    assert (process.returncode, err) == (2, f"replay: bag {tmp_path / 'none'} does not exist\n")
