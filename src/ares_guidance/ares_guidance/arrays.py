@@ -77,6 +77,7 @@ PEG_STATE = np.dtype(
         ("miss_speed", np.float64),  # m/s, change of velocity_to_go in the last iteration
         ("propellant_short", np.int64),
         ("tail_gain", np.float64),  # s of full thrust that follow the cut-off command
+        ("tail_drift", np.float64),  # s by which the tail outlasts them
         # heating jettisons
         ("jettison_time", np.float64, (8,)),  # MET; inf: beyond cut-off, planned without
         ("density_ratio", np.float64),  # measured over modelled heating; nan: unknown

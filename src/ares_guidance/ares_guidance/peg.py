@@ -47,7 +47,7 @@ class PegSettings:
     jettison_time_tolerance_s: float = _setting(
         0.1, "Converged when an iteration moves the predicted jettison by less.", "s", 1e-6, 100.0
     )
-    max_iterations: int = _setting(60, "Iterations allowed in one cycle.", "", 1, 10_000)
+    max_iterations: int = _setting(100, "Iterations allowed in one cycle.", "", 1, 10_000)
     steering_jump_limit_deg: float = _setting(
         10.0, "A solution that turns the thrust by more is refused.", "deg", 0.0, 180.0
     )

@@ -71,7 +71,7 @@ def test_integrals_agree_with_quadrature(until):
             for a, b in pairwise(at)
         )
 
-    l_sum, j_sum, s_sum, q_sum, p_sum, h_sum = thrust_integrals(state[0], until)
+    l_sum, j_sum, s_sum, q_sum, p_sum, h_sum = thrust_integrals(state[0], until, math.inf)
     # int int a s^n ds dt = int a(s) s^n (T - s) ds
     expected = [
         (l_sum, integral(lambda _: 1.0)),
@@ -83,6 +83,23 @@ def test_integrals_agree_with_quadrature(until):
     ]
     for got, want in expected:
         assert got == pytest.approx(want, rel=1e-9, abs=1e-6)
+
+
+def test_a_drift_after_the_cutoff_only_moves_on():
+    _, _, _, state = three_stage_plan()
+    l_sum, j_sum, s_sum, q_sum, p_sum, h_sum = thrust_integrals(state[0], 450.0, math.inf)
+    later = thrust_integrals(state[0], 460.0, 450.0)
+    assert later == pytest.approx(
+        (
+            l_sum,
+            j_sum,
+            s_sum + 10.0 * l_sum,
+            q_sum + 10.0 * j_sum,
+            p_sum + 10.0 * h_sum,
+            h_sum,
+        ),
+        rel=1e-12,
+    )
 
 
 def test_plan_drops_mass_where_the_mission_says():
@@ -111,7 +128,7 @@ def test_a_fairing_that_stays_on_rides_to_the_next_stage():
 def test_burn_time_inverts_the_first_integral(delta_v):
     _, _, _, state = three_stage_plan()
     t_go, _, _ = burn_time_to_go(state[0], delta_v)
-    assert thrust_integrals(state[0], t_go)[0] == pytest.approx(delta_v, rel=1e-12)
+    assert thrust_integrals(state[0], t_go, math.inf)[0] == pytest.approx(delta_v, rel=1e-12)
 
 
 def test_propellant_short_is_reported():

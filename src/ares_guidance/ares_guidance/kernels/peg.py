@@ -148,7 +148,9 @@ def predicted_log_heating(
     """
     r = load(nav.position)
     v = load(nav.velocity)
-    thrust_v, thrust_r = steered_thrust(thrust_integrals(state, t), direction, rate, reference)
+    thrust_v, thrust_r = steered_thrust(
+        thrust_integrals(state, t, math.inf), direction, rate, reference
+    )
     gravity_v, gravity_r = gravity_effect(r, v, thrust_v, thrust_r, t, environment.mu)
     r_t = add(axpy(t, v, r), add(gravity_r, thrust_r))
     v_t = add(v, add(gravity_v, thrust_v))
@@ -327,6 +329,18 @@ def start_guess(
 
 
 @kernel
+def note_tail_off(arc: Record, state: Record) -> None:
+    """What follows the cut-off command: an impulse, and a drift until the thrust is gone.
+
+    The target holds at the end of the thrust; until then the vehicle moves on.
+    """
+    state.tail_gain = arc.tail_gain
+    state.tail_drift = 0.0
+    if arc.tail_knots > 0:
+        state.tail_drift = arc.tail_time[arc.tail_knots - 1] - arc.tail_gain
+
+
+@kernel
 def iterate(
     nav: Record,
     environment: Record,
@@ -352,18 +366,19 @@ def iterate(
     t_go, last, short = burn_time_to_go(state, norm(v_go))
     state.time_to_go = t_go
     state.propellant_short = 1 if short else 0
-    state.tail_gain = arcs[state.segments[last].arc].tail_gain
-    integrals = thrust_integrals(state, t_go)
+    note_tail_off(arcs[state.segments[last].arc], state)
+    horizon = t_go + state.tail_drift
+    integrals = thrust_integrals(state, horizon, t_go)
     l_sum, j_sum, s_sum, q_sum, _, _ = integrals
 
     # steering
     direction = unit(v_go)
     k = j_sum / l_sum
-    gravity_r = scale((t_go / state.gravity_time) ** 2, load(state.gravity_displacement))
+    gravity_r = scale((horizon / state.gravity_time) ** 2, load(state.gravity_displacement))
     normal = load(state.plane_normal)
     wanted_r = load(state.desired_position)
     downrange = cross(normal, unit(wanted_r))
-    r_go = sub(wanted_r, add(axpy(t_go, v, r), gravity_r))
+    r_go = sub(wanted_r, add(axpy(horizon, v, r), gravity_r))
     r_go = add(r_go, load(state.displacement_bias))
     r_go = axpy(-dot(downrange, r_go), downrange, r_go)
     # downrange is free: the part along the thrust is what the burn gives
@@ -376,8 +391,8 @@ def iterate(
 
     # prediction
     thrust_v, thrust_r = steered_thrust(integrals, direction, rate, k)
-    gravity_v, gravity_r = gravity_effect(r, v, thrust_v, thrust_r, t_go, environment.mu)
-    r_p = add(axpy(t_go, v, r), add(gravity_r, thrust_r))
+    gravity_v, gravity_r = gravity_effect(r, v, thrust_v, thrust_r, horizon, environment.mu)
+    r_p = add(axpy(horizon, v, r), add(gravity_r, thrust_r))
     v_p = add(v, add(gravity_v, thrust_v))
     moved = predict_jettisons(
         nav, environment, atmosphere, arcs, jettisons, settings, state, direction, rate, k
@@ -391,7 +406,7 @@ def iterate(
     miss = sub(wanted_v, v_p)
     store(state.velocity_to_go, add(v_go, miss))
     store(state.gravity_displacement, gravity_r)
-    state.gravity_time = t_go
+    state.gravity_time = horizon
     store(state.displacement_bias, sub(r_go, thrust_r))
     store(state.desired_position, wanted_r)
     store(state.plane_normal, normal)
@@ -432,11 +447,11 @@ def held_cutoff(
         if t != 0.0:
             middle = (tau * l_t - ve * t) / l_t
         u = unit(axpy(middle - reference, rate, direction))
-        half = axpy(0.5 * t, v, r)
-        g = gravity(half, environment)
-        v_t = axpy(t, g, axpy(l_t, u, v))
+        horizon = t + state.tail_drift
+        g = gravity(axpy(0.5 * horizon, v, r), environment)
+        v_t = axpy(horizon, g, axpy(l_t, u, v))
         speed = norm(v_t)
-        wanted = target_speed(target, environment.mu, norm(axpy(t, v, r)))
+        wanted = target_speed(target, environment.mu, norm(axpy(horizon, v, r)))
         gain = dot(v_t, axpy(ve / (tau - t), u, g)) / speed
         if gain <= 0.0:
             break
@@ -470,6 +485,7 @@ def copy_solution(source: Record, destination: Record) -> None:
     destination.reference_time = source.reference_time
     destination.miss_speed = source.miss_speed
     destination.tail_gain = source.tail_gain
+    destination.tail_drift = source.tail_drift
     for i in range(3):
         destination.velocity_to_go[i] = source.velocity_to_go[i]
         destination.gravity_displacement[i] = source.gravity_displacement[i]
@@ -554,9 +570,13 @@ def solve(
         copy_solution(saved, state)
         adopt_steering(nav, state, steering)
         state.phase = PHASE_HOLD
+    elif cold and not restart and math.isfinite(state.miss_speed):
+        # slow but on its way: the next cycle goes on from here
+        state.phase = PHASE_CONVERGING
     elif cold or restart:
         # nothing worth keeping: begin again from the navigation state
         state.phase = PHASE_CONVERGING
+        state.stale_cycles = 0
         start_guess(nav, environment, arcs, jettisons, target, state)
     else:
         copy_solution(saved, state)
@@ -656,7 +676,7 @@ def guidance_step(
             )
         else:
             state.iterations = 0
-    if state.phase == PHASE_CONVERGING:
+    if state.phase == PHASE_CONVERGING and math.isnan(steering.cutoff_time):
         steering.reference_time = nav.time
         store(steering.direction, unit(v))
 

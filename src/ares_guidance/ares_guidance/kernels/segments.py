@@ -129,8 +129,8 @@ def plan_segments(nav: Record, arcs: NDArray[Any], jettisons: NDArray[Any], stat
 
 
 @kernel
-def thrust_integrals(state: Record, until: float) -> Integrals:
-    """Thrust integrals over the planned segments from now to ``until``.
+def thrust_integrals(state: Record, until: float, cutoff: float) -> Integrals:
+    """Thrust integrals over the planned segments, cut off early, from now to ``until``.
 
     With a the thrust acceleration and s the time from now:
     L = int a, J = int a s, H = int a s^2 (single integrals),
@@ -140,6 +140,7 @@ def thrust_integrals(state: Record, until: float) -> Integrals:
     Args:
         state: record PEG_STATE with planned segments.
         until: s from now.
+        cutoff: end of all thrust, s from now.
 
     Returns:
         (L, J, S, Q, P, H) in m/s, m, m, m s, m s^2, m s.
@@ -153,7 +154,7 @@ def thrust_integrals(state: Record, until: float) -> Integrals:
     clock = 0.0
     for i in range(state.segment_count):
         segment = state.segments[i]
-        if segment.start >= until:
+        if segment.start >= min(until, cutoff):
             break
         gap = segment.start - clock
         if gap > 0.0:
@@ -161,7 +162,7 @@ def thrust_integrals(state: Record, until: float) -> Integrals:
             q_sum += j_sum * gap
             p_sum += h_sum * gap
             clock = segment.start
-        tb = min(segment.duration, until - segment.start)
+        tb = min(segment.duration, min(until, cutoff) - segment.start)
         ve = segment.exhaust_velocity
         tau = segment.tau
         t1 = segment.start
