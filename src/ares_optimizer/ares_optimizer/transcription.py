@@ -6,6 +6,7 @@ and 20 parameters.
 """
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -40,8 +41,10 @@ from ares_optimizer.solution import OptimizerError
 
 Array = NDArray[np.float64]
 
-#: Longest integration step, s. Order 6: the cut-off mass is good to 1e-4 kg.
-LONGEST_STEP = 40.0
+#: Longest integration step, s. Order 6: positions are good to 0.05 m, the mass to 1e-3 kg.
+LONGEST_STEP = 20.0
+#: Fixed-time boundaries closer than this to another one begin no law of their own, s.
+SHORTEST_LAW = 40.0
 _FAR = 1.0e7  # a cut-off beyond every event, s
 _SHORTEST_BURN = 0.5  # of the last arc, s
 _USABLE = 0.97  # of the last stack, where the search ends; propellant is judged afterwards
@@ -152,8 +155,23 @@ def _depletion(arrays: MissionArrays, start: Record, main: NDArray[np.void]) -> 
     return float(main[-1]["start"] + (last["propellant"] - used) / main[-1]["flow"])
 
 
+def _boundaries(start_time: float, wanted: Iterable[float], fixed: Iterable[float]) -> list[float]:
+    """Times at which a law begins, none closer than SHORTEST_LAW to the one before.
+
+    Args:
+        start_time: s.
+        wanted: s, kept whatever they are close to.
+        fixed: s, kept where there is room.
+    """
+    times = sorted({time for time in wanted if start_time < time < math.inf})
+    for time in sorted(fixed):
+        if all(abs(time - other) >= SHORTEST_LAW for other in [start_time, *times]):
+            times.append(time)
+    return sorted(times)
+
+
 def _laws(
-    method: str, start_time: float, stage_times: list[float], drops: int
+    method: str, start_time: float, boundaries: list[float], drops: int
 ) -> tuple[NDArray[np.int64], Array, int]:
     """Where each steering law begins and which of its parameters are variables.
 
@@ -163,27 +181,19 @@ def _laws(
     rows: list[tuple[int, int, int, int]] = [(AT_START, -1, 0, 3)]
     times = [start_time]
     column = 6
-    free_direction = method == "direct20"
-    if method in ("direct14", "direct20"):
-        for time in stage_times:
-            direction = -1
-            if free_direction:
-                direction = column
-                column += 3
-            rows.append((AT_FIXED_TIME, -1, direction, column))
-            times.append(time)
-            column += 3
-    for j in range(drops):
-        if method == "jump":
-            rows.append((AT_DROP, j, -1, -1))
-            times.append(math.nan)
+    for k, time in enumerate([*boundaries, *([math.nan] * drops)]):
+        begins, drop = (
+            (AT_FIXED_TIME, -1) if k < len(boundaries) else (AT_DROP, k - len(boundaries))
+        )
+        times.append(time)
+        if begins == AT_DROP and method == "jump":
+            rows.append((begins, drop, -1, -1))
             continue
         direction = -1
-        if free_direction:
+        if method == "direct20":
             direction = column
             column += 3
-        rows.append((AT_DROP, j, direction, column))
-        times.append(math.nan)
+        rows.append((begins, drop, direction, column))
         column += 3
     return np.array(rows, np.int64), np.array(times), column
 
@@ -194,6 +204,7 @@ def transcribe(
     method: str,
     heating: Heating = Heating.AT_JETTISON,
     longest_step: float = LONGEST_STEP,
+    splits: Sequence[float] = (),
 ) -> Transcription:
     """Build the finite problem of a method.
 
@@ -204,6 +215,7 @@ def transcribe(
         method: ``direct11``, ``direct14``, ``direct20`` or ``jump``.
         heating: what the heating limit asks.
         longest_step: of the integration, s.
+        splits: further times at which the rate is free, s.
 
     Raises:
         OptimizerError: no flight can be laid out from this start.
@@ -247,8 +259,12 @@ def transcribe(
             for j in free
         ]
     ).reshape(len(free), 3)
-    stage_times = [time for time in ignitions if now < time < math.inf]
-    laws, law_times, columns = _laws(method, now, stage_times, len(free))
+    wanted = list(splits)
+    if method in ("direct14", "direct20"):
+        wanted += ignitions
+    spare = [] if method == "jump" else [time for _, time in fixed]
+    boundaries = _boundaries(now, wanted, spare)
+    laws, law_times, columns = _laws(method, now, boundaries, len(free))
     last_piece = main[-1]
     left = float(last_piece["mass"]) - float(drops[:, 0].sum())
     last_arc = main[main["arc"] == len(arcs) - 1][0]

@@ -44,7 +44,7 @@ class Scratch(NamedTuple):
         times, breaks: order of events.
         work: scratch of the integration.
         nodes: shape (MAX_NODES, N_COLUMNS).
-        drops: shape (d + 1, 8), states at the free drops and at the peak of heating.
+        drops: shape (d + 1, 14), states at the free drops and at the peak of heating.
         drop_tangents: shape (d + 1, 6, n).
         final: shape (8,).
         final_tangents: shape (6, n).
@@ -94,7 +94,7 @@ def make_scratch(problem: Problem) -> Scratch:
         np.zeros((MAX_BREAKS, 4), np.int64),
         np.zeros((WORK_ROWS, 3 * n)),
         np.zeros((MAX_NODES, N_COLUMNS)),
-        np.zeros((d, 8)),
+        np.zeros((d, 14)),
         np.zeros((d, 6, n)),
         np.zeros(8),
         np.zeros((6, n)),
@@ -141,7 +141,7 @@ def heating_row(state: Array, tangents: Array, problem: Problem, row: Array, col
     """Log heating at a node, and its gradient by the variables.
 
     Args:
-        state: shape (8,).
+        state: shape (>= 7,), from ``fly``.
         tangents: shape (6, n).
         problem: the flight.
         row: shape (n,), written if ``columns`` is not 0.

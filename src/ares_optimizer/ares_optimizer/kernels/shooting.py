@@ -405,8 +405,9 @@ def fly(
         work: shape (WORK_ROWS, 3 n): scratch.
         nodes: shape (k, N_COLUMNS), written: the ends of the integration steps as far as
             there are rows.
-        drop_state: shape (d + 1, 8), written: time s after the start, position, velocity
-            and the mass before, at each free drop and at the probe.
+        drop_state: shape (d + 1, 14), written: time s after the start, position, velocity
+            and the mass before, at each free drop and at the probe; of a drop, also the
+            steering vector and its rate after it.
         drop_tangents: shape (d + 1, 6, n): of position and velocity there.
         final: shape (8,): time s after the start, position, velocity, mass at the end.
         final_tangents: shape (6, n).
@@ -519,6 +520,9 @@ def fly(
                         work[W_RATE, c * n + rate_column + c] = RATE_SCALE
             law_time = t
             law_column = column
+        if what == DROP:
+            store(drop_state[index, 8:], axpy(t - law_time, rate, direction))
+            store(drop_state[index, 11:], rate)
         steps = breaks[b, 3]
         if steps == 0:
             continue

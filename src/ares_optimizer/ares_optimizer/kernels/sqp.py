@@ -25,6 +25,8 @@ from ares_optimizer.kernels.evaluate import (
     Point,
     Scratch,
     evaluate,
+    make_point,
+    make_scratch,
 )
 from ares_optimizer.kernels.problem import D_EARLIEST, TIME_SCALE, Array, Problem
 from ares_optimizer.kernels.shooting import drop_column
@@ -616,3 +618,42 @@ def minimise(
         mu[:] = new_mu
         f = evaluate(p, problem, n, scratch, point)
     return TOO_MANY_ITERATIONS, iterations, violation(point), math.inf
+
+
+@kernel
+def search(
+    p: Array, problem: Problem, goal: float, iterations: int
+) -> tuple[int, int, float, float, Array, Array, Array, Array]:
+    """Restore, then minimise.
+
+    Args:
+        p: shape (n,), a guess, changed.
+        problem: the flight.
+        goal: violation up to which the guess is restored before the search.
+        iterations: at most so many of either.
+
+    Returns:
+        how it ended; iterations; largest violation; least curvature; multipliers of the
+        equations (e,) and of the inequalities (i,); the inequalities (i,); the final state
+        (8,): time s after the start, position, velocity, mass.
+    """
+    scratch = make_scratch(problem)
+    point = make_point(problem)
+    other = make_point(problem)
+    nu = np.zeros(point.equations.size)
+    mu = np.zeros(point.inequalities.size)
+    curvature = np.zeros(1)
+    into_bounds(p, problem)
+    _, used = restore(p, problem, scratch, point, other, goal, iterations)
+    end, more, miss, _ = minimise(p, problem, scratch, point, other, iterations, nu, mu, curvature)
+    evaluate(p, problem, 0, scratch, point)
+    return (
+        end,
+        used + more,
+        miss,
+        curvature[0],
+        nu,
+        mu,
+        point.inequalities,
+        scratch.final,
+    )

@@ -1,0 +1,439 @@
+"""Direct solutions: linear-tangent steering, optimised on exact gradients.
+
+The 11-parameter problem is solved first, from the caller's guess if there is one, else (or
+if that fails) from starts of the solver's own, else by easing the heating limit and
+tightening it again. Every other method starts from its solution: more free parameters
+(``direct14``, ``direct20``), the analytic jump condition (``jump``), the heating limit from
+the jettison on.
+"""
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models.arrays import MissionArrays, Record
+from ares_optimizer.kernels.evaluate import evaluate, make_point, make_scratch
+from ares_optimizer.kernels.problem import (
+    AT_DROP,
+    D_LOG_LIMIT,
+    L_BEGINS,
+    L_DIRECTION,
+    L_DROP,
+    L_RATE,
+    MINIMISE_HEATING,
+    RATE_SCALE,
+    TIME_SCALE,
+    Problem,
+)
+from ares_optimizer.kernels.shooting import drop_column
+from ares_optimizer.kernels.sqp import CONVERGED, search
+from ares_optimizer.kernels.start import place_drops, set_law, sweep
+from ares_optimizer.solution import OptimizerError
+from ares_optimizer.transcription import Heating, Transcription, transcribe
+
+Array = NDArray[np.float64]
+
+#: A law longer than this is cut in equal parts with a free rate each, s.
+LONGEST_LAW = 450.0
+
+_ITERATIONS = 40
+_GUESS_IS_RESTORED_TO = 1.0
+_SOLUTION_IS_RESTORED_TO = 10.0
+_STARTS = 4
+_EASED = (4.0, 2.0, 1.0, 0.5, 0.2, 0.0)  # steps of the log heating limit
+_SAME_TIME = 1.0  # of a jettison, s
+
+
+@dataclass(frozen=True)
+class Guess:
+    """Where the search may start.
+
+    Attributes:
+        direction: steering vector at the start, any length, shape (3,).
+        direction_rate: its rate, 1/s, for a unit ``direction``.
+        t_plf_s: time of the (last) heating-limited jettison; None: where the heating allows.
+        t_burn_s: from there to cut-off; from the start if there is no such jettison.
+        rate_after_jettison: rate from the jettison on; None: as before.
+    """
+
+    direction: Sequence[float]
+    direction_rate: Sequence[float]
+    t_plf_s: float | None
+    t_burn_s: float
+    rate_after_jettison: Sequence[float] | None = None
+
+
+def thesis_guess(start: Record) -> Guess:
+    """The guess of section 3.4.2: thrust along V0, rates of 1e-4 1/s (Eq. 3.41)."""
+    velocity = np.asarray(start["velocity"], dtype=np.float64)
+    return Guess(velocity / np.linalg.norm(velocity), (1e-4,) * 3, 420.0, 330.0)
+
+
+@dataclass
+class Found:
+    """The end of a search.
+
+    Attributes:
+        transcription: the problem that was solved.
+        variables: shape (n,).
+        end: CONVERGED, or how it failed.
+        miss: largest scaled violation.
+        curvature: least eigenvalue of the reduced Hessian.
+        equations: multipliers of the equations.
+        inequalities: multipliers of the inequalities.
+        values: the inequalities.
+        final: shape (8,): time s after the start, position, velocity, mass.
+        iterations: of all searches so far.
+        restarts: searches beyond the first.
+    """
+
+    transcription: Transcription
+    variables: Array
+    end: int
+    miss: float
+    curvature: float
+    equations: Array
+    inequalities: Array
+    values: Array
+    final: Array
+    iterations: int = 0
+    restarts: int = 0
+
+    @property
+    def converged(self) -> bool:
+        """Whether the search ended at a point that meets the conditions of an optimum."""
+        return self.end == CONVERGED
+
+    @property
+    def cutoff_s(self) -> float:
+        """Cut-off time."""
+        return float(self.transcription.problem.start_time + TIME_SCALE * self.variables[-1])
+
+    @property
+    def drop_times_s(self) -> tuple[float, ...]:
+        """Times of the free drops."""
+        problem = self.transcription.problem
+        return tuple(
+            float(problem.start_time + TIME_SCALE * self.variables[drop_column(problem, d)])
+            for d in range(len(problem.drops))
+        )
+
+
+class Deadline:
+    """A wall-clock limit that searches ask between their steps."""
+
+    def __init__(self, seconds: float | None) -> None:
+        self.end = math.inf if seconds is None else time.perf_counter() + seconds
+
+    @property
+    def passed(self) -> bool:
+        """Whether the time is over."""
+        return time.perf_counter() > self.end
+
+
+def run(transcription: Transcription, guess: Array, goal: float) -> Found:
+    """One search from one guess."""
+    variables = np.array(guess, dtype=np.float64)
+    end, iterations, miss, curvature, nu, mu, values, final = search(
+        variables, transcription.problem, goal, _ITERATIONS
+    )
+    return Found(transcription, variables, end, miss, curvature, nu, mu, values, final, iterations)
+
+
+def guess_variables(problem: Problem, guess: Guess) -> Array:
+    """Variables of a guess.
+
+    Raises:
+        OptimizerError: a number of the guess is not finite, or the direction is zero.
+    """
+    direction = np.asarray(guess.direction, dtype=np.float64)
+    rate = np.asarray(guess.direction_rate, dtype=np.float64)
+    after = rate if guess.rate_after_jettison is None else guess.rate_after_jettison
+    after = np.asarray(after, dtype=np.float64)
+    for name, value in (
+        ("direction", direction),
+        ("direction_rate", rate),
+        ("rate_after_jettison", after),
+    ):
+        if value.shape != (3,) or not np.all(np.isfinite(value)):
+            raise OptimizerError(f"guess.{name} is {value.tolist()}; expected three finite numbers")
+    size = float(np.linalg.norm(direction))
+    if size == 0.0:
+        raise OptimizerError("guess.direction is zero; expected a vector with a direction")
+    jettison = guess.t_plf_s if guess.t_plf_s is not None else problem.start_time
+    if not (math.isfinite(jettison) and math.isfinite(guess.t_burn_s)):
+        raise OptimizerError(
+            f"guess times are {guess.t_plf_s} and {guess.t_burn_s} s; expected finite numbers"
+        )
+    variables = np.zeros(problem.variables)
+    begin = jettison if len(problem.drops) else problem.start_time
+    for d in range(len(problem.drops)):
+        variables[drop_column(problem, d)] = (jettison - problem.start_time) / TIME_SCALE
+    unit = direction / size
+    set_law(variables, problem, tuple(unit), tuple(rate), begin + guess.t_burn_s)
+    for law in problem.laws:
+        if law[L_BEGINS] == AT_DROP and law[L_RATE] >= 0:
+            variables[law[L_RATE] : law[L_RATE] + 3] = after / RATE_SCALE
+    if len(problem.drops) and guess.t_plf_s is None:
+        scratch = make_scratch(problem)
+        evaluate(variables, problem, 0, scratch, make_point(problem))
+        place_drops(variables, problem, scratch)
+    return variables
+
+
+def law_times(problem: Problem, variables: Array) -> list[float]:
+    """Time at which each law begins, s."""
+    times = []
+    for law, fixed in zip(problem.laws, problem.law_time, strict=True):
+        if law[L_BEGINS] == AT_DROP:
+            column = drop_column(problem, int(law[L_DROP]))
+            times.append(float(problem.start_time + TIME_SCALE * variables[column]))
+        else:
+            times.append(float(fixed))
+    return times
+
+
+@dataclass(frozen=True)
+class Law:
+    """A steering law: direction + rate (t - time), not normalised."""
+
+    time: float
+    direction: Array
+    rate: Array
+
+    def at(self, t: float) -> Array:
+        """Steering vector at ``t``."""
+        return self.direction + self.rate * (t - self.time)
+
+
+def steering_laws(transcription: Transcription, variables: Array) -> list[Law]:
+    """The laws of a solution, in order of time."""
+    problem = transcription.problem
+    laws: list[Law] = []
+    times = law_times(problem, variables)
+    jumps = None
+    for k in sorted(range(len(times)), key=lambda k: (times[k], k)):
+        row = problem.laws[k]
+        direction = laws[-1].at(times[k]) if laws else np.zeros(3)
+        if row[L_DIRECTION] >= 0:
+            direction = variables[row[L_DIRECTION] : row[L_DIRECTION] + 3].copy()
+        if row[L_RATE] >= 0:
+            rate = RATE_SCALE * variables[row[L_RATE] : row[L_RATE] + 3]
+        else:
+            if jumps is None:
+                jumps = _jump_laws(problem, variables)
+            direction, rate = jumps[int(row[L_DROP])]
+        laws.append(Law(times[k], direction, rate))
+    return laws
+
+
+def _jump_laws(problem: Problem, variables: Array) -> dict[int, tuple[Array, Array]]:
+    """Steering vector and rate after each jettison by the jump condition."""
+    scratch = make_scratch(problem)
+    evaluate(variables, problem, 0, scratch, make_point(problem))
+    return {d: (row[8:11].copy(), row[11:14].copy()) for d, row in enumerate(scratch.drops[:-1])}
+
+
+def carry_over(found: Found, transcription: Transcription) -> Array:
+    """Variables of another problem that fly the same flight, as far as it can.
+
+    Args:
+        found: a solution.
+        transcription: a problem of the same mission and start, with the same free drops.
+    """
+    problem = transcription.problem
+    laws = steering_laws(found.transcription, found.variables)
+    variables = np.zeros(problem.variables)
+    old = dict(zip(found.transcription.heating_jettisons, found.drop_times_s, strict=True))
+    for d, j in enumerate(transcription.heating_jettisons):
+        variables[drop_column(problem, d)] = (old[j] - problem.start_time) / TIME_SCALE
+    variables[-1] = found.variables[-1]
+    times = law_times(problem, variables)
+    size = 1.0
+    for k in sorted(range(len(times)), key=lambda k: (times[k], k)):
+        law = [law for law in laws if law.time <= times[k] + 1e-9][-1]
+        row = problem.laws[k]
+        if row[L_DIRECTION] >= 0:
+            direction = law.at(times[k])
+            size = float(np.linalg.norm(direction))
+            variables[row[L_DIRECTION] : row[L_DIRECTION] + 3] = direction / size
+        if row[L_RATE] >= 0:
+            variables[row[L_RATE] : row[L_RATE] + 3] = law.rate / (RATE_SCALE * size)
+    return variables
+
+
+def own_starts(transcription: Transcription) -> Array:
+    """Starts of the solver's own, best first, shape (k, n)."""
+    problem = transcription.problem
+    starts = np.zeros((_STARTS, problem.variables))
+    misses = np.zeros(_STARTS)
+    count = sweep(problem, make_scratch(problem), make_point(problem), starts, misses)
+    return starts[:count]
+
+
+def _better(a: Found | None, b: Found) -> Found:
+    """The one to keep, with the work of both on its account."""
+    if a is None:
+        return b
+    keep = b
+    if a.converged == b.converged:
+        keep = a if (a.cutoff_s <= b.cutoff_s if a.converged else a.miss <= b.miss) else b
+    elif a.converged:
+        keep = a
+    keep.iterations, keep.restarts = a.iterations + b.iterations, a.restarts + b.restarts + 1
+    return keep
+
+
+def eased(transcription: Transcription, amount: float) -> Transcription:
+    """The same problem with every log heating limit raised."""
+    drops = transcription.problem.drops.copy()
+    drops[:, D_LOG_LIMIT] += amount
+    return Transcription(
+        transcription.problem._replace(drops=drops),
+        transcription.heating_jettisons,
+        transcription.fixed_jettisons,
+        transcription.depletion_s,
+        transcription.flow_kg_s,
+    )
+
+
+def _first_crossing(found: Found) -> Array | None:
+    """Variables with the drops where the heating first allows them, if that is earlier."""
+    problem = found.transcription.problem
+    if not len(problem.drops):
+        return None
+    scratch = make_scratch(problem)
+    evaluate(found.variables, problem, 0, scratch, make_point(problem))
+    moved = found.variables.copy()
+    place_drops(moved, problem, scratch)
+    for d in range(len(problem.drops)):
+        column = drop_column(problem, d)
+        if moved[column] < found.variables[column] - _SAME_TIME / TIME_SCALE:
+            return moved
+    return None
+
+
+def solve_base(transcription: Transcription, guess: Guess | None, deadline: Deadline) -> Found:
+    """Solve a problem from scratch: guess, own starts, easing of the heating limit."""
+    best: Found | None = None
+    if guess is not None:
+        start = guess_variables(transcription.problem, guess)
+        best = run(transcription, start, _GUESS_IS_RESTORED_TO)
+    starts: Array | None = None
+    if best is None or not best.converged:
+        starts = own_starts(transcription)
+        for start in starts:
+            best = _better(best, run(transcription, start, _GUESS_IS_RESTORED_TO))
+            if best.converged or deadline.passed:
+                break
+    if best is None:
+        raise OptimizerError("no steering law of the sweep gives a finite flight")
+    if not best.converged and len(transcription.problem.drops) and not deadline.passed:
+        best = _ease(transcription, best, starts, deadline)
+    if best.converged and not deadline.passed:
+        # a jettison at a later crossing of the limit may be a local optimum
+        moved = _first_crossing(best)
+        if moved is not None:
+            best = _better(best, run(transcription, moved, _GUESS_IS_RESTORED_TO))
+    return best
+
+
+def _ease(
+    transcription: Transcription, best: Found, starts: Array | None, deadline: Deadline
+) -> Found:
+    """Raise the heating limit until a start converges, then lower it step by step."""
+    for start in starts if starts is not None else []:
+        point = start
+        last = best
+        for amount in _EASED:
+            problem = eased(transcription, amount) if amount > 0.0 else transcription
+            last = run(problem, point, _GUESS_IS_RESTORED_TO)
+            best.iterations += last.iterations
+            best.restarts += 1
+            if not last.converged or deadline.passed:
+                break
+            point = last.variables
+        if last.converged and last.transcription is transcription:
+            last.iterations, last.restarts = best.iterations, best.restarts
+            return last
+        if deadline.passed:
+            break
+    return best
+
+
+def continue_from(found: Found, transcription: Transcription) -> Found:
+    """Solve a neighbouring problem from a solution, keeping the account of the work."""
+    more = run(transcription, carry_over(found, transcription), _SOLUTION_IS_RESTORED_TO)
+    more.iterations += found.iterations
+    more.restarts = found.restarts
+    return more
+
+
+def splits_for(found: Found) -> tuple[float, ...]:
+    """Times that cut every overlong law into equal parts."""
+    times = [*law_times(found.transcription.problem, found.variables), found.cutoff_s]
+    times.sort()
+    cuts: list[float] = []
+    for begin, end in pairwise(times):
+        parts = math.ceil((end - begin) / LONGEST_LAW)
+        cuts += [begin + (end - begin) * k / parts for k in range(1, parts)]
+    return tuple(cuts)
+
+
+def solve_direct(
+    arrays: MissionArrays,
+    start: Record,
+    method: str,
+    heating: Heating = Heating.AT_JETTISON,
+    guess: Guess | None = None,
+    deadline: Deadline | None = None,
+) -> Found:
+    """Solve a mission with ``direct11``, ``direct14``, ``direct20`` or ``jump``.
+
+    Args:
+        arrays: the mission.
+        start: record NAVIGATION.
+        method: which.
+        heating: what the heating limit asks.
+        guess: where to start; None: the solver's own start.
+        deadline: when to give up.
+
+    Raises:
+        OptimizerError: no flight can be laid out, or the guess has no sense.
+    """
+    deadline = deadline or Deadline(None)
+    first = Heating.AT_JETTISON if heating is Heating.FROM_JETTISON else heating
+    found = solve_base(transcribe(arrays, start, "direct11", first), guess, deadline)
+    if not found.converged:
+        return found
+    if method == "jump":
+        return continue_from(found, transcribe(arrays, start, method, heating))
+    splits = splits_for(found)
+    if splits or method != "direct11":
+        found = continue_from(found, transcribe(arrays, start, method, first, splits=splits))
+    if heating is Heating.FROM_JETTISON and found.converged and len(found.drop_times_s):
+        path = transcribe(arrays, start, method, heating, splits=splits)
+        found = continue_from(found, path)
+    return found
+
+
+def least_heating(found: Found) -> Found:
+    """The flight to the target with the least heating at the (last) jettison.
+
+    Args:
+        found: a flight, converged or not, of the problem in question.
+    """
+    problem = found.transcription.problem._replace(objective=MINIMISE_HEATING)
+    transcription = Transcription(
+        problem,
+        found.transcription.heating_jettisons,
+        found.transcription.fixed_jettisons,
+        found.transcription.depletion_s,
+        found.transcription.flow_kg_s,
+    )
+    return run(transcription, found.variables, _GUESS_IS_RESTORED_TO)
