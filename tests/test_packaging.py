@@ -2,6 +2,7 @@
 
 import ast
 import re
+import runpy
 import sys
 from pathlib import Path
 from xml.etree import ElementTree
@@ -105,3 +106,23 @@ def test_everything_imported_is_pinned():
                 if not name.endswith(("_msgs", "_interfaces")):
                     found = name.replace("_", "-")
                     assert COMES_WITH.get(found, found) in pinned, f"{module}: {name}"
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda path: path.name)
+def test_setup_installs_every_file_of_the_package(package, monkeypatch):
+    given = {}
+    monkeypatch.chdir(package)
+    monkeypatch.setattr("setuptools.setup", lambda **keywords: given.update(keywords))
+    runpy.run_path("setup.py")
+    home = package / package.name
+    patterns = given["package_data"][package.name]
+    installed = {path for pattern in patterns for path in home.glob(pattern)}
+    present = {path for path in home.rglob("*") if path.is_file() and path.suffix != ".py"}
+    assert {path for path in present if "__pycache__" not in path.parts} <= installed
+    with_code = {path.parent for path in home.rglob("*.py")}
+    assert {".".join(path.relative_to(package).parts) for path in with_code} == set(
+        given["packages"]
+    )
+    shared = {name for _, names in given["data_files"] for name in names}
+    assert {f"{path.parent.name}/{path.name}" for path in package.glob("launch/*.py")} <= shared
+    assert {f"{path.parent.name}/{path.name}" for path in package.glob("params/*")} <= shared
