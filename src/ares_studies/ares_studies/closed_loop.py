@@ -33,7 +33,7 @@ class Flight:
     @property
     def events(self) -> NDArray[np.void]:
         """What happened, dtype EVENT."""
-        return self.plant["events"][: self.plant["event_count"]]  # type: ignore[no-any-return]
+        return self.plant["events"][: self.plant["event_count"]]
 
 
 def fly_compiled(

@@ -27,7 +27,7 @@ from ares_node.qos import (
 )
 from ares_node.run import EXIT_CANNOT_START, EXIT_OK, run_node
 from ares_node.time import NANOSECONDS, ns_from_seconds, ns_from_stamp, stamp_from_ns
-from ares_vehicle_sim.arrays import TRUTH
+from ares_vehicle_sim.arrays import TRUTH_FIELDS
 from ares_vehicle_sim.dispersions import Dispersions, load_dispersions
 from ares_vehicle_sim.simulator import CommandRefused, Simulator, SimulatorOptions
 
@@ -251,7 +251,7 @@ class VehicleSimNode(FlightNode):
         simulator = self.simulator
         stamp = stamp_from_ns(simulator.time_ns)
         self._clock_out.publish(Clock(clock=stamp))
-        truth = dict(zip(TRUTH.names, simulator.truth().item(), strict=True))
+        truth = dict(zip(TRUTH_FIELDS, simulator.truth().item(), strict=True))
         self._truth_out.publish(VehicleState(stamp=stamp, sequence=simulator.sequence, **truth))
         for event in simulator.new_events():
             self._event_out.publish(_event_message(event))

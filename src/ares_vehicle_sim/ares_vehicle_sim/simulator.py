@@ -155,7 +155,7 @@ class Simulator:
         count = int(self.plant["event_count"])
         events = self.plant["events"][self._events_read : count].copy()
         self._events_read = count
-        return events  # type: ignore[no-any-return]
+        return events
 
     def truth(self) -> Any:
         """The true state in the words of VehicleState, record TRUTH."""
