@@ -1,6 +1,7 @@
 """Vehicle simulator node: owns /clock and flies in lock-step with guidance."""
 
 import math
+import re
 import sys
 import time
 from typing import Any
@@ -41,8 +42,8 @@ LINK_LOST_AFTER = 3
 PATIENCE_RATIO = 0.2
 #: Wall time in s between steps on a lost link: an answer can still come through.
 LOST_LINK_PERIOD = 0.001
-#: The same refusal is reported at most once in this flight time, s.
-REPORT_PERIOD = 1.0
+#: What differs in its numbers only is reported at most once in this flight time, s.
+REPORT_PERIOD = 10.0
 
 PARAMETERS = (
     Parameter("mission", "ares_v", "Shipped mission's name, or path of a mission file."),
@@ -332,7 +333,7 @@ class VehicleSimNode(FlightNode):
             self.finish(EXIT_OK if self.simulator.ended_well else 1)
 
     def _report(self, level: Level, message: str) -> None:
-        kind = message.split(":", maxsplit=1)[0] + message.split(";", maxsplit=1)[0][:40]
+        kind = re.split(r"\d", message, maxsplit=1)[0]
         now = self.simulator.time_ns
         last = self._last_report.get(kind)
         if last is None or now - last >= REPORT_PERIOD * NANOSECONDS:
