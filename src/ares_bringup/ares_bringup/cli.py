@@ -241,6 +241,9 @@ def node(
     """Run one node; what follows its name goes to it."""
     if name not in NODES:
         raise BadInput(f"node is {name!r}; expected one of {', '.join(NODES)}")
+    from ares_bringup.discovery import apply_discovery_settings
+
+    apply_discovery_settings()
     os.execv(sys.executable, [sys.executable, "-P", "-m", NODES[name], *context.args])
 
 

@@ -282,9 +282,11 @@ def _crew_lost(crew: Crew, summary: FlightSummary, say: Say) -> bool:
     """Note who has ended; True if the flight cannot go on."""
     for name, status in crew.newly_ended():
         how = describe_end(status)
+        if status == EXIT_CANNOT_START and (name == SIMULATOR or not summary.started):
+            # it has said why; events that came are those of another simulator
+            raise CannotStart("")
         if not summary.started:
-            # a node that ends with this status has said why
-            raise CannotStart("" if status == EXIT_CANNOT_START else f"{name} {how}")
+            raise CannotStart(f"{name} {how}")
         if name == SIMULATOR:
             problem = f"{name} {how} in flight"
         elif name == GUIDANCE:
@@ -401,8 +403,10 @@ def _node_lost(nodes: "Mapping[str, FlightNode]", summary: FlightSummary, say: S
     for name, node in nodes.items():
         if not node.done:
             continue
+        if node.exit_code == EXIT_CANNOT_START:
+            raise CannotStart("")
         if not summary.started:
-            raise CannotStart("" if node.exit_code == EXIT_CANNOT_START else f"{name} ended")
+            raise CannotStart(f"{name} ended")
         if name == SIMULATOR:
             summary.problems.append(f"{name} ended in flight")
             say(summary.problems[-1])

@@ -31,6 +31,8 @@ _OURS = NAMESPACE + "/"
 
 #: Wall time in s after which the end of a flight counts although guidance was never heard.
 DOUBT_TIMEOUT = 10.0
+#: Warnings and errors that are passed on while the flight goes on.
+MAX_SAID = 20
 
 
 class FlightMonitor(Node):
@@ -69,6 +71,7 @@ class FlightMonitor(Node):
         self.last_heard = time.monotonic()
         self._end_seen_at: float | None = None
         self._say = say
+        self._said = 0
         self._first_status: tuple[float, float] | None = None
         lost = SubscriptionEventCallbacks(message_lost=self._on_lost)
         self._inputs = [
@@ -142,7 +145,14 @@ class FlightMonitor(Node):
                 )
                 self.summary.add_diagnostic(line)
                 if not self._said_by_node(line):
-                    self._say(str(line))
+                    self._pass_on(str(line))
+
+    def _pass_on(self, line: str) -> None:
+        self._said += 1
+        if self._said <= MAX_SAID:
+            self._say(line)
+        elif self._said == MAX_SAID + 1:
+            self._say("further warnings are counted only")
 
     def _said_by_node(self, line: Diagnostic) -> bool:
         """What ends a node's work it prints itself."""

@@ -13,6 +13,13 @@ from ares_bringup.summary import FlightSummary, OrbitState, orbit_state, target_
 WIDTH = 80
 BLANK = "-"
 
+#: Errors of a Keplerian target that have no column of their own, with their units.
+ORBIT_ERRORS = {
+    "semi_major_axis_m": ("semi-major axis", " m"),
+    "eccentricity": ("eccentricity", ""),
+    "argument_of_perigee_deg": ("argument of perigee", " deg"),
+}
+
 
 def console(file: IO[str] | None = None) -> Console:
     """A console that never writes wider than WIDTH and colours a terminal only."""
@@ -46,9 +53,9 @@ def print_summary(summary: FlightSummary, out: Console) -> None:
     out.print()
     if summary.end is not None:
         out.print(insertion_table(summary))
-        for name, error in summary.insertion_error.items():
-            if name in ("semi_major_axis_m", "eccentricity", "argument_of_perigee_deg"):
-                out.print(f"error of {name.replace('_', ' ')}: {error:+.3g}")
+        for key, (name, unit) in ORBIT_ERRORS.items():
+            if key in summary.insertion_error:
+                out.print(f"error of {name}: {summary.insertion_error[key]:+.3g}{unit}")
         out.print()
     if summary.events:
         out.print(event_table(summary))

@@ -1,0 +1,219 @@
+"""`ares fly` on the real mission with the real nodes: the measured flights, both layouts."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from ares_bags.compare import differences
+from ares_bags.reader import open_bag
+from ares_node.testing import claimed_domain
+
+TIMEOUT = 240.0
+KEYS = {
+    "mission",
+    "guidance",
+    "t_plf_s",
+    "t_meco_s",
+    "m_f_kg",
+    "insertion_error",
+    "guidance_cycles",
+    "wall_s",
+    "realtime_factor",
+    "bag",
+}
+LAYOUTS = {"processes": [], "one_process": ["--in-process"]}
+
+
+def command(*argv):
+    return [sys.executable, "-m", "ares_bringup", *argv]
+
+
+def environment(domain, bags):
+    return {**os.environ, "ROS_DOMAIN_ID": str(domain), "ARES_BAGS": str(bags)}
+
+
+def fly(domain, bags, *argv):
+    return subprocess.run(
+        command("fly", *argv),
+        env=environment(domain, bags),
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT,
+        check=False,
+    )
+
+
+def children_of(pid):
+    found = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                fields = (entry / "stat").read_text().rsplit(")", maxsplit=1)[1].split()
+            except OSError:
+                continue
+            if int(fields[1]) == pid:
+                found.append(int(entry.name))
+    return found
+
+
+def wait_for_flight(bag):
+    """Until messages are in the bag."""
+    deadline = time.monotonic() + 60.0
+    while sum(path.stat().st_size for path in bag.glob("*.mcap")) < 10_000:
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+@pytest.fixture(scope="module")
+def domain():
+    with claimed_domain() as number:
+        yield number
+
+
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory):
+    return tmp_path_factory.mktemp("bags")
+
+
+@pytest.fixture(scope="module", params=LAYOUTS)
+def flown(request, domain, bags):
+    """The default flight, once in each layout: what it printed."""
+    return fly(domain, bags, "--json", "--bag", str(bags / request.param), *LAYOUTS[request.param])
+
+
+@pytest.fixture(scope="module")
+def flight(flown):
+    return json.loads(flown.stdout)
+
+
+def test_the_default_flight_prints_one_object_and_nothing_else(flown, flight):
+    assert flown.returncode == 0, flown.stderr
+    assert flown.stderr == ""
+    assert set(flight) >= KEYS
+    assert flight["mission"] == "ares_v"
+    assert flight["outcome"] == "target"
+    assert flight["shortcomings"] == []
+    assert flight["diagnostics"] == []
+    assert flight["lost_messages"] == 0
+
+
+def test_the_insertion_is_as_good_as_promised(flight):
+    error = flight["insertion_error"]
+    assert abs(error["radius_m"]) <= 1.0
+    assert abs(error["speed_m_s"]) <= 0.01
+    assert abs(error["flight_path_angle_deg"]) <= 1e-4
+    assert abs(error["inclination_deg"]) <= 1e-3
+
+
+def test_the_final_mass_is_as_good_as_promised(flight):
+    # optimum with the jettison as a passive event: about 174,151 kg
+    assert 174_060.0 <= flight["m_f_kg"] <= 174_151.0
+
+
+def test_guidance_starts_from_the_navigation_state_alone(flight):
+    assert flight["first_convergence_iterations"] <= 30
+    assert flight["max_stale_cycles"] == 0
+    assert flight["guidance_cycles"] >= 600
+
+
+def test_the_bag_holds_the_flight(flight):
+    bag = open_bag(flight["bag"])
+    counts = {name: topic.count for name, topic in bag.topics.items()}
+    assert counts["/ares/vehicle_state"] == counts["/ares/nav_state"] + 1
+    assert counts["/ares/thrust_command"] == counts["/ares/nav_state"]
+    assert counts["/ares/guidance_status"] == flight["guidance_cycles"]
+    assert counts["/ares/flight_event"] == len(flight["events"])
+    assert bag.custom_data["mission"] == "ares_v"
+    assert bag.end_ns == round(flight["events"][-1]["t_s"] * 1e9)
+
+
+@pytest.mark.usefixtures("flight")
+def test_both_layouts_fly_the_same_flight(bags):
+    paths = [bags / name for name in LAYOUTS]
+    if all(path.exists() for path in paths):  # after the second of the two flights
+        one, other = (open_bag(path) for path in paths)
+        assert differences(one, other) == []
+
+
+def test_the_table_of_a_keplerian_mission(domain, bags):
+    done = fly(domain, bags, "--mission", "delta_iii", "--in-process")
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    assert max(len(line) for line in done.stdout.splitlines() if "bag " not in line) <= 80
+    assert "\x1b" not in done.stdout
+    for word in ("target", "predicted", "flown", "error", "node", "semi-major axis", "wall time"):
+        assert word in done.stdout
+    assert len([path for path in bags.iterdir() if path.name.startswith("delta_iii_")]) == 1
+
+
+def test_a_flight_that_misses_is_exit_1(domain, bags, tmp_path):
+    weak = tmp_path / "weak.yaml"
+    weak.write_text("thrust: 0.2\n")
+    argv = ("--json", "--no-record", "--in-process", "--dispersions", str(weak), "--seed", "3")
+    done = fly(domain, bags, *argv)
+    assert done.returncode == 1, done.stderr
+    flight = json.loads(done.stdout)
+    assert flight["outcome"] in ("impact", "depletion", "target_missed")
+    assert flight["shortcomings"]
+    assert flight["bag"] is None
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize(
+    ("argv", "words"),
+    [
+        (["--dispersions", "/nowhere.yaml"], "vehicle_sim: /nowhere.yaml"),
+        (["--cycle-period", "0"], "guidance: parameter cycle_period_s is 0.0"),
+        (["--nav-period", "nan"], "vehicle_sim: parameter navigation_period_s is nan"),
+        (["--bag", "/proc/nothing/here"], "recorder: bag /proc/nothing/here"),
+    ],
+)
+def test_what_a_node_refuses_is_one_line_and_exit_2(domain, bags, layout, argv, words):
+    done = fly(domain, bags, *LAYOUTS[layout], *argv)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.count("\n") == 1
+    assert words in done.stderr
+
+
+def test_a_second_flight_on_the_same_graph_is_refused(domain, bags, tmp_path):
+    bag = tmp_path / "bag"
+    argv = command("fly", "--json", "--pace", "60", "--bag", str(bag))
+    first = subprocess.Popen(
+        argv,
+        env=environment(domain, bags),
+        stdout=subprocess.PIPE,
+        text=True,
+        stderr=subprocess.DEVNULL,
+    )
+    wait_for_flight(bag)
+    second = fly(domain, bags, "--no-record")
+    out, _ = first.communicate(timeout=TIMEOUT)
+    assert second.returncode == 2
+    assert second.stdout == ""
+    assert "vehicle_sim: another simulator already publishes /ares/nav_state" in second.stderr
+    assert json.loads(out)["outcome"] == "target"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_flight_keeps_its_bag_and_leaves_nothing(domain, bags, tmp_path, number):
+    bag = tmp_path / "bag"
+    argv = ("fly", "--json", "--pace", "20", "--bag", str(bag))
+    parent = subprocess.Popen(
+        command(*argv), env=environment(domain, bags), stdout=subprocess.PIPE, text=True
+    )
+    wait_for_flight(bag)
+    children = children_of(parent.pid)
+    assert len(children) == 3
+    parent.send_signal(number)
+    out, _ = parent.communicate(timeout=60.0)
+    assert parent.returncode == 130
+    assert json.loads(out)["outcome"] == "interrupted"
+    assert not [pid for pid in children if Path(f"/proc/{pid}").exists()]
+    assert open_bag(bag).message_count > 0
