@@ -39,7 +39,7 @@ MODULES = {
 #: Wall time in s between looks at the children.
 LOOK_PERIOD = 0.1
 #: Wall time in s after which a start that takes long is explained.
-PATIENCE = 5.0
+PATIENCE = 15.0
 #: Wall time in s for all nodes to start; the very first flight compiles for a while.
 START_TIMEOUT = 300.0
 #: Wall time in s without any message, beyond what the pace explains, after which the flight
