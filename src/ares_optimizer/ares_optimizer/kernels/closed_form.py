@@ -267,3 +267,110 @@ def closed_form_segment(
             state[n + 9] = cos * q - omega * sin * p
         if correct:
             _correct_gravity(mu, omega * omega, h, columns, d_h, d_square, state, tangent)
+
+
+@kernel
+def exact_beside(
+    segment: Record,
+    arcs: int,
+    mu: float,
+    rule: int,
+    correct: bool,
+    substep: float,
+    piece: Record,
+    state: NDArray[np.float64],
+    exact: NDArray[np.float64],
+    tangent: NDArray[np.float64],
+    integrals: NDArray[np.float64],
+    integral_tangents: NDArray[np.float64],
+    scratch: NDArray[np.float64],
+) -> None:
+    """One segment twice: in closed form, and its steering flown in inverse-square gravity.
+
+    The exact flight is integrated by Runge-Kutta 4 and thrusts along the primer that the
+    closed form has at each instant.
+
+    Args:
+        segment: record SEGMENT.
+        arcs: number of closed-form arcs.
+        mu: m3/s2.
+        rule: SIMPSON or MILNE.
+        correct: see :func:`closed_form_segment`.
+        substep: longest Runge-Kutta step, s.
+        piece: record SEGMENT, scratch.
+        state: shape (12,), changed: the closed form's.
+        exact: shape (6,), changed: r, V of the exact flight.
+        tangent: as for :func:`closed_form_segment`; none are carried.
+        integrals: the same.
+        integral_tangents: the same.
+        scratch: the same.
+    """
+    h = (segment.end - segment.start) / arcs
+    count = max(1, int(math.ceil(h / substep - 1e-9)))
+    step = h / count
+    y = np.empty(6)
+    slope = np.empty(6)
+    total = np.empty(6)
+    start = np.empty(12)
+    for arc in range(arcs):
+        s = arc * h
+        piece.start = segment.start + s
+        piece.end = piece.start + h
+        piece.thrust = segment.thrust + segment.thrust_slope * s
+        piece.thrust_slope = segment.thrust_slope
+        piece.flow = segment.flow + segment.flow_slope * s
+        piece.flow_slope = segment.flow_slope
+        piece.mass = segment.mass - s * (segment.flow + 0.5 * s * segment.flow_slope)
+        piece.start_column = -1
+        piece.end_column = -1
+        for i in range(12):
+            start[i] = state[i]
+        square = state[0] * state[0] + state[1] * state[1] + state[2] * state[2]
+        omega = math.sqrt(mu / (square * math.sqrt(square)))
+        if correct:
+            _correct_gravity(mu, omega * omega, h, 0, scratch[0], scratch[0], start, tangent)
+        closed_form_segment(
+            piece,
+            1,
+            mu,
+            0.0,
+            rule,
+            correct,
+            0,
+            state,
+            tangent,
+            integrals,
+            integral_tangents,
+            scratch,
+        )
+        for k in range(count):
+            for i in range(6):
+                total[i] = 0.0
+                slope[i] = 0.0
+            for stage in range(4):
+                part = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
+                weight = 1.0 / 6.0 if stage in (0, 3) else 1.0 / 3.0
+                for i in range(6):
+                    y[i] = exact[i] + part * step * slope[i]
+                t = (k + part) * step
+                a = (piece.thrust + piece.thrust_slope * t) / (
+                    piece.mass - t * (piece.flow + 0.5 * t * piece.flow_slope)
+                )
+                cos = math.cos(omega * t)
+                sin = math.sin(omega * t) / omega
+                p0 = start[6] * cos + start[9] * sin
+                p1 = start[7] * cos + start[10] * sin
+                p2 = start[8] * cos + start[11] * sin
+                a /= math.sqrt(p0 * p0 + p1 * p1 + p2 * p2)
+                square = y[0] * y[0] + y[1] * y[1] + y[2] * y[2]
+                g = mu / (square * math.sqrt(square))
+                slope[0] = y[3]
+                slope[1] = y[4]
+                slope[2] = y[5]
+                slope[3] = a * p0 - g * y[0]
+                slope[4] = a * p1 - g * y[1]
+                slope[5] = a * p2 - g * y[2]
+                for i in range(6):
+                    total[i] += weight * slope[i]
+            for i in range(6):
+                exact[i] += step * total[i]

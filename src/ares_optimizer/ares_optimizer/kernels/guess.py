@@ -76,13 +76,13 @@ def steering_integrals(
 
 
 @kernel
-def target_normal(target: Record, r: Vector, v: Vector, branch: float) -> Vector:
+def target_normal(target: Record, r: Vector, h: Vector, branch: float) -> Vector:
     """Unit normal of the target plane; with a free node that through ``r``.
 
     Args:
         target: record TARGET.
         r: m.
-        v: m/s; its sense of motion chooses between the two planes through ``r``.
+        h: present angular momentum; of the two planes through ``r`` the nearer one is meant.
         branch: -1 for the other of the two.
     """
     si = math.sin(target.inclination)
@@ -97,7 +97,7 @@ def target_normal(target: Record, r: Vector, v: Vector, branch: float) -> Vector
     west = cross(up, north)
     along_north = min(1.0, max(-1.0, ci / cos_latitude))
     along_west = branch * math.sqrt(1.0 - along_north * along_north)
-    if dot(cross(r, v), west) < 0.0:
+    if dot(h, west) < 0.0:
         along_west = -along_west
     return add(scale(along_north, north), scale(along_west, west))
 
@@ -160,7 +160,8 @@ def guess_two_point(
     integrals Ic, Is that lead to a wanted end state follow from Eqs. 3.27-3.29. With
     |lambda_v| = 1 inside them they are linear in A and B. The burn time is then moved until
     |lambda_v| is 1 at the middle of the impulse, and the downrange until the rate there is
-    at right angles to it: a rate along the thrust gains nothing.
+    at right angles to it: a rate along the thrust gains nothing. With a free node the end
+    point is moved across the plane until there is no rate across it either.
 
     Args:
         start: record NAVIGATION.
@@ -189,14 +190,16 @@ def guess_two_point(
     floor = work.floor[COLUMN_CUTOFF]
     span = work.ceiling - floor
     final = arcs[arcs.shape[0] - 1]
-    normal = target_normal(target, r0, v0, branch)
+    free_node = target.kind == TARGET_RADIUS_SPEED_ANGLE_INCLINATION
+    h0 = cross(r0, v0)
+    normal = target_normal(target, r0, h0, branch)
     wanted, wanted_v, downrange = wanted_state(target, mu, normal, r0)
     mean = 0.5 * (radius + min(norm(wanted), 1.5 * radius))
     omega = math.sqrt(mu / (mean * mean * mean))
     cutoff = floor + 0.5 * span
     # half the way round that the mean speed makes
     way = min(1.5, 0.5 * (norm(v0) + norm(wanted_v)) * (cutoff - start.time) / radius)
-    ahead = unit(cross(cross(r0, v0), r0))
+    ahead = unit(cross(h0, r0))
     reached = add(scale(math.cos(way), r0), scale(radius * math.sin(way), ahead))
     for _ in range(rounds):
         unknowns[COLUMN_CUTOFF] = cutoff
@@ -217,23 +220,23 @@ def guess_two_point(
         angle = omega * (work.segments[count - 1].end - start.time)
         cos = math.cos(angle)
         sin = math.sin(angle)
-        normal = target_normal(target, reached, v0, branch)
+        normal = target_normal(target, reached, h0, branch)
         wanted, wanted_v, downrange = wanted_state(target, mu, normal, reached)
         a = axpy(omega, wanted, scale(-1.0, axpy(omega * cos, r0, scale(sin, v0))))
         b = add(wanted_v, axpy(omega * sin, r0, scale(-cos, v0)))
         determinant = cc * ss - cs * cs
-        # rate at the middle per metre of downrange
-        ic = scale(omega * sin, downrange)
-        js = scale(-omega * cos, downrange)
-        dp = scale(1.0 / determinant, sub(scale(ss, ic), scale(cs, js)))
-        dq = scale(1.0 / determinant, sub(scale(cc, js), scale(cs, ic)))
-        rate_change = sub(scale(math.cos(middle), dq), scale(math.sin(middle), dp))
+        # rate at the middle per metre that the wanted position is moved, along that move
+        move = omega * (
+            -math.cos(middle) * (cc * cos + cs * sin) - math.sin(middle) * (ss * sin + cs * cos)
+        )
+        slope = move / determinant
         shift = 0.0
+        lateral = 0.0
         p = v0
         q = v0
         size = 1.0
         for _ in range(3):
-            x = axpy(omega * shift, downrange, a)
+            x = axpy(omega, axpy(shift, downrange, scale(lateral, normal)), a)
             ic = add(scale(sin, x), scale(cos, b))
             js = sub(scale(sin, b), scale(cos, x))
             p = scale(1.0 / determinant, sub(scale(ss, ic), scale(cs, js)))
@@ -241,16 +244,16 @@ def guess_two_point(
             primer = add(scale(math.cos(middle), p), scale(math.sin(middle), q))
             rate = sub(scale(math.cos(middle), q), scale(math.sin(middle), p))
             size = norm(primer)
-            slope = dot(rate_change, primer)
-            if slope == 0.0:
-                break
-            shift -= dot(rate, primer) / slope
+            shift -= dot(rate, primer) / (slope * dot(downrange, primer))
             shift = min(max(shift, -0.3 * radius), 0.3 * radius)
+            if free_node:
+                lateral -= dot(rate, normal) / slope
+                lateral = min(max(lateral, -0.1 * radius), 0.1 * radius)
         length = norm(p)
         for i in range(3):
             unknowns[i] = p[i] / length
             unknowns[3 + i] = -omega * q[i] / length
-        reached = axpy(shift, downrange, wanted)
+        reached = axpy(shift, downrange, axpy(lateral, normal, wanted))
         # rocket equation on the last burn
         gain = (min(max(size, 0.5), 2.0) - 1.0) * total
         last = work.segments[count - 1]

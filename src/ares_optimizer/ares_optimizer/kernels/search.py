@@ -10,6 +10,7 @@ from ares_models.arrays import (
     HEATING_LIMIT,
     MAX_JETTISONS,
     MISSION_TIME,
+    TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
     TIME_AFTER_IGNITION,
     Record,
 )
@@ -19,6 +20,7 @@ from ares_models.kernels.vectors import dot, load, norm
 from ares_optimizer.kernels.guess import guess_two_point
 from ares_optimizer.kernels.newton import (
     AT_FLOOR,
+    BAD_TIMETABLE,
     CONVERGED,
     STALLED,
     UNSOUND,
@@ -34,6 +36,7 @@ from ares_optimizer.kernels.timetable import (
 )
 from ares_optimizer.kernels.two_point import (
     AT_ONCE,
+    MAX_UNKNOWNS,
     begin_state,
     fly_segment,
     gravity_terms,
@@ -53,6 +56,7 @@ _STARTS = np.array(
         [1.0, 60.0, -1.0],
     ]
 )
+_ROUNDING = 1e-6  # of pi, where a drop weighs nothing
 _SCAN = 5.0  # s, between looks at the heating
 
 
@@ -179,9 +183,11 @@ def _sound(
         return False
     if options.heating == HEATING_OPTIMAL:
         n = unknown_count(start, jettisons, options)
-        for i in range(COLUMN_JETTISON + 1, n, 2):
+        for i in range((n - COLUMN_JETTISON) // 2):
             # a drop must wait for the limit because it would rather come sooner
-            if unknowns[i] > 0.0:
+            if unknowns[COLUMN_JETTISON + 2 * i + 1] > _ROUNDING:
+                return False
+            if work.pinned[i] == 1 and work.waiting_pays[i] == 1:
                 return False
     return True
 
@@ -329,6 +335,80 @@ def _crossing(
 
 
 @kernel
+def _reset(jettisons: NDArray[Any], work: Record) -> None:
+    """Jettisons as the mission has them, none held."""
+    for j in range(jettisons.shape[0]):
+        work.jettisons[j] = jettisons[j]
+    for i in range(MAX_JETTISONS):
+        work.pinned[i] = 0
+
+
+@kernel
+def _solve_timed_first(
+    start: Record,
+    environment: Record,
+    atmosphere: NDArray[np.float64],
+    arcs: NDArray[Any],
+    jettisons: NDArray[Any],
+    target: Record,
+    options: Record,
+    attempt: int,
+    unknowns: NDArray[np.float64],
+    work: Record,
+) -> tuple[int, float, int]:
+    """Solve with the drops at fixed times; where that flight meets the limits is the guess."""
+    count = jettisons.shape[0]
+    flown = work.jettisons[:count]
+    find_floors(start, arcs, jettisons, work)
+    for j in range(count):
+        if jettisons[j].criterion == HEATING_LIMIT and (start.jettisoned >> j) & 1 == 0:
+            column = COLUMN_JETTISON + 2 * _heating_index(start, jettisons, j)
+            flown[j].criterion = MISSION_TIME
+            flown[j].value = work.floor[column] + _STARTS[attempt, 1]
+    guess_two_point(
+        start,
+        environment,
+        arcs,
+        flown,
+        target,
+        options,
+        int(_STARTS[attempt, 0]),
+        0.0,
+        _STARTS[attempt, 2],
+        unknowns,
+        work,
+    )
+    total, residual, status = solve_two_point(
+        start, environment, atmosphere, arcs, flown, target, options, unknowns, work
+    )
+    if status != CONVERGED:
+        return total, residual, status
+    find_floors(start, arcs, jettisons, work)
+    for j in range(count):
+        if jettisons[j].criterion == HEATING_LIMIT and (start.jettisoned >> j) & 1 == 0:
+            column = COLUMN_JETTISON + 2 * _heating_index(start, jettisons, j)
+            time = _crossing(
+                start,
+                environment,
+                atmosphere,
+                arcs,
+                flown,
+                options,
+                unknowns,
+                work.floor[column],
+                jettisons[j].value,
+                work,
+            )
+            unknowns[column] = min(time, unknowns[COLUMN_CUTOFF] - 1.0)
+            unknowns[column + 1] = 0.0
+    _reset(jettisons, work)
+    iterations, residual, status = _solve_with_floors(
+        start, environment, atmosphere, arcs, jettisons, target, options, unknowns, work
+    )
+    return total + iterations, residual, status
+
+
+@kernel
 def find_optimum(
     start: Record,
     environment: Record,
@@ -338,6 +418,8 @@ def find_optimum(
     target: Record,
     options: Record,
     guessed: bool,
+    restart: bool,
+    thorough: bool,
     unknowns: NDArray[np.float64],
     work: Record,
 ) -> tuple[int, float, int, int]:
@@ -355,31 +437,40 @@ def find_optimum(
         target: record TARGET.
         options: record OPTIONS.
         guessed: ``unknowns`` hold a guess; it is tried first.
+        restart: go on with own guesses when the guess leads nowhere.
+        thorough: seek one root from the guess, one from own guesses and, with a free node, one
+            in the other plane, and take that which cuts off first; else take the first root.
         unknowns: shape (MAX_UNKNOWNS,), see :func:`two_point.shoot`. A limit that is met
             from the earliest possible drop on comes back with that time and pi = 0.
         work: record WORK.
 
     Returns:
         iterations, norm of the residuals, status (newton.CONVERGED or why not), number of
-        starts after the first.
+        starts after the first. A failure leaves the start that came nearest in ``unknowns``.
     """
-    count = jettisons.shape[0]
-    flown = work.jettisons[:count]
+    best = np.empty(MAX_UNKNOWNS)
+    best_residual = math.inf
+    best_status = STALLED
+    found = False
     total = 0
     residual = math.inf
     status = STALLED
-    restarts = -1
-    for attempt in range(-1 if guessed else 0, _STARTS.shape[0]):
-        for j in range(count):
-            flown[j] = jettisons[j]
-        for i in range(MAX_JETTISONS):
-            work.pinned[i] = 0
-        restarts += 1
+    starts = 0
+    last = _STARTS.shape[0] if restart or not guessed else 0
+    one_plane = target.kind != TARGET_RADIUS_SPEED_ANGLE_INCLINATION
+    solved_near = False
+    solved_far = False
+    for attempt in range(-1 if guessed else 0, last):
+        near = attempt < 0 or _STARTS[attempt, 2] > 0.0
+        if attempt >= 0 and (solved_near if near else solved_far):
+            continue
+        _reset(jettisons, work)
+        starts += 1
         if attempt >= 0 and not guess_two_point(
             start,
             environment,
             arcs,
-            flown,
+            jettisons,
             target,
             options,
             int(_STARTS[attempt, 0]),
@@ -388,73 +479,52 @@ def find_optimum(
             unknowns,
             work,
         ):
+            status = BAD_TIMETABLE
             continue
         iterations, residual, status = _solve_with_floors(
             start, environment, atmosphere, arcs, jettisons, target, options, unknowns, work
         )
         total += iterations
         if status == CONVERGED:
-            return total, residual, status, restarts
+            if not thorough:
+                return total, residual, status, starts - 1
+            if attempt >= 0:
+                solved_near = solved_near or near or one_plane
+                solved_far = solved_far or not near or one_plane
+            better = not found or unknowns[COLUMN_CUTOFF] < best[COLUMN_CUTOFF]
+            found = True
+        else:
+            better = not found and residual < best_residual
+        if better:
+            best_residual = residual
+            best_status = status
+            for i in range(unknowns.shape[0]):
+                best[i] = unknowns[i]
+    if found:
+        for i in range(unknowns.shape[0]):
+            unknowns[i] = best[i]
+        return total, best_residual, CONVERGED, starts - 1
     if heating_count(start, jettisons, options.heating) == 0:
-        return total, residual, status, restarts
-    for attempt in range(_STARTS.shape[0]):
-        restarts += 1
-        for i in range(MAX_JETTISONS):
-            work.pinned[i] = 0
-        find_floors(start, arcs, jettisons, work)
-        index = 0
-        for j in range(count):
-            flown[j] = jettisons[j]
-            if jettisons[j].criterion == HEATING_LIMIT and (start.jettisoned >> j) & 1 == 0:
-                flown[j].criterion = MISSION_TIME
-                flown[j].value = work.floor[COLUMN_JETTISON + 2 * index] + _STARTS[attempt, 1]
-                index += 1
-        guess_two_point(
+        last = 0
+    for attempt in range(last):
+        _reset(jettisons, work)
+        starts += 1
+        iterations, residual, status = _solve_timed_first(
             start,
             environment,
+            atmosphere,
             arcs,
-            flown,
+            jettisons,
             target,
             options,
-            int(_STARTS[attempt, 0]),
-            0.0,
-            _STARTS[attempt, 2],
+            attempt,
             unknowns,
             work,
         )
-        iterations, residual, status = solve_two_point(
-            start, environment, atmosphere, arcs, flown, target, options, unknowns, work
-        )
-        total += iterations
-        if status != CONVERGED:
-            continue
-        # the drops where this flight meets their limits; outside, the solver finds the way
-        find_floors(start, arcs, jettisons, work)
-        index = 0
-        for j in range(count):
-            if jettisons[j].criterion == HEATING_LIMIT and (start.jettisoned >> j) & 1 == 0:
-                column = COLUMN_JETTISON + 2 * index
-                time = _crossing(
-                    start,
-                    environment,
-                    atmosphere,
-                    arcs,
-                    flown,
-                    options,
-                    unknowns,
-                    work.floor[column],
-                    jettisons[j].value,
-                    work,
-                )
-                unknowns[column] = min(time, unknowns[COLUMN_CUTOFF] - 1.0)
-                unknowns[column + 1] = 0.0
-                index += 1
-        for j in range(count):
-            flown[j] = jettisons[j]
-        iterations, residual, status = _solve_with_floors(
-            start, environment, atmosphere, arcs, jettisons, target, options, unknowns, work
-        )
         total += iterations
         if status == CONVERGED:
-            return total, residual, status, restarts
-    return total, residual, status, restarts
+            return total, residual, status, starts - 1
+    # the nearest miss
+    for i in range(unknowns.shape[0]):
+        unknowns[i] = best[i]
+    return total, best_residual, best_status, starts - 1

@@ -101,6 +101,7 @@ WORK = np.dtype(
         ("evaluations", np.int64),
         ("stuck", np.int64),  # heating unknown that ran into its earliest time
         ("pinned", np.int64, (MAX_JETTISONS,)),  # 1: this heating unknown stays there
+        ("waiting_pays", np.int64, (MAX_JETTISONS,)),  # 1: a later drop would be better
     ],
     align=True,
 )
@@ -280,15 +281,16 @@ def _jettison_rows(
     row = COLUMN_JETTISON + 2 * index
     size = 1.0 / after if after > 0.0 else 1.0
     work.residual[row] = rate - math.log(limit)
+    # H(-) - H(+): what a second of waiting is worth
+    worth = before * length_before - after * length_after + weight * drift
+    work.waiting_pays[index] = 1 if worth > 0.0 else 0
     if passive:
         work.residual[row + 1] = pi
     elif pinned:
         # no choice of time, no condition on the Hamiltonian
         work.residual[row + 1] = (segment.end - work.floor[row] - AT_ONCE) / 100.0
     else:
-        work.residual[row + 1] = size * (
-            before * length_before - after * length_after + weight * drift
-        )
+        work.residual[row + 1] = size * worth
     u_before = scale(1.0 / length_before, p)
     u_after = scale(1.0 / length_after, p_after)
     jacobian = work.jacobian
