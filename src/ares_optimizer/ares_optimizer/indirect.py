@@ -25,6 +25,7 @@ from ares_models.arrays import (
     MissionArrays,
 )
 from ares_optimizer.closed_form import flight_errors
+from ares_optimizer.diagnose import check_obstacle, target_obstacle
 from ares_optimizer.kernels import closed_form, costates, newton, sample, search, timetable
 from ares_optimizer.kernels import two_point as kernels
 from ares_optimizer.solution import (
@@ -33,9 +34,18 @@ from ares_optimizer.solution import (
     OptimizerError,
     Solution,
     SteeringArc,
+    failed,
 )
 from ares_optimizer.transcription import first_ignitions
-from ares_optimizer.verify import Direction, Steering, elements, target_rows, verify
+from ares_optimizer.verify import (
+    Direction,
+    Steering,
+    constraint_table,
+    elements,
+    fly,
+    target_rows,
+    verification,
+)
 
 Array = NDArray[np.float64]
 Gravity = Literal["inverse_square", "linear"]
@@ -60,6 +70,7 @@ _TOLERANCE = 1e-9
 _MAX_ITERATIONS = 50
 _SAMPLE_S = 2.0
 _NODE_STRIDE = 10  # of the samples that the verification compares
+_SHORT_KG = 0.1  # of propellant, to count
 _SEARCH_STEP_S = 40.0
 # continuation: first part of the whole, most parts, factor on the limits to begin with
 _FIRST_PART = 0.1
@@ -433,6 +444,7 @@ def solve_indirect(
     rule: Rule = "milne",
     correction: bool = True,
     finish: bool = True,
+    verify: bool = True,
 ) -> Solution:
     """The optimal ascent by the indirect method.
 
@@ -451,6 +463,8 @@ def solve_indirect(
         correction: see :class:`TwoPointSolver`.
         finish: under inverse-square gravity, lead the closed form's root to the exact one by
             Runge-Kutta; what the closed form came to is in ``notes``.
+        verify: fly the solution again and fill ``verification``, ``constraints``,
+            ``trajectory`` and ``costates``. Without it ``converged`` is the solver's word.
 
     Returns:
         the solution; its ``costates`` are sampled, and ``hamiltonian_spread`` has one entry per
@@ -472,9 +486,9 @@ def solve_indirect(
     )
     unknowns = _as_unknowns(guess, solver.drops(start))
     began = time.perf_counter()
-    obstacle = _underground(arrays)
+    obstacle = target_obstacle(arrays)
     if obstacle:
-        return Solution(method, False, obstacle, (), math.nan, math.nan, 0, _since(began))
+        return failed(method, obstacle, solve_ms=_since(began))
     root = _find(solver, start, unknowns)
     notes: dict[str, float] = {}
     if root.converged and propagator == "closed_form" and gravity == "inverse_square":
@@ -485,20 +499,14 @@ def solve_indirect(
             root = _added(exact.solve(start, root.unknowns), root, 0)
     elapsed = _since(began)
     if not root.converged:
-        reason = _why_not(solver, start, root)
-        return Solution(
-            method,
-            False,
-            reason,
-            (),
-            math.nan,
-            math.nan,
-            root.iterations,
-            elapsed,
+        return replace(
+            failed(method, _why_not(solver, start, root), iterations=root.iterations),
+            solve_ms=elapsed,
             parameters=root.unknowns,
             restarts=root.restarts,
         )
-    return _solution(method, solver, start, root, elapsed, notes)
+    solution = _solution(method, solver, start, root, elapsed, notes)
+    return _proven(solver, start, root, solution) if verify else solution
 
 
 def _since(began: float) -> float:
@@ -620,24 +628,26 @@ def _continue(
     return None
 
 
-def _underground(arrays: MissionArrays) -> str:
-    """A line when no flight can reach the target, whatever it does."""
-    target = arrays.target[0]
-    ground = float(arrays.environment[0]["equatorial_radius"])
-    if target["kind"] == TARGET_KEPLERIAN:
-        apogee = float(target["semi_major_axis"] * (1.0 + target["eccentricity"]))
-        if 0.0 < apogee < ground:
-            return (
-                f"the target orbit's apogee, {apogee:,.0f} m, lies {ground - apogee:,.0f} m "
-                "below the equatorial radius"
-            )
-    elif target["radius"] < ground:
-        radius = float(target["radius"])
-        return (
-            f"the target radius, {radius:,.0f} m, lies {ground - radius:,.0f} m below the "
-            "equatorial radius"
-        )
-    return ""
+def _propellant_obstacle(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> str:
+    """A line when the last stage runs dry before cut-off; empty otherwise."""
+    arrays = solver.arrays
+    last = arrays.arcs[-1]
+    solver.final_hamiltonian(start, root.unknowns)
+    used = 0.0
+    if arrays.arcs[start["arc"][0]]["stage"] == last["stage"]:
+        mass = timetable.begin_mass(start[0], arrays.arcs)
+        used = timetable.propellant_used(start[0], mass, arrays.arcs, arrays.jettisons)
+    for piece in _pieces(solver):
+        if arrays.arcs[piece["arc"]]["stage"] == last["stage"]:
+            length = piece["end"] - piece["start"]
+            used += length * (piece["flow"] + 0.5 * length * piece["flow_slope"])
+    short = float(used - last["propellant"])
+    if short <= _SHORT_KG:
+        return ""
+    return (
+        f"propellant of the last stage: {short:,.0f} kg short, the best flight takes "
+        f"{used:,.0f} kg of {last['propellant']:,.0f} kg"
+    )
 
 
 def _pieces(solver: TwoPointSolver) -> NDArray[np.void]:
@@ -894,12 +904,45 @@ def _solution(
     elapsed: float,
     notes: dict[str, float],
 ) -> Solution:
-    """A root as a solution: sampled flight, costates, steering laws, and the proof."""
+    """A root as a solution: times, mass, steering laws."""
+    flight = solver.sample(start, root.unknowns)
+    laws = _steering_arcs(_pieces(solver), flight)
+    times = _jettison_times(solver, start, root)
+    obstacle = _propellant_obstacle(solver, start, root)
+    return Solution(
+        method,
+        not obstacle,
+        obstacle or "optimal",
+        times,
+        float(root.unknowns[6]),
+        float(flight[-1, sample.MASS]),
+        root.iterations,
+        elapsed,
+        arcs=laws,
+        parameters=root.unknowns,
+        restarts=root.restarts,
+        notes={"residual_norm": root.residual_norm, **notes},
+    )
+
+
+def _proven(
+    solver: TwoPointSolver, start: NDArray[np.void], root: Root, solution: Solution
+) -> Solution:
+    """A solution flown again by another integrator, with its costates."""
     arrays = solver.arrays
     final = solver.final_hamiltonian(start, root.unknowns)
     flight = solver.sample(start, root.unknowns)
-    pieces = _pieces(solver).copy()
-    times = _jettison_times(solver, start, root)
+    pieces = _pieces(solver)
+    flown = fly(
+        arrays,
+        start[0],
+        _primer_steering(flight),
+        solution.jettison_times_s,
+        solution.t_meco_s,
+        [float(piece["start"]) for piece in pieces],
+    )
+    judged = bool(solver.options["heating"][0] != timetable.HEATING_IGNORED)
+    checks = constraint_table(arrays, start[0], flown, False, judged)
     nodes = np.column_stack(
         (
             flight[:, sample.TIME],
@@ -908,28 +951,15 @@ def _solution(
         )
     )
     ends = np.flatnonzero(np.diff(flight[:, sample.PIECE], append=-1.0))
-    picked = np.union1d(ends, np.arange(0, len(nodes), _NODE_STRIDE))
-    proof, table, trajectory = verify(
-        arrays,
-        start[0],
-        _primer_steering(flight),
-        times,
-        float(root.unknowns[6]),
-        boundaries=[float(piece["start"]) for piece in pieces],
-        nodes=nodes[picked],
-        judged=bool(solver.options["heating"][0] != timetable.HEATING_IGNORED),
-    )
-    broken = [check for check in table if not check.satisfied]
-    reason = "optimal"
-    if broken:
-        reason = "; ".join(
-            f"{check.name}: {check.value:.9g} {check.unit} where {check.limit:.9g} is asked"
-            for check in broken
-        )
+    picked = nodes[np.union1d(ends, np.arange(0, len(nodes), _NODE_STRIDE))]
+    broken = check_obstacle(checks)
+    reason = solution.reason
+    if broken and solution.converged:
+        reason = broken
         if solver.options["gravity"][0] == costates.LINEAR:
-            reason = f"optimal in the linear field, but in inverse-square gravity {reason}"
-        elif method == "closed_form":
-            reason = f"optimal in closed form, but flown exactly {reason}"
+            reason = f"optimal in the linear field, but in inverse-square gravity {broken}"
+        elif solver.options["propagator"][0] != kernels.RUNGE_KUTTA:
+            reason = f"optimal in closed form, but flown exactly {broken}"
     limits = [
         float(jettison["value"])
         for j, jettison in enumerate(arrays.jettisons)
@@ -942,27 +972,13 @@ def _solution(
         flight[:, sample.VELOCITY : sample.VELOCITY + 3],
         flight[:, sample.LAMBDA_V : sample.LAMBDA_V + 3],
     )
-    notes = {
-        "residual_norm": root.residual_norm,
-        "final_hamiltonian_m_s2": final,
-        # C = r x lambda_r + V x lambda_v: its component along the pole is kept by every part
-        # of the flight, jettison included
-        "pole_turn_spread_m_s": float(np.ptp(turn[:, 2])),
-        **notes,
-    }
-    return Solution(
-        method,
-        not broken,
-        reason,
-        times,
-        float(root.unknowns[6]),
-        float(flight[-1, sample.MASS]),
-        root.iterations,
-        elapsed,
-        arcs=_steering_arcs(pieces, flight),
-        constraints=_multipliers(solver, start, root, flight, final, table),
-        verification=proof,
-        trajectory=trajectory,
+    return replace(
+        solution,
+        converged=solution.converged and not broken,
+        reason=reason,
+        constraints=_multipliers(solver, start, root, flight, final, checks),
+        verification=verification(arrays, flown, picked),
+        trajectory=flown.trajectory,
         costates=Costates(
             flight[:, sample.TIME].copy(),
             flight[:, sample.LAMBDA_R : sample.LAMBDA_R + 3].copy(),
@@ -973,7 +989,11 @@ def _solution(
                 float(pi) / limit for pi, limit in zip(root.unknowns[8::2], limits, strict=False)
             ),
         ),
-        parameters=root.unknowns,
-        restarts=root.restarts,
-        notes=notes,
+        notes={
+            **solution.notes,
+            "final_hamiltonian_m_s2": final,
+            # C = r x lambda_r + V x lambda_v: its component along the pole is kept by every
+            # part of the flight, jettison included
+            "pole_turn_spread_m_s": float(np.ptp(turn[:, 2])),
+        },
     )

@@ -170,6 +170,17 @@ class TestProof:
         assert proof.position_defect_m < 1e-3
         assert proof.velocity_defect_m_s < 1e-5
 
+    def test_without_verification(self, ares):
+        arrays, start = ares
+        solution = solve_indirect(arrays, start, verify=False)
+        assert solution.converged
+        assert solution.verification is None and solution.costates is None
+        assert [arc.start_s for arc in solution.arcs] == pytest.approx(
+            [155.9, 337.15, 416.5], abs=0.2
+        )
+        again = solve_indirect(arrays, start, guess=solution)
+        assert again.t_meco_s == pytest.approx(solution.t_meco_s, abs=1e-8)
+
     @pytest.mark.parametrize("name", ["ares_v", "delta_iii", "saturn_v_as506"])
     def test_hamiltonian_is_constant_on_every_arc(self, name):
         solution = solve_indirect(*mission(name))
@@ -432,7 +443,7 @@ class TestConvergence:
 
     @settings(max_examples=25, deadline=timedelta(seconds=2))
     @given(
-        mass=st.floats(0.0, 12000.0),
+        mass=st.floats(500.0, 12000.0),
         limit=st.floats(200.0, 20000.0),
         thrust=st.floats(0.85, 1.1),
     )
@@ -445,7 +456,7 @@ class TestConvergence:
         arrays.arcs["duration"][0] /= thrust
         root = TwoPointSolver(arrays, step_s=40.0).solve(start)
         assert root.converged
-        assert root.unknowns[8] <= 1e-6
+        assert root.unknowns[8] < 0.0
 
 
 class TestHeatingLimit:
@@ -503,7 +514,7 @@ class TestObstacles:
         arrays.arcs["propellant"][1] = 100000.0
         solution = solve_indirect(arrays, start)
         assert not solution.converged
-        assert "propellant of the last stage: 127816" in solution.reason
+        assert solution.reason.startswith("propellant of the last stage: 27,816 kg short")
         assert solution.m_f_kg == pytest.approx(174183.6, abs=0.1)
 
     def test_target_below_the_surface(self, ares):
@@ -511,9 +522,7 @@ class TestObstacles:
         arrays.target["radius"] = 6.3e6
         solution = solve_indirect(arrays, start)
         assert not solution.converged
-        assert solution.reason == (
-            "the target radius, 6,300,000 m, lies 78,140 m below the equatorial radius"
-        )
+        assert "target radius 6,300,000 m is 56,750 m below the surface" in solution.reason
 
     def test_limit_that_is_never_met(self, ares):
         arrays, start = ares
