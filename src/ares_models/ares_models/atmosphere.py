@@ -20,7 +20,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import PchipInterpolator
+from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from ares_models.kernels import environment as kernels
 
@@ -150,8 +150,48 @@ def _read(name: str, *columns: str) -> list[Array]:
 _US62_LAYERS_KM = (90, 100, 110, 120, 150, 160, 170, 190, 230, 300, 400, 500, 600, 700)
 
 
+def _pra63_to(base: float) -> list[_Piece]:
+    """PRA-63 to 66 km, and the log-linear bridge to a density (kg/m3) at 90 km."""
+    altitude, density = _read("pra63_0_66km.csv", "h_m", "rho_kg_m3")
+    ends = [math.log(density[-1]), math.log(base)]
+    return [_pchip(altitude, density), _straight([altitude[-1], 1e3 * _US62_LAYERS_KM[0]], ends)]
+
+
+def _us62_from(bottom_km: int) -> list[_Piece]:
+    """US62 from one of its layer boundaries up, a smooth piece for each layer."""
+    km, density = _read("us62_80_700km.csv", "h_km", "rho_kg_m3")
+    pieces = []
+    for bottom, top in pairwise(_US62_LAYERS_KM):
+        layer = (km >= bottom) & (km <= top)
+        if bottom >= bottom_km:
+            pieces.append(_pchip(1e3 * km[layer], density[layer]))
+    return pieces
+
+
+# bases of the thesis-form layers where the jettison happens, km
+_REFERENCE_KM = (*range(90, 130, 5), *range(130, 161, 10))
+
+
 @cache
 def pra63() -> Atmosphere:
+    """The thesis' atmosphere, smooth: Patrick 1963 with a US Standard Atmosphere 1962 tail.
+
+    Eq. 2.12 has reference densities at layer bases and an exponential between them, with a
+    kink at each base. Here a cubic spline in the log density goes through the reference
+    densities at 90, 95 ... 130, 140, 150, 160 km, so that an optimizer finds two continuous
+    derivatives. Below and above it is :func:`pra63_data`, from which it differs by at most
+    1.6 % in between.
+    """
+    km, density = _read("us62_80_700km.csv", "h_km", "rho_kg_m3")
+    bases = np.isin(km, _REFERENCE_KM)
+    h, value = 1e3 * km[bases], np.log(density[bases])
+    spline = _Piece(h, value, np.asarray(CubicSpline(h, value)(h, 1)))
+    pieces = [*_pra63_to(float(density[bases][0])), spline, *_us62_from(_REFERENCE_KM[-1])]
+    return Atmosphere("pra63", _join(pieces, BLEND))
+
+
+@cache
+def pra63_data() -> Atmosphere:
     """Patrick 1963 reference atmosphere to 66 km, US Standard Atmosphere 1962 from 90 km.
 
     Density of PRA-63 from NASA JSC-08964, Appendix A; US62 by hydrostatic integration of
@@ -159,20 +199,9 @@ def pra63() -> Atmosphere:
     linear there. That PRA-63 goes on as US62 is an assumption (the thesis prints no
     coefficients). Follows the data within 0.1 %.
     """
-    low_altitude, low_density = _read("pra63_0_66km.csv", "h_m", "rho_kg_m3")
-    km, density = _read("us62_80_700km.csv", "h_km", "rho_kg_m3")
-    pieces = [_pchip(low_altitude, low_density)]
-    base = float(density[km == _US62_LAYERS_KM[0]][0])
-    pieces.append(
-        _straight(
-            [low_altitude[-1], 1e3 * _US62_LAYERS_KM[0]],
-            [math.log(low_density[-1]), math.log(base)],
-        )
-    )
-    for bottom, top in pairwise(_US62_LAYERS_KM):
-        layer = (km >= bottom) & (km <= top)
-        pieces.append(_pchip(1e3 * km[layer], density[layer]))
-    return Atmosphere("pra63", _join(pieces, BLEND))
+    tail = _us62_from(_US62_LAYERS_KM[0])
+    pieces = [*_pra63_to(math.exp(tail[0].value[0])), *tail]
+    return Atmosphere("pra63_data", _join(pieces, BLEND))
 
 
 # reference altitudes of the thesis-form layers over US62, km
@@ -191,7 +220,7 @@ def pra63_exponential() -> Atmosphere:
     rho = rho_ref exp(-(h - h_ref) / h_scale); printed without the minus. Layers start at
     60, 66, 90, 95 ... 130, 140, 150, 160, 180, 200 km and so on, below 60 km at the points
     of the PRA-63 table. A layer's scale height follows from the data at both its ends, so
-    that the density is continuous. Against :func:`pra63` at most 3.2 % off between 90 and
+    that the density is continuous. Against :func:`pra63_data` at most 3.2 % off between 90 and
     200 km. Kinks are rounded over ``EXPONENTIAL_BLEND``: at most 0.25 % in density.
     """
     low_altitude, low_density = _read("pra63_0_66km.csv", "h_m", "rho_kg_m3")

@@ -135,7 +135,7 @@ _INDICES = ("f107", "f107a", "ap", "latitude_deg", "longitude_deg")
 class AtmospherePart(Part):
     """Which atmosphere; the indices are for nrlmsis, and only for it."""
 
-    model: Literal["pra63", "pra63_exponential", "us76", "nrlmsis"]
+    model: Literal["pra63", "pra63_exponential", "pra63_data", "us76", "nrlmsis"]
     density_factor: Positive = 1.0
     f107: Positive | None = None
     f107a: Positive | None = None

@@ -5,6 +5,7 @@ import math
 import sys
 from datetime import UTC, datetime
 from importlib import resources
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ MIDSUMMER = datetime(2010, 6, 21, 12, tzinfo=UTC)
 
 MODELS = {
     "pra63": atmosphere.pra63,
+    "pra63_data": atmosphere.pra63_data,
     "pra63_exponential": atmosphere.pra63_exponential,
     "us76": atmosphere.us76,
     "nrlmsis": lambda: atmosphere.nrlmsis(MIDSUMMER, 28.5, -80.6, 150.0, 150.0, 4.0),
@@ -113,8 +115,8 @@ def test_beyond_the_ends_the_logarithm_is_straight(model):
         assert value == pytest.approx(table[end, 1] + step * slope, abs=1e-12)
 
 
-def test_pra63_follows_its_data():
-    air = atmosphere.pra63()
+def test_pra63_data_follows_its_data():
+    air = atmosphere.pra63_data()
     for h, _, rho in read("pra63_0_66km.csv"):
         assert air.density(h) == pytest.approx(rho, rel=1e-3)
     for km, rho in read("us62_80_700km.csv"):
@@ -124,8 +126,23 @@ def test_pra63_follows_its_data():
         assert air.density(1e3 * km) == pytest.approx(us62, rel=1.5e-3)
 
 
-def test_pra63_bridges_66_to_90_km_log_linearly():
-    air = atmosphere.pra63()
+def test_pra63_goes_through_the_reference_densities_with_two_smooth_derivatives():
+    air, data = atmosphere.pra63(), atmosphere.pra63_data()
+    for km, rho, _ in THESIS_FORM[1:-1]:
+        reach = 2e-3 if km == 90 else 1e-4
+        assert air.density(1e3 * km) == pytest.approx(rho, rel=reach)
+    inner = air.table[(air.table[:, 0] > 91e3) & (air.table[:, 0] < 159e3)]
+    for before, after in pairwise(inner):
+        width = after[0] - before[0]
+        assert 2.0 * before[3] + 6.0 * before[4] * width == pytest.approx(2.0 * after[3], abs=1e-13)
+    for h in (30e3, 62.5e3, 80e3, 200e3, 500e3):
+        assert air.density(h) == pytest.approx(data.density(h), rel=1e-12)
+    worst = max(abs(air.density(h) / data.density(h) - 1.0) for h in np.arange(90e3, 160e3, 50))
+    assert worst < 0.016
+
+
+def test_pra63_data_bridges_66_to_90_km_log_linearly():
+    air = atmosphere.pra63_data()
     scale_height = -1.0 / air.log_density(80e3)[1]
     assert scale_height == pytest.approx(6185.3, abs=0.1)
     assert air.log_density(67e3)[1] == pytest.approx(-1.0 / scale_height, rel=1e-12)
@@ -160,7 +177,7 @@ def test_exponential_form_is_the_table_away_from_its_kinks():
 
 
 def test_exponential_form_stays_near_the_data():
-    fine, coarse = atmosphere.pra63(), atmosphere.pra63_exponential()
+    fine, coarse = atmosphere.pra63_data(), atmosphere.pra63_exponential()
     worst = max(abs(coarse.density(h) / fine.density(h) - 1.0) for h in np.arange(90e3, 200e3, 50))
     assert 0.03 < worst < 0.032
 
