@@ -52,7 +52,7 @@ def test_starts_by_itself_within_thirty_iterations(name):
 def test_predicts_the_flight_that_follows(ares_v):
     law = Peg(ares_v.arrays())
     law.step(first_navigation(ares_v))
-    # flown closed loop, this flight drops its fairing at 433.7 s and cuts off at 767.1 s
+    # flown closed loop, this flight drops its fairing at 433.8 s and cuts off at 767.1 s
     assert law.steering[0]["cutoff_time"] == pytest.approx(767.1, abs=3.0)
     assert law.steering[0]["jettison"] == 0
     assert law.steering[0]["jettison_time"] == pytest.approx(433.7, abs=5.0)

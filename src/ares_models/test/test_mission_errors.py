@@ -140,8 +140,7 @@ BROKEN = {
         "model: pra63",
         "model: pra64",
         "environment.atmosphere.model",
-        "is 'pra64'; expected one of 'pra63', 'pra63_exponential', 'pra63_data', 'us76' or "
-        "'nrlmsis'",
+        "is 'pra64'; expected one of 'pra63', 'pra63_exponential', 'pra63_data',",
     ),
     "indices without nrlmsis": (
         "model: pra63",
