@@ -10,7 +10,7 @@ the jettison on.
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -21,32 +21,46 @@ from ares_optimizer.kernels.evaluate import evaluate, make_point, make_scratch
 from ares_optimizer.kernels.problem import (
     AT_DROP,
     D_LOG_LIMIT,
+    D_MASS,
+    HEATING_FROM_JETTISON,
     L_BEGINS,
     L_DIRECTION,
     L_DROP,
     L_RATE,
-    MINIMISE_HEATING,
+    P_FLOW,
+    P_FLOW_SLOPE,
+    P_MASS,
+    P_THRUST,
+    P_THRUST_SLOPE,
+    P_TIME,
+    PEAKS,
     RATE_SCALE,
     TIME_SCALE,
     Problem,
 )
-from ares_optimizer.kernels.shooting import drop_column
-from ares_optimizer.kernels.sqp import CONVERGED, search
+from ares_optimizer.kernels.shooting import N_MASS, N_POSITION, N_TIME, drop_column
+from ares_optimizer.kernels.sqp import CONVERGED, NO_PROGRESS, NOT_FEASIBLE, search
 from ares_optimizer.kernels.start import place_drops, set_law, sweep
-from ares_optimizer.solution import OptimizerError
+from ares_optimizer.solution import OptimizerError, SteeringArc
 from ares_optimizer.transcription import Heating, Transcription, transcribe
 
 Array = NDArray[np.float64]
 
 #: A law longer than this is cut in equal parts with a free rate each, s.
 LONGEST_LAW = 450.0
+#: Added to a log heating limit: nothing reaches it.
+LIFTED = 60.0
 
 _ITERATIONS = 40
 _GUESS_IS_RESTORED_TO = 1.0
 _SOLUTION_IS_RESTORED_TO = 10.0
 _STARTS = 4
-_EASED = (4.0, 2.0, 1.0, 0.5, 0.2, 0.0)  # steps of the log heating limit
+_SMALLEST_EASING = 3e-4  # step of a log heating limit
+_MOST_EASINGS = 120
 _SAME_TIME = 1.0  # of a jettison, s
+_JUMP_MAY_COST = 3.0  # kg against direct11
+_SIDE = 1e-9  # either side of an event, s
+_GAUSS = np.polynomial.legendre.leggauss(10)
 
 
 @dataclass(frozen=True)
@@ -90,6 +104,8 @@ class Found:
         final: shape (8,): time s after the start, position, velocity, mass.
         iterations: of all searches so far.
         restarts: searches beyond the first.
+        base_converged: whether the 11-parameter problem was solved on the way.
+        excess: how far the logs of the heating limits are still raised above the mission's.
     """
 
     transcription: Transcription
@@ -103,6 +119,8 @@ class Found:
     final: Array
     iterations: int = 0
     restarts: int = 0
+    base_converged: bool = False
+    excess: float = 0.0
 
     @property
     def converged(self) -> bool:
@@ -293,13 +311,7 @@ def eased(transcription: Transcription, amount: float) -> Transcription:
     """The same problem with every log heating limit raised."""
     drops = transcription.problem.drops.copy()
     drops[:, D_LOG_LIMIT] += amount
-    return Transcription(
-        transcription.problem._replace(drops=drops),
-        transcription.heating_jettisons,
-        transcription.fixed_jettisons,
-        transcription.depletion_s,
-        transcription.flow_kg_s,
-    )
+    return replace(transcription, problem=transcription.problem._replace(drops=drops))
 
 
 def _first_crossing(found: Found) -> Array | None:
@@ -346,23 +358,71 @@ def solve_base(transcription: Transcription, guess: Guess | None, deadline: Dead
 def _ease(
     transcription: Transcription, best: Found, starts: Array | None, deadline: Deadline
 ) -> Found:
-    """Raise the heating limit until a start converges, then lower it step by step."""
+    """Solve with the heating limit lifted, then lower it step by step."""
     for start in starts if starts is not None else []:
-        point = start
-        last = best
-        for amount in _EASED:
-            problem = eased(transcription, amount) if amount > 0.0 else transcription
-            last = run(problem, point, _GUESS_IS_RESTORED_TO)
-            best.iterations += last.iterations
-            best.restarts += 1
-            if not last.converged or deadline.passed:
-                break
-            point = last.variables
-        if last.converged and last.transcription is transcription:
-            last.iterations, last.restarts = best.iterations, best.restarts
-            return last
+        lifted = run(eased(transcription, LIFTED), start, _GUESS_IS_RESTORED_TO)
+        best.iterations += lifted.iterations
+        best.restarts += 1
+        if lifted.converged:
+            found = tighten(lifted, transcription, deadline)
+            found.iterations += best.iterations
+            found.restarts += best.restarts
+            if found.converged:
+                return found
+            best.iterations, best.restarts = found.iterations, found.restarts
         if deadline.passed:
             break
+    return best
+
+
+def heating_excess(variables: Array, problem: Problem) -> float:
+    """Greatest log of heating over limit that a flight has where the limits hold."""
+    scratch = make_scratch(problem)
+    point = make_point(problem)
+    evaluate(variables, problem, 0, scratch, point)
+    drops = len(problem.drops)
+    levels = [float(point.inequalities[3 * d]) for d in range(drops)]
+    if problem.heating == HEATING_FROM_JETTISON and drops:
+        levels += point.inequalities[-PEAKS:].tolist()
+    return max(levels, default=0.0)
+
+
+def tighten(found: Found, transcription: Transcription, deadline: Deadline) -> Found:
+    """From a solution under raised heating limits down to the limits themselves.
+
+    Args:
+        found: a solution of the same flight, its heating anything.
+        transcription: the problem to be solved.
+        deadline: when to give up.
+
+    Returns:
+        the search of the lowest limits that converged (``found`` if none did); its ``excess``
+        is 0 when all is done.
+    """
+    best = replace(found, iterations=0, restarts=0)
+    variables = carry_over(found, transcription)
+    reached = max(0.0, heating_excess(variables, transcription.problem))
+    step = reached
+    iterations = 0
+    restarts = 0
+    while reached > 0.0 and step > _SMALLEST_EASING and not deadline.passed:
+        amount = max(0.0, reached - step)
+        target = eased(transcription, amount) if amount > 0.0 else transcription
+        trial = run(target, variables, _SOLUTION_IS_RESTORED_TO)
+        iterations += trial.iterations
+        restarts += 1
+        if restarts > _MOST_EASINGS:
+            break
+        if trial.converged:
+            best, variables, reached = trial, trial.variables, amount
+            step *= 1.5
+        else:
+            step = min(step, reached) * 0.4
+    best.iterations = iterations
+    best.restarts = restarts
+    best.excess = reached
+    if reached > 0.0:
+        best.end = NOT_FEASIBLE
     return best
 
 
@@ -409,31 +469,152 @@ def solve_direct(
     deadline = deadline or Deadline(None)
     first = Heating.AT_JETTISON if heating is Heating.FROM_JETTISON else heating
     found = solve_base(transcribe(arrays, start, "direct11", first), guess, deadline)
+    found.base_converged = found.converged
     if not found.converged:
         return found
+    return continue_to(arrays, start, method, heating, found, deadline)
+
+
+def continue_to(
+    arrays: MissionArrays,
+    start: Record,
+    method: str,
+    heating: Heating,
+    base: Found,
+    deadline: Deadline,
+) -> Found:
+    """From the 11-parameter solution to that of a method.
+
+    Args:
+        arrays, start, method, heating: as :func:`solve_direct`.
+        base: converged solution of ``direct11`` with the limit at the jettison (or ignored).
+        deadline: when to give up.
+    """
+    first = Heating.AT_JETTISON if heating is Heating.FROM_JETTISON else heating
+    splits: tuple[float, ...] = ()
+    found = base
     if method == "jump":
-        return continue_from(found, transcribe(arrays, start, method, heating))
-    splits = splits_for(found)
-    if splits or method != "direct11":
-        found = continue_from(found, transcribe(arrays, start, method, first, splits=splits))
-    if heating is Heating.FROM_JETTISON and found.converged and len(found.drop_times_s):
+        found = continue_from(base, transcribe(arrays, start, method, first))
+        if (found.cutoff_s - base.cutoff_s) * base.transcription.flow_kg_s > _JUMP_MAY_COST:
+            # another root of the jump condition, no optimum
+            found.end = NO_PROGRESS
+    else:
+        splits = splits_for(base)
+        if splits or method != "direct11":
+            found = continue_from(base, transcribe(arrays, start, method, first, splits=splits))
+    if heating is Heating.FROM_JETTISON and found.converged and found.drop_times_s:
         path = transcribe(arrays, start, method, heating, splits=splits)
-        found = continue_from(found, path)
+        before = found
+        found = continue_from(before, path)
+        if not found.converged:
+            tightened = tighten(before, path, deadline)
+            tightened.iterations += found.iterations
+            tightened.restarts += found.restarts
+            found = tightened
+    found.base_converged = True
     return found
 
 
-def least_heating(found: Found) -> Found:
-    """The flight to the target with the least heating at the (last) jettison.
+def solver_nodes(found: Found) -> Array:
+    """States at the ends of the solver's own steps, shape (k, 8): s, m, m/s, kg."""
+    problem = found.transcription.problem
+    scratch = make_scratch(problem)
+    evaluate(found.variables, problem, 0, scratch, make_point(problem))
+    used = scratch.nodes[: int(scratch.counts[1])]
+    nodes = np.empty((len(used), 8))
+    nodes[:, 0] = used[:, N_TIME] + problem.start_time
+    nodes[:, 1:7] = used[:, N_POSITION : N_POSITION + 6]
+    nodes[:, 7] = used[:, N_MASS]
+    # between two events at one instant no state is worth comparing
+    before = np.diff(nodes[:, 0], prepend=-math.inf) > _SIDE
+    after = np.diff(nodes[:, 0], append=math.inf) > _SIDE
+    return nodes[before | after]
+
+
+def _profile_at(problem: Problem, cutoff: float, t: float, late: bool) -> tuple[float, float]:
+    """Thrust (N) and mass with every free drop aboard (kg) at a time.
 
     Args:
-        found: a flight, converged or not, of the problem in question.
+        problem: the flight.
+        cutoff: s.
+        t: s.
+        late: at a boundary, the value after it.
     """
-    problem = found.transcription.problem._replace(objective=MINIMISE_HEATING)
-    transcription = Transcription(
-        problem,
-        found.transcription.heating_jettisons,
-        found.transcription.fixed_jettisons,
-        found.transcription.depletion_s,
-        found.transcription.flow_kg_s,
-    )
-    return run(transcription, found.variables, _GUESS_IS_RESTORED_TO)
+    side = _SIDE if late else -_SIDE
+    profile = problem.profile
+    k = max(int(np.searchsorted(profile[:, P_TIME], min(t + side, cutoff), side="right")) - 1, 0)
+
+    def mass_of(k: int, s: float) -> float:
+        row = profile[k]
+        return float(row[P_MASS] - s * (row[P_FLOW] + 0.5 * s * row[P_FLOW_SLOPE]))
+
+    if t + side < cutoff or not len(problem.tail):
+        s = min(t, cutoff) - profile[k, P_TIME]
+        return float(profile[k, P_THRUST] + s * profile[k, P_THRUST_SLOPE]), mass_of(k, s)
+    mass = mass_of(k, cutoff - profile[k, P_TIME])
+    thrust = 0.0
+    begins = cutoff + problem.tail[:, P_TIME]
+    for row, begin, end in zip(problem.tail, begins, [*begins[1:], math.inf], strict=True):
+        s = min(t, end) - begin
+        if s < 0.0 or (s <= 0.0 and not late):
+            break
+        thrust = float(row[P_THRUST] + s * row[P_THRUST_SLOPE])
+        mass -= float(s * (row[P_FLOW] + 0.5 * s * row[P_FLOW_SLOPE]))
+    return thrust, mass
+
+
+def steering_arcs(found: Found) -> tuple[SteeringArc, ...]:
+    """Steering law, masses and velocity gain of each piece of the flight."""
+    problem = found.transcription.problem
+    laws = steering_laws(found.transcription, found.variables)
+    cutoff = found.cutoff_s
+    drops = found.drop_times_s
+    finish = problem.start_time + float(found.final[0])
+    edges = {float(t) for t in problem.profile[:, P_TIME] if t < cutoff}
+    edges |= {law.time for law in laws} | set(drops) | {cutoff, finish}
+    edges |= {cutoff + float(t) for t in problem.tail[:, P_TIME]}
+    arcs = []
+    for begin, end in pairwise(sorted(t for t in edges if problem.start_time <= t <= finish)):
+        if end - begin <= _SIDE:
+            continue
+        gone = sum(
+            float(row[D_MASS])
+            for row, t in zip(problem.drops, drops, strict=True)
+            if t <= begin + _SIDE
+        )
+        law = [law for law in laws if law.time <= begin + _SIDE][-1]
+        vector = law.at(begin)
+        size = float(np.linalg.norm(vector))
+        half = 0.5 * (end - begin)
+        gain = 0.0
+        for x, w in zip(*_GAUSS, strict=True):
+            thrust, mass = _profile_at(problem, cutoff, begin + half * (1.0 + x), True)
+            gain += half * w * thrust / (mass - gone)
+        arcs.append(
+            SteeringArc(
+                begin,
+                end,
+                begin,
+                _triple(vector / size),
+                _triple(law.rate / size),
+                _profile_at(problem, cutoff, begin, True)[1] - gone,
+                _profile_at(problem, cutoff, end, False)[1] - gone,
+                float(gain),
+            )
+        )
+    return tuple(arcs)
+
+
+def _triple(x: Array) -> tuple[float, float, float]:
+    return (float(x[0]), float(x[1]), float(x[2]))
+
+
+def jettison_times(found: Found, count: int) -> tuple[float, ...]:
+    """Time of every jettison of the mission, s; nan for what is not dropped in this flight."""
+    times = [math.nan] * count
+    for j, t in found.transcription.fixed_jettisons:
+        if t <= found.cutoff_s:
+            times[j] = t
+    for j, t in zip(found.transcription.heating_jettisons, found.drop_times_s, strict=True):
+        times[j] = t
+    return tuple(times)

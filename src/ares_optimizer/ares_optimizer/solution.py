@@ -124,10 +124,10 @@ class Costates:
         time_s: shape (n,). A jettison stands twice, before and after the jump.
         lambda_r: shape (n, 3), 1/s.
         lambda_v: shape (n, 3), no unit.
-        hamiltonian: shape (n,), lambda_r . V + lambda_v . (g + u T/m) - lambda_m flow,
-            m/s2, with the mass costate lambda_m' = lambda_v . u T/m2, which is 0 at
-            cut-off and at the end of each stage (the next stack's mass is given).
-        hamiltonian_spread: per piece of the flight, (greatest - least) / greatest |H|.
+        hamiltonian: shape (n,), lambda_r . V + lambda_v . (g + u T/m), m/s2.
+        hamiltonian_spread: per piece of the flight, (greatest - least) / greatest |H|, with
+            the mass costate's part - lambda_m flow: lambda_m' = lambda_v . u T/m2, zero at
+            cut-off and at the end of each stage (the mass of the next stack is given).
         jump_pi: pi of Eqs. 3.44-3.51 per heating jettison, per unit lambda_v and W/m2.
     """
 

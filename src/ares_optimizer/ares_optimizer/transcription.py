@@ -225,12 +225,15 @@ def transcribe(
     main, after = _sequence(arrays, start, heating)
     ignitions = first_ignitions(start, main, arcs)
     now = float(start["time"])
-    tail = np.empty((len(after), 5))
-    tail[:, P_TIME] = after["start"] - _FAR
-    tail[:, P_THRUST] = after["thrust"]
-    tail[:, P_THRUST_SLOPE] = after["thrust_slope"]
-    tail[:, P_FLOW] = after["flow"]
-    tail[:, P_FLOW_SLOPE] = after["flow_slope"]
+    # its last row is the end of thrust
+    tail = np.zeros((len(after) + 1 if len(after) else 0, 5))
+    tail[:-1, P_TIME] = after["start"] - _FAR
+    tail[:-1, P_THRUST] = after["thrust"]
+    tail[:-1, P_THRUST_SLOPE] = after["thrust_slope"]
+    tail[:-1, P_FLOW] = after["flow"]
+    tail[:-1, P_FLOW_SLOPE] = after["flow_slope"]
+    if len(after):
+        tail[-1, P_TIME] = after[-1]["end"] - _FAR
 
     free = []
     fixed = []

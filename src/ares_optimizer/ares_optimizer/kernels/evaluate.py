@@ -8,13 +8,14 @@ import numpy as np
 from ares_models.jit import kernel
 from ares_models.kernels.environment import log_heating_gradient
 from ares_models.kernels.vectors import load
-from ares_optimizer.kernels.heating import greatest_heating
+from ares_optimizer.kernels.heating import heating_peaks
 from ares_optimizer.kernels.problem import (
     D_EARLIEST,
     D_LOG_LIMIT,
     HEATING_FROM_JETTISON,
     L_DIRECTION,
     MINIMISE_HEATING,
+    PEAKS,
     TIME_SCALE,
     Array,
     Index,
@@ -44,13 +45,13 @@ class Scratch(NamedTuple):
         times, breaks: order of events.
         work: scratch of the integration.
         nodes: shape (MAX_NODES, N_COLUMNS).
-        drops: shape (d + 1, 14), states at the free drops and at the peak of heating.
-        drop_tangents: shape (d + 1, 6, n).
+        drops: shape (d + PEAKS, 14), states at the free drops and at later heating peaks.
+        drop_tangents: shape (d + PEAKS, 6, n).
         final: shape (8,).
         final_tangents: shape (6, n).
         rows: shape (MAX_ROWS, 6), terminal gradients by the state.
-        counts: shape (3,): breaks, nodes, whether there is a peak after the jettison.
-        peak: shape (1,), time of that peak, s after the start.
+        counts: shape (3,): breaks, nodes, peaks of the heating after the last free drop.
+        peaks: shape (PEAKS,), their times, s after the start; found only where they count.
     """
 
     times: Array
@@ -63,7 +64,7 @@ class Scratch(NamedTuple):
     final_tangents: Array
     rows: Array
     counts: Index
-    peak: Array
+    peaks: Array
 
 
 class Point(NamedTuple):
@@ -88,7 +89,7 @@ class Point(NamedTuple):
 def make_scratch(problem: Problem) -> Scratch:
     """Room for one problem."""
     n = problem.variables
-    d = problem.drops.shape[0] + 1
+    d = problem.drops.shape[0] + PEAKS
     return Scratch(
         np.zeros(MAX_BREAKS),
         np.zeros((MAX_BREAKS, 4), np.int64),
@@ -100,7 +101,7 @@ def make_scratch(problem: Problem) -> Scratch:
         np.zeros((6, n)),
         np.zeros((MAX_ROWS, 6)),
         np.zeros(3, np.int64),
-        np.full(1, math.nan),
+        np.full(PEAKS, math.nan),
     )
 
 
@@ -110,7 +111,8 @@ def count_rows(problem: Problem) -> tuple[int, int]:
 
     Equations: terminal rows, then |B| = 1 (Eq. 3.42) per free direction. Inequalities: per
     free drop the heating limit, not before its earliest time, and before the cut-off; that
-    free drops keep their order; bounds of the cut-off time; the heating after the last one.
+    free drops keep their order; bounds of the cut-off time; where the limit holds from the
+    jettison on, the heating at PEAKS later peaks.
     """
     c = np.empty(MAX_ROWS)
     rows = np.empty((MAX_ROWS, 6))
@@ -124,7 +126,7 @@ def count_rows(problem: Problem) -> tuple[int, int]:
     drops = problem.drops.shape[0]
     inequalities = 3 * drops + max(0, drops - 1) + 2
     if problem.heating == HEATING_FROM_JETTISON and drops > 0:
-        inequalities += 1
+        inequalities += PEAKS
     return equations, inequalities
 
 
@@ -177,10 +179,10 @@ def evaluate(p: Array, problem: Problem, columns: int, scratch: Scratch, point: 
     n = problem.variables
     drops = problem.drops.shape[0]
     environment = problem.environment[0]
-    probe = math.nan
     path = problem.heating == HEATING_FROM_JETTISON and drops > 0
+    scratch.counts[2] = 0
     if path:
-        count = lay_out(p, problem, math.nan, scratch.times, scratch.breaks)
+        count = lay_out(p, problem, scratch.peaks[:0], scratch.times, scratch.breaks)
         stored = fly(
             p,
             problem,
@@ -195,14 +197,16 @@ def evaluate(p: Array, problem: Problem, columns: int, scratch: Scratch, point: 
             scratch.final,
             scratch.final_tangents,
         )
-        probe, _ = greatest_heating(
+        scratch.counts[2] = heating_peaks(
             scratch.nodes,
             stored,
             scratch.drops[drops - 1, 0],
             environment,
             problem.atmosphere,
+            scratch.peaks,
         )
-    count = lay_out(p, problem, probe, scratch.times, scratch.breaks)
+    peaks = scratch.counts[2]
+    count = lay_out(p, problem, scratch.peaks[:peaks], scratch.times, scratch.breaks)
     scratch.counts[0] = count
     scratch.counts[1] = fly(
         p,
@@ -218,7 +222,6 @@ def evaluate(p: Array, problem: Problem, columns: int, scratch: Scratch, point: 
         scratch.final,
         scratch.final_tangents,
     )
-    scratch.peak[0] = probe
     r = load(scratch.final[1:])
     v = load(scratch.final[4:])
     rows = terminal_rows(problem.target[0], environment.mu, r, v, equations, scratch.rows)
@@ -278,29 +281,24 @@ def evaluate(p: Array, problem: Problem, columns: int, scratch: Scratch, point: 
         inequality_rows[i + 1, last] = 1.0
     i += 2
     if path:
-        inequalities[i] = _INACTIVE
         limit = problem.drops[drops - 1, D_LOG_LIMIT]
-        scratch.counts[2] = 0
-        if probe < scratch.final[0]:
-            scratch.counts[2] = 1
-            inequalities[i] = (
-                heating_row(
-                    scratch.drops[drops],
-                    scratch.drop_tangents[drops],
+        for k in range(PEAKS):
+            inequalities[i] = _INACTIVE
+            if k < peaks and scratch.peaks[k] < p[last] * TIME_SCALE:
+                level = heating_row(
+                    scratch.drops[drops + k],
+                    scratch.drop_tangents[drops + k],
                     problem,
                     inequality_rows[i],
                     columns,
                 )
-                - limit
-            )
-        elif probe >= scratch.final[0]:
-            scratch.counts[2] = 1
-            inequalities[i] = (
-                heating_row(
+                inequalities[i] = level - limit
+            elif k < peaks:
+                level = heating_row(
                     scratch.final, scratch.final_tangents, problem, inequality_rows[i], columns
                 )
-                - limit
-            )
+                inequalities[i] = level - limit
+            i += 1
     for j in range(columns):
         gradient[j] = 0.0
     if problem.objective == MINIMISE_HEATING and drops > 0:

@@ -1,6 +1,4 @@
-"""Where the heating after the jettison is greatest."""
-
-import math
+"""Where the heating after the jettison has its peaks."""
 
 from ares_models.arrays import Record
 from ares_models.jit import kernel
@@ -61,33 +59,46 @@ def heating_at_node(node: Array, environment: Record, atmosphere: Array) -> tupl
 
 
 @kernel
-def greatest_heating(
-    nodes: Array, count: int, after: float, environment: Record, atmosphere: Array
-) -> tuple[float, float]:
-    """Time and log of the greatest heating that rises again after a given time.
+def heating_peaks(
+    nodes: Array,
+    count: int,
+    after: float,
+    environment: Record,
+    atmosphere: Array,
+    peaks: Array,
+) -> int:
+    """Times at which the heating has a local maximum after a given time.
 
     Args:
         nodes: shape (k, N_COLUMNS), ends of the integration steps.
         count: nodes in use.
         after: s, same clock as the nodes.
         environment, atmosphere: of the mission.
+        peaks: shape (p,), written: times in s, rising; the end of the flight is one if the
+            heating rises there. With more than p of them the later ones are left out.
 
     Returns:
-        time (s) and log of W/m2 of the greatest local maximum, the flight's end being one
-        if the heating rises there; nan and -inf when it falls all the way.
+        number of peaks.
     """
-    best = -math.inf
-    at = math.nan
+    found = 0
     for i in range(count):
         if nodes[i, N_TIME] < after:
             continue
-        value, slope = heating_at_node(nodes[i], environment, atmosphere)
-        if i == count - 1:
-            if slope > 0.0 and value > best:
-                best = value
-                at = nodes[i, N_TIME]
+        if found == peaks.size:
+            break
+        _, slope = heating_at_node(nodes[i], environment, atmosphere)
+        if slope <= 0.0:
             continue
-        if slope <= 0.0 or nodes[i + 1, N_TIME] <= nodes[i, N_TIME]:
+        if i == count - 1:
+            peaks[found] = nodes[i, N_TIME]
+            found += 1
+            break
+        if nodes[i + 1, N_TIME] <= nodes[i, N_TIME]:
+            # two sides of an event: the rise may end in the kink itself
+            _, next_slope = heating_at_node(nodes[i + 1], environment, atmosphere)
+            if next_slope <= 0.0:
+                peaks[found] = nodes[i, N_TIME]
+                found += 1
             continue
         _, next_slope = heating_at_node(nodes[i + 1], environment, atmosphere)
         if next_slope > 0.0:
@@ -97,12 +108,11 @@ def greatest_heating(
         for _ in range(_BISECTIONS):
             x = 0.5 * (low + high)
             r, v, a = between_nodes(nodes[i], nodes[i + 1], x)
-            value, slope = log_heating(r, v, environment, atmosphere, a)
+            _, slope = log_heating(r, v, environment, atmosphere, a)
             if slope > 0.0:
                 low = x
             else:
                 high = x
-        if value > best:
-            best = value
-            at = nodes[i, N_TIME] + low * (nodes[i + 1, N_TIME] - nodes[i, N_TIME])
-    return at, best
+        peaks[found] = nodes[i, N_TIME] + low * (nodes[i + 1, N_TIME] - nodes[i, N_TIME])
+        found += 1
+    return found

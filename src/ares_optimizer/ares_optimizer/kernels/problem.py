@@ -38,6 +38,9 @@ HEATING_FROM_JETTISON = 1
 MINIMISE_TIME = 0
 MINIMISE_HEATING = 1
 
+# later peaks of the heating that the limit can hold down at once
+PEAKS = 4
+
 # units in which the solver sees its variables
 DIRECTION_SCALE = 1.0
 RATE_SCALE = 1.0e-3
@@ -60,7 +63,8 @@ class Problem(NamedTuple):
         profile: shape (k, 6): pieces of the thrust profile up to cut-off, each from its
             time on: time s, thrust N, its slope N/s, flow kg/s, its slope, and the mass
             at the piece's begin with every free drop still aboard.
-        tail: shape (k, 5): pieces after cut-off, time relative to cut-off, no mass column.
+        tail: shape (k, 5): pieces after cut-off, time relative to cut-off, no mass column;
+            the last row stands at the end of thrust.
         drops: shape (k, 3): free drops: mass kg, log of the heating limit in W/m2, and
             earliest time s.
         laws: shape (k, 4): begin (AT_*), which drop, column of the direction (-1:
@@ -70,7 +74,7 @@ class Problem(NamedTuple):
         latest_cutoff: s.
         earliest_cutoff: s.
         heating: HEATING_AT_JETTISON or HEATING_FROM_JETTISON.
-        objective: MINIMISE_TIME or MINIMISE_HEATING.
+        objective: MINIMISE_TIME, or MINIMISE_HEATING: that at the last free drop.
         variables: number of columns.
     """
 

@@ -119,13 +119,13 @@ def drop_column(problem: Problem, j: int) -> int:
 
 
 @kernel
-def lay_out(p: Array, problem: Problem, probe: float, times: Array, breaks: Index) -> int:
+def lay_out(p: Array, problem: Problem, probes: Array, times: Array, breaks: Index) -> int:
     """Put everything that happens in order of time.
 
     Args:
         p: shape (n,), variables.
         problem: the flight.
-        probe: s after the start, where a state is wanted; nan for none.
+        probes: shape (k,), s after the start, where states are wanted.
         times: shape (k,), written: time of each break, s after the start.
         breaks: shape (k, 4), written: what it is, its index, the column of its time (or
             FIXED), and the number of integration steps from here to the next break.
@@ -161,12 +161,13 @@ def lay_out(p: Array, problem: Problem, probe: float, times: Array, breaks: Inde
         breaks[count, 1] = j
         breaks[count, 2] = column
         count += 1
-    if probe < cutoff:
-        times[count] = probe
-        breaks[count, 0] = PROBE
-        breaks[count, 1] = 0
-        breaks[count, 2] = FIXED
-        count += 1
+    for k in range(probes.size):
+        if probes[k] < cutoff:
+            times[count] = probes[k]
+            breaks[count, 0] = PROBE
+            breaks[count, 1] = k
+            breaks[count, 2] = FIXED
+            count += 1
     times[count] = cutoff
     breaks[count, 0] = CUTOFF
     breaks[count, 1] = 0
@@ -405,10 +406,10 @@ def fly(
         work: shape (WORK_ROWS, 3 n): scratch.
         nodes: shape (k, N_COLUMNS), written: the ends of the integration steps as far as
             there are rows.
-        drop_state: shape (d + 1, 14), written: time s after the start, position, velocity
-            and the mass before, at each free drop and at the probe; of a drop, also the
+        drop_state: shape (d + k, 14), written: time s after the start, position, velocity
+            and the mass before, at each free drop and at each probe; of a drop, also the
             steering vector and its rate after it.
-        drop_tangents: shape (d + 1, 6, n): of position and velocity there.
+        drop_tangents: shape (d + k, 6, n): of position and velocity there.
         final: shape (8,): time s after the start, position, velocity, mass at the end.
         final_tangents: shape (6, n).
 
@@ -464,8 +465,8 @@ def fly(
                     new_law = k
             dropped += problem.drops[index, D_MASS]
         elif what == PROBE:
-            store_state(drop_state[problem.drops.shape[0]], t, r, v, mass)
-            put_tangents(drop_tangents[problem.drops.shape[0]], work, n)
+            store_state(drop_state[problem.drops.shape[0] + index], t, r, v, mass)
+            put_tangents(drop_tangents[problem.drops.shape[0] + index], work, n)
         elif what == CUTOFF:
             cutoff_flow = flow
         else:

@@ -40,7 +40,10 @@ NOT_FINITE = 4
 
 _DIFFERENCE = 1e-6
 _FEASIBLE = 1e-8
-_DECREASE = 1e-9
+_DECREASE = 1e-9  # of the objective that the model still sees: 3e-5 kg on the default mission
+_PATIENCE = 12
+_FLAT_DECREASE = 1e-7  # both after so many iterations, in a flat valley
+_FLAT_FEASIBLE = 1e-7
 _NEAR = 0.05
 _FIRST_RADIUS = 1.0
 _LARGEST_RADIUS = 10.0
@@ -554,7 +557,9 @@ def minimise(
                 bend += shrink * cross[a] * free[a]
                 for b in range(z):
                     bend += 0.5 * free[a] * hessian[a, b] * free[b]
-            if miss <= _FEASIBLE and abs(change) + abs(bend) <= _DECREASE:
+            enough = _DECREASE if k < _PATIENCE else _FLAT_DECREASE
+            close = _FEASIBLE if k < _PATIENCE else _FLAT_FEASIBLE
+            if miss <= close and abs(change) + abs(bend) <= enough:
                 mu[:] = new_mu
                 estimate_multipliers(point, nu, mu)
                 return CONVERGED, k, miss, abs(change)

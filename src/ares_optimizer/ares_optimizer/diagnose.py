@@ -1,0 +1,227 @@
+"""Why a mission has no solution: the constraint in the way, and by how much."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models.arrays import TARGET_KEPLERIAN, MissionArrays, Record
+from ares_models.kernels.environment import altitude
+from ares_optimizer.direct import LIFTED, Deadline, Found, eased, run, solve_base, tighten
+from ares_optimizer.kernels.evaluate import evaluate, make_point, make_scratch
+from ares_optimizer.kernels.problem import D_LOG_LIMIT, MINIMISE_HEATING
+from ares_optimizer.kernels.shooting import N_POSITION, drop_column
+from ares_optimizer.solution import ConstraintCheck
+from ares_optimizer.transcription import Heating, Transcription, transcribe
+from ares_optimizer.verify import elements, target_rows
+
+Array = NDArray[np.float64]
+
+_FEASIBLE = 1e-6
+_PLACES = (0.2, 0.5, 0.8, 0.98)  # of the time from the earliest drop to cut-off
+
+
+def target_obstacle(arrays: MissionArrays) -> str:
+    """A line when the target itself cannot be flown to; empty otherwise."""
+    target = arrays.target[0]
+    environment = arrays.environment[0]
+    ground = float(min(environment["equatorial_radius"], environment["polar_radius"]))
+    if target["kind"] == TARGET_KEPLERIAN:
+        highest = float(target["semi_major_axis"] * (1.0 + target["eccentricity"]))
+        name = "target apogee radius"
+    else:
+        highest = float(target["radius"])
+        name = "target radius"
+    if 0.0 < highest < ground:
+        return (
+            f"{name} {highest:,.0f} m is {ground - highest:,.0f} m below the surface "
+            f"({ground:,.0f} m)"
+        )
+    return ""
+
+
+def propellant_obstacle(found: Found) -> str:
+    """A line when the optimum burns longer than the last stage can; empty otherwise."""
+    transcription = found.transcription
+    late = found.cutoff_s - transcription.depletion_s
+    if late <= 0.0:
+        return ""
+    return (
+        f"propellant of the last stage: {late * transcription.flow_kg_s:,.0f} kg short, the "
+        f"best flight needs a cut-off at {found.cutoff_s:.1f} s and the propellant lasts to "
+        f"{transcription.depletion_s:.1f} s"
+    )
+
+
+def check_obstacle(checks: tuple[ConstraintCheck, ...]) -> str:
+    """A line that names the constraints an independent integration finds broken."""
+    broken = [
+        f"{check.name} is {check.value:,.6g} {check.unit}, limit {check.limit:,.6g} {check.unit}, "
+        f"off by {check.value - check.limit:,.3g} {check.unit}"
+        for check in checks
+        if not check.satisfied
+    ]
+    return "; ".join(broken)
+
+
+def miss_line(arrays: MissionArrays, found: Found) -> str:
+    """By how much the nearest flight misses the target."""
+    problem = found.transcription.problem
+    mu = float(problem.environment[0]["mu"])
+    figures = elements(found.final[1:4], found.final[4:7], mu)
+    parts = []
+    for key, figure, name, unit, turn in target_rows(int(arrays.target[0]["kind"])):
+        wanted = float(arrays.target[0][key])
+        if unit == "deg":
+            wanted = math.degrees(wanted)
+        off = figures[figure] - wanted
+        if turn:
+            off = (off + 180.0) % 360.0 - 180.0
+        size = 1.0 if unit in ("deg", "1") else abs(wanted)
+        parts.append((abs(off) / size, f"{name} off by {off:,.4g} {unit}"))
+    parts.sort(key=lambda part: -part[0])
+    text = "; ".join(line for _, line in parts[:2])
+    latest = problem.latest_cutoff
+    if found.cutoff_s >= latest - 1.0:
+        text += "; the whole last stack would have to be burnt"
+    return text
+
+
+def lowest_altitude(found: Found) -> float:
+    """Least altitude at the ends of the solver's steps, m."""
+    problem = found.transcription.problem
+    scratch = make_scratch(problem)
+    evaluate(found.variables, problem, 0, scratch, make_point(problem))
+    nodes = scratch.nodes[: scratch.counts[1], N_POSITION : N_POSITION + 3]
+    return min(
+        altitude((float(r[0]), float(r[1]), float(r[2])), problem.environment[0]) for r in nodes
+    )
+
+
+def no_flight_line(arrays: MissionArrays, found: Found, deadline: Deadline) -> str:
+    """Why the search for a flight to the target ended without one."""
+    if found.miss > _FEASIBLE:
+        return f"no flight to the target found, the nearest: {miss_line(arrays, found)}"
+    lowest = lowest_altitude(found)
+    if lowest < 0.0:
+        return f"every flight found to the target goes through the ground, {-lowest:,.0f} m deep"
+    obstacle = propellant_obstacle(found)
+    if obstacle:
+        return obstacle
+    if deadline.passed:
+        return "the time limit passed before the search ended"
+    return "flights to the target exist, but the search for the best one did not end"
+
+
+def path_obstacle(found: Found) -> str:
+    """A line on a heating limit that cannot be held from the jettison on."""
+    problem = found.transcription.problem
+    j = found.transcription.heating_jettisons[-1]
+    lowest = math.exp(float(problem.drops[-1, D_LOG_LIMIT]))
+    limit = lowest / math.exp(found.excess)
+    return (
+        f"heating from jettison {j} on: {limit:,.6g} W/m2 cannot be held to cut-off, the lowest "
+        f"limit reached is {lowest:,.6g} W/m2, {lowest - limit:,.4g} W/m2 too much"
+    )
+
+
+def rescue(
+    arrays: MissionArrays, start: Record, heating: Heating, found: Found, deadline: Deadline
+) -> tuple[Found, str]:
+    """Last attempt on a mission that did not converge, or the reason why it cannot.
+
+    The heating limit is lifted; if the target can then be reached, the flight with the least
+    heating at the jettison is sought. Either it meets the limit, and the search starts again
+    from it, or its heating is the answer.
+
+    Args:
+        arrays: the mission.
+        start: record NAVIGATION.
+        heating: what the heating limit asks.
+        found: the failed search.
+        deadline: when to give up.
+
+    Returns:
+        a search that converged and an empty line, or ``found`` and the reason.
+    """
+    first = Heating.AT_JETTISON if heating is Heating.FROM_JETTISON else heating
+    base = transcribe(arrays, start, "direct11", first)
+    lifted = found
+    if len(base.problem.drops):
+        lifted = solve_base(eased(base, LIFTED), None, deadline)
+        found.iterations += lifted.iterations
+        found.restarts += lifted.restarts + 1
+    if not lifted.converged:
+        return found, no_flight_line(arrays, lifted, deadline)
+    obstacle = propellant_obstacle(lifted)
+    if obstacle:
+        return found, obstacle
+    lowered = tighten(lifted, base, deadline)
+    found.iterations += lowered.iterations
+    found.restarts += lowered.restarts
+    if lowered.excess <= 0.0:
+        lowered.iterations, lowered.restarts = found.iterations, found.restarts
+        return lowered, ""
+    within = _within_propellant(base)
+    best = math.inf
+    coolest = lowered.variables
+    for fraction in _PLACES:
+        variables = lowered.variables.copy()
+        for d in range(len(within.problem.drops)):
+            column = drop_column(within.problem, d)
+            variables[column] += fraction * (variables[-1] - variables[column])
+        cool = least_heating(within, variables)
+        found.iterations += cool.iterations
+        found.restarts += 1
+        level = heating_level(cool)
+        if cool.miss <= _FEASIBLE and level < best:
+            best, coolest = level, cool.variables
+        if deadline.passed:
+            break
+    limit = float(base.problem.drops[-1, D_LOG_LIMIT])
+    if best <= limit + _FEASIBLE:
+        again = run(base, coolest, 1.0)
+        again.iterations += found.iterations
+        again.restarts = found.restarts + 1
+        if again.converged:
+            return again, ""
+        return found, "the search did not end, although flights exist that meet every constraint"
+    j = base.heating_jettisons[-1]
+    if not math.isfinite(best):
+        return found, (
+            f"heating limit of jettison {j}: no flight found to the target that meets "
+            f"{math.exp(limit):,.6g} W/m2"
+        )
+    return found, (
+        f"heating limit of jettison {j}: {math.exp(limit):,.6g} W/m2 is not met by any flight "
+        f"found to the target, the least is {math.exp(best):,.6g} W/m2, "
+        f"{math.exp(best) - math.exp(limit):,.6g} W/m2 too much"
+    )
+
+
+def _within_propellant(transcription: Transcription) -> Transcription:
+    """The same problem with the cut-off no later than the propellant lasts."""
+    problem = transcription.problem
+    latest = min(problem.latest_cutoff, transcription.depletion_s)
+    return replace(transcription, problem=problem._replace(latest_cutoff=latest))
+
+
+def least_heating(transcription: Transcription, variables: Array) -> Found:
+    """Search for the flight to the target with the least heating at the last free drop."""
+    problem = transcription.problem._replace(objective=MINIMISE_HEATING)
+    return run(replace(transcription, problem=problem), variables, 1.0)
+
+
+def heating_level(found: Found) -> float:
+    """Log of the heating in W/m2 at the last free drop; inf when not finite."""
+    problem = found.transcription.problem
+    scratch = make_scratch(problem)
+    level = evaluate(
+        found.variables,
+        problem._replace(objective=MINIMISE_HEATING),
+        0,
+        scratch,
+        make_point(problem),
+    )
+    return level if math.isfinite(level) else math.inf
