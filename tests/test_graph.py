@@ -2,65 +2,16 @@
 
 import math
 import time
-from collections.abc import Callable
-from contextlib import ExitStack
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from ares_guidance.node import GuidanceNode
 from ares_msgs.msg import FlightEvent, GuidanceStatus, NavState, ThrustCommand
-from ares_node.node import FlightNode
-from ares_node.qos import EVENTS, FLIGHT, reliable
-from ares_node.testing import spin_until
+from ares_node.qos import FLIGHT
 from ares_vehicle_sim.node import VehicleSimNode
-
-DIAGNOSTICS = reliable(1000)
-
-
-class Graph:
-    """Nodes of one test on one executor, and an observer of what they say."""
-
-    def __init__(self, context, stack):
-        self.context = context
-        self.executor = EventsExecutor(context=context)
-        self._stack = stack
-        stack.callback(self.executor.shutdown)
-        self.observer = self.add(Node("observer", namespace="ares", context=context))
-        self.reports: list[str] = []
-        self.events: list[FlightEvent] = []
-        self.states: list[NavState] = []
-        self.observer.create_subscription(
-            DiagnosticArray, "/diagnostics", self._on_report, DIAGNOSTICS
-        )
-        self.observer.create_subscription(FlightEvent, "flight_event", self.events.append, EVENTS)
-        self.observer.create_subscription(NavState, "nav_state", self.states.append, FLIGHT)
-
-    def _on_report(self, message):
-        self.reports += [f"{s.name}: {s.message}" for s in message.status]
-
-    def add(self, node):
-        self._stack.callback(node.destroy_node)
-        if isinstance(node, FlightNode):
-            self._stack.callback(node.stop)
-        self.executor.add_node(node)
-        return node
-
-    def start(self, kind: type[FlightNode], **parameters):
-        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-        node = self.add(kind(context=self.context, parameter_overrides=overrides))
-        assert node.start(), node.failure
-        return node
-
-    def spin(self, condition: Callable[[], bool], timeout=30.0):
-        assert spin_until(self.executor, condition, timeout), self.reports
-
-    def reported(self, text: str) -> bool:
-        return any(text in report for report in self.reports)
 
 
 class ScriptedGuidance(Node):
@@ -87,13 +38,7 @@ class ScriptedGuidance(Node):
             self._out.publish(changed)
 
 
-@pytest.fixture
-def graph(ros_context):
-    with ExitStack() as stack:
-        yield Graph(ros_context, stack)
-
-
-def answers(graph: Graph) -> int:
+def answers(graph) -> int:
     return len(graph.states)
 
 

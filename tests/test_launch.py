@@ -14,6 +14,7 @@ from ares_bags.recorder import PARAMETERS as RECORDER_PARAMETERS
 from ares_bringup.params_file import node_values
 from ares_guidance.node import PARAMETERS as GUIDANCE_PARAMETERS
 from ares_node.node import AUTOSTART
+from ares_optimizer.node import PARAMETERS as OPTIMIZER_PARAMETERS
 from ares_vehicle_sim.node import PARAMETERS as SIMULATOR_PARAMETERS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -24,6 +25,7 @@ PARAMS_FILE = BRINGUP / "params" / "flight.yaml"
 TABLES = {
     "vehicle_sim": (*SIMULATOR_PARAMETERS, AUTOSTART),
     "guidance": (*GUIDANCE_PARAMETERS, AUTOSTART),
+    "optimizer": (*OPTIMIZER_PARAMETERS, AUTOSTART),
     "recorder": (*RECORDER_PARAMETERS, AUTOSTART),
 }
 #: What every rclpy node has besides its own table.
@@ -35,6 +37,7 @@ PROMISED = {
     "params_file",
     "mission",
     "guidance",
+    "initial_guess",
     "pace",
     "seed",
     "dispersions",
@@ -154,6 +157,7 @@ def test_the_nodes_exist_and_know_what_they_are_given(description):
         description,
         mission="delta_iii",
         guidance="peg",
+        initial_guess="optimizer",
         pace="2",
         seed="3",
         dispersions="/some/file.yaml",
@@ -178,6 +182,7 @@ def test_what_is_not_given_is_left_to_the_parameter_file(description, tmp_path):
     nodes = launched(description)
     assert set(overrides(nodes["vehicle_sim"])) == {"expected_recorders", "exit_when_complete"}
     assert set(overrides(nodes["guidance"])) == {"expected_recorders", "use_sim_time"}
+    assert "optimizer" not in nodes
     recorder = overrides(nodes["recorder"])
     assert recorder["mission"] == "ares_v"
     assert recorder["law"] == "peg"

@@ -19,4 +19,5 @@ setup(
     ],
     python_requires=">=3.11",
     zip_safe=False,
+    entry_points={"console_scripts": ["optimizer = ares_optimizer.node:main"]},
 )

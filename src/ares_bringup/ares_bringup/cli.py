@@ -14,7 +14,16 @@ from typing import Annotated, Any
 import typer
 
 from ares_bringup import __version__
-from ares_bringup.options import MAX_DOMAIN_ID, CannotStart, FlyOptions, Guidance, HeatingSource
+from ares_bringup.options import (
+    MAX_DOMAIN_ID,
+    CannotStart,
+    FlyOptions,
+    Guidance,
+    Heating,
+    HeatingSource,
+    InitialGuess,
+    Method,
+)
 
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130
@@ -113,6 +122,10 @@ def fly(
     heating_source: Annotated[
         HeatingSource | None, typer.Option(help="What times the fairing jettison.")
     ] = None,
+    initial_guess: Annotated[
+        InitialGuess,
+        typer.Option(help="Where guidance starts: from nothing, or asking the optimizer's node."),
+    ] = InitialGuess.NONE,
     attitude_rate_limit: Annotated[
         float, typer.Option(min=0.0, help="Fastest turn of the thrust, deg/s; 0: none.")
     ] = 0.0,
@@ -142,6 +155,7 @@ def fly(
             cycle_period_s=cycle_period,
             hold_time_s=hold_time,
             heating_source=heating_source,
+            initial_guess=initial_guess,
             attitude_rate_limit_deg_s=attitude_rate_limit,
             domain_id=domain_id,
         ),
@@ -154,6 +168,31 @@ def fly(
 
         print_summary(summary, console())
     raise typer.Exit(summary.exit_code)
+
+
+@app.command()
+def optimize(
+    mission: Annotated[
+        str, typer.Option(help="Name that `ares missions` lists, or path of a mission file.")
+    ] = "ares_v",
+    method: Annotated[Method, typer.Option(help="How to solve.")] = Method.DIRECT11,
+    heating: Annotated[
+        Heating,
+        typer.Option(
+            help="Where the heating limit holds: when the fairing goes, from then on, nowhere."
+        ),
+    ] = Heating.AT_JETTISON,
+    hold_jettison: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=SECONDS", help="Drop a part at this time whatever the heating."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Find the optimal ascent off line, with its proof. Exit status 1: no optimum."""
+    from ares_bringup.optimize import optimize as solve
+
+    status = solve(mission, method.value, as_json, heating.value, tuple(hold_jettison or ()))
+    raise typer.Exit(status)
 
 
 @app.command()
@@ -227,6 +266,7 @@ def plot(
 NODES = {
     "sim": "ares_vehicle_sim.node",
     "guidance": "ares_guidance.node",
+    "optimizer": "ares_optimizer.node",
     "recorder": "ares_bags.node",
 }
 
@@ -236,7 +276,9 @@ NODES = {
 )
 def node(
     context: typer.Context,
-    name: Annotated[str, typer.Argument(metavar="sim|guidance|recorder", help="Which node.")],
+    name: Annotated[
+        str, typer.Argument(metavar="sim|guidance|optimizer|recorder", help="Which node.")
+    ],
 ) -> None:
     """Run one node; what follows its name goes to it."""
     if name not in NODES:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from ares_bringup.bag_paths import new_bag
 from ares_bringup.crew import Crew, describe_end, ros_arguments
 from ares_bringup.discovery import apply_discovery_settings
-from ares_bringup.options import CannotStart, FlyOptions, domain_id
+from ares_bringup.options import CannotStart, FlyOptions, InitialGuess, domain_id
 from ares_bringup.summary import (
     EXIT_CANNOT_START,
     FlightSummary,
@@ -28,12 +28,14 @@ if TYPE_CHECKING:
 SIMULATOR = "vehicle_sim"
 GUIDANCE = "guidance"
 RECORDER = "recorder"
+OPTIMIZER = "optimizer"
 
 #: Modules that run the nodes as processes.
 MODULES = {
     SIMULATOR: "ares_vehicle_sim.node",
     GUIDANCE: "ares_guidance.node",
     RECORDER: "ares_bags.node",
+    OPTIMIZER: "ares_optimizer.node",
 }
 
 #: Wall time in s between looks at the children.
@@ -113,6 +115,7 @@ def node_parameters(options: FlyOptions, bag: str | None) -> dict[str, dict[str,
         "mission": options.mission,
         "law": options.guidance.value,
         "expected_recorders": recorders,
+        "initial_guess": options.initial_guess.value,
     }
     if options.cycle_period_s is not None:
         guidance["cycle_period_s"] = float(options.cycle_period_s)
@@ -121,6 +124,8 @@ def node_parameters(options: FlyOptions, bag: str | None) -> dict[str, dict[str,
     if options.heating_source is not None:
         guidance["heating_source"] = options.heating_source.value
     nodes = {SIMULATOR: simulator, GUIDANCE: guidance}
+    if options.initial_guess is InitialGuess.OPTIMIZER:
+        nodes[OPTIMIZER] = {"mission": options.mission}
     if bag is not None:
         nodes[RECORDER] = {
             "bag": bag,
@@ -282,6 +287,9 @@ def _crew_lost(crew: Crew, summary: FlightSummary, say: Say) -> bool:
     """Note who has ended; True if the flight cannot go on."""
     for name, status in crew.newly_ended():
         how = describe_end(status)
+        if name == OPTIMIZER:
+            say(f"{name} {how}: guidance starts without its guess")
+            continue
         if status == EXIT_CANNOT_START and (name == SIMULATOR or not summary.started):
             # it has said why; events that came are those of another simulator
             raise CannotStart("")
@@ -333,7 +341,7 @@ def _fly_in_process(
         nodes: dict[str, FlightNode] = {}
         try:
             # the recorder first, the simulator last: all is connected when it looks
-            for name in (RECORDER, GUIDANCE, SIMULATOR):
+            for name in (RECORDER, OPTIMIZER, GUIDANCE, SIMULATOR):
                 if name in parameters:
                     nodes[name] = _started(name, parameters[name], executor, monitor)
                 if stop.requested:
@@ -343,11 +351,11 @@ def _fly_in_process(
                 executor.spin_once(timeout_sec=LOOK_PERIOD)
                 if any(node.done for node in nodes.values()) and _node_lost(nodes, summary, say):
                     break
-            for name in (SIMULATOR, GUIDANCE, RECORDER):
+            for name in (SIMULATOR, GUIDANCE, OPTIMIZER, RECORDER):
                 if name in nodes and not nodes[name].done:
                     nodes[name].drain(executor)
         finally:
-            for name in (SIMULATOR, GUIDANCE, RECORDER):
+            for name in (SIMULATOR, GUIDANCE, OPTIMIZER, RECORDER):
                 if name in nodes:
                     executor.remove_node(nodes[name])
                     nodes[name].stop()
@@ -393,6 +401,10 @@ def _node_class(name: str) -> "Callable[..., FlightNode]":
         from ares_guidance.node import GuidanceNode
 
         return GuidanceNode
+    if name == OPTIMIZER:
+        from ares_optimizer.node import OptimizerNode
+
+        return OptimizerNode
     from ares_bags.node import RecorderNode
 
     return RecorderNode

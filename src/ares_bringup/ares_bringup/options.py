@@ -26,6 +26,32 @@ class HeatingSource(StrEnum):
     MODEL = "model"
 
 
+class InitialGuess(StrEnum):
+    """Where the guidance law starts, by the names of the parameter `initial_guess`."""
+
+    NONE = "none"
+    OPTIMIZER = "optimizer"
+
+
+class Method(StrEnum):
+    """Methods of the off-line optimizer, by their names in `ares_optimizer.solve`."""
+
+    DIRECT11 = "direct11"
+    DIRECT14 = "direct14"
+    DIRECT20 = "direct20"
+    JUMP = "jump"
+    INDIRECT = "indirect"
+    CLOSED_FORM = "closed_form"
+
+
+class Heating(StrEnum):
+    """Where the optimizer holds a heating limit, by its names in `ares_optimizer.solve`."""
+
+    AT_JETTISON = "at_jettison"
+    FROM_JETTISON = "from_jettison"
+    IGNORED = "ignored"
+
+
 @dataclass(frozen=True)
 class FlyOptions:
     """One flight.
@@ -43,6 +69,7 @@ class FlyOptions:
         cycle_period_s: flight time between guidance cycles; None: the node's default.
         hold_time_s: time to go from which the steering is held; None: the node's default.
         heating_source: what times a heating jettison; None: the node's default.
+        initial_guess: where the guidance law starts; the optimizer's node joins for its guess.
         attitude_rate_limit_deg_s: fastest turn of the thrust; 0: none.
         domain_id: ROS domain; None: that of the environment.
     """
@@ -59,6 +86,7 @@ class FlyOptions:
     cycle_period_s: float | None = None
     hold_time_s: float | None = None
     heating_source: HeatingSource | None = None
+    initial_guess: InitialGuess = InitialGuess.NONE
     attitude_rate_limit_deg_s: float = 0.0
     domain_id: int | None = None
 

@@ -65,6 +65,12 @@ def arguments() -> list[DeclareLaunchArgument]:
         ),
         DeclareLaunchArgument("guidance", default_value="", description="Guidance law."),
         DeclareLaunchArgument(
+            "initial_guess",
+            default_value="",
+            description="Where guidance starts: none, or optimizer, which starts that node too "
+            "and asks it.",
+        ),
+        DeclareLaunchArgument(
             "pace",
             default_value="",
             description="Real-time factor; 0 flies as fast as guidance answers.",
@@ -107,7 +113,8 @@ def end_if_not_started(event: ProcessExited, _context: LaunchContext) -> list[An
 def nodes(context: LaunchContext) -> list[Any]:
     given = {
         name: LaunchConfiguration(name).perform(context)
-        for name in ("mission", "guidance", "pace", "seed", "dispersions", "bag")
+        for name in ("mission", "guidance", "initial_guess")
+        + ("pace", "seed", "dispersions", "bag")
     }
     switches = {
         name: LaunchConfiguration(name).perform(context) == "true"
@@ -153,10 +160,18 @@ def nodes(context: LaunchContext) -> list[Any]:
             on_exit=Shutdown(reason="the simulator has ended"),
         ),
         Node(
-            **node("ares_guidance", "guidance", ("mission", "law"), **recorders, **clock),
+            **node(
+                "ares_guidance",
+                "guidance",
+                ("mission", "law", "initial_guess"),
+                **recorders,
+                **clock,
+            ),
             on_exit=end_if_not_started,
         ),
     ]
+    if given["initial_guess"] == "optimizer":
+        started.append(Node(**node("ares_optimizer", "optimizer", ("mission",), **clock)))
     if switches["record"]:
         bag = values.get("bag") or str(new_bag(Path(str(flown.get("mission", "flight"))).stem))
         about = {name: flown[name] for name in ("mission", "law", "seed") if name in flown}

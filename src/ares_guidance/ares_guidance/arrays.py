@@ -78,6 +78,8 @@ PEG_STATE = np.dtype(
         ("propellant_short", np.int64),
         ("tail_gain", np.float64),  # s of full thrust that follow the cut-off command
         ("tail_drift", np.float64),  # s by which the tail outlasts them
+        # where to start instead of the scalar impulse
+        ("seeded", np.int64),
         # heating jettisons
         ("jettison_time", np.float64, (8,)),  # MET; inf: beyond cut-off, planned without
         ("density_ratio", np.float64),  # measured over modelled heating; nan: unknown

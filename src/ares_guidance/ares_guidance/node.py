@@ -2,19 +2,29 @@
 
 import math
 import sys
+import time
 from dataclasses import fields
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from rclpy.task import Future
 
 from ares_guidance.peg import HEATING_SOURCES, Peg, PegSettings
 from ares_models.arrays import HEATING_LIMIT, NAVIGATION
 from ares_models.mission import Start, load_mission
 from ares_msgs.msg import GuidanceStatus, NavState, ThrustCommand
+from ares_msgs.srv import SolveTrajectory
 from ares_node.diagnostics import Diagnostics, Level
 from ares_node.node import FlightNode
 from ares_node.parameters import Parameter
-from ares_node.qos import FLIGHT, GUIDANCE_STATUS, NAV_STATE, THRUST_COMMAND
+from ares_node.qos import (
+    FLIGHT,
+    GUIDANCE_STATUS,
+    NAV_STATE,
+    SOLVE_TRAJECTORY,
+    THRUST_COMMAND,
+)
 from ares_node.run import run_node
 from ares_node.time import NANOSECONDS, ns_from_stamp
 
@@ -46,6 +56,21 @@ PARAMETERS = (
         "What times the jettison: the measured heating, or the on-board atmosphere alone.",
         choices=tuple(HEATING_SOURCES),
     ),
+    Parameter(
+        "initial_guess",
+        "none",
+        "Where the law starts: none, the navigation state alone; optimizer, what the service "
+        "solve_trajectory answers in time.",
+        choices=("none", "optimizer"),
+    ),
+    Parameter(
+        "optimizer_timeout_s",
+        2.0,
+        "Wall time to wait for the optimizer before starting without it.",
+        unit="s",
+        minimum=0.0,
+        maximum=60.0,
+    ),
 ) + tuple(
     Parameter(
         item.name,
@@ -75,6 +100,7 @@ class GuidanceNode(FlightNode):
         values = self.values
         mission = load_mission(values["mission"])
         arrays = mission.arrays()
+        self._jettisons = arrays.jettisons
         self._heating_jettisons = int(np.sum(arrays.jettisons["criterion"] == HEATING_LIMIT))
         self._law = Peg(
             arrays, PegSettings(**{item.name: values[item.name] for item in fields(PegSettings)})
@@ -85,9 +111,13 @@ class GuidanceNode(FlightNode):
         self._command_out = self.create_publisher(ThrustCommand, THRUST_COMMAND, FLIGHT)
         self._status_out = self.create_publisher(GuidanceStatus, GUIDANCE_STATUS, FLIGHT)
         self._nav_in = self.create_subscription(NavState, NAV_STATE, self._on_nav_state, FLIGHT)
+        self._optimizer = self.create_client(SolveTrajectory, SOLVE_TRAJECTORY)
+        self._wants_guess = values["initial_guess"] == "optimizer"
+        self._guess: Future | None = None
         self._held_back: NavState | None = None
         self._recorded = values["expected_recorders"] == 0
         self._last_ns: int | None = None
+        self._looked_since: float | None = None
         self._forget()
 
     def activate(self) -> None:
@@ -105,6 +135,7 @@ class GuidanceNode(FlightNode):
         self.destroy_publisher(self._command_out)
         self.destroy_publisher(self._status_out)
         self.destroy_subscription(self._nav_in)
+        self.destroy_client(self._optimizer)
 
     def _rehearse(self, start: Start) -> None:
         """One step from the mission's start: the law is compiled before anybody waits for it."""
@@ -130,19 +161,84 @@ class GuidanceNode(FlightNode):
                 self._status_out.get_subscription_count() >= expected
                 and self._command_out.get_subscription_count() >= 1 + expected
             )
-        if self._recorded:
+        if self._recorded and self._held_back is not None and self._ready(self._held_back):
+            message, self._held_back = self._held_back, None
+            self._answer(message)
+        if self._recorded and not self._wants_guess:
             self._watch.cancel()
-            if self._held_back is not None:
-                message, self._held_back = self._held_back, None
-                self._answer(message)
 
     def _on_nav_state(self, message: NavState) -> None:
         if not getattr(self, "_active", False):
             return
-        if not self._recorded:
+        if self._recorded and self._ready(message):
+            self._answer(message)
+        else:
             self._held_back = message
+
+    # ---- the optimizer's guess
+
+    def _ready(self, message: NavState) -> bool:
+        """Whether the law may start: no guess is wanted, or it is there, or it is late."""
+        if not self._wants_guess:
+            return True
+        now = ns_from_stamp(message.stamp)
+        waited = time.monotonic() - self._asked_at if self._guess else 0.0
+        if self._guess is None:
+            if not self._optimizer.service_is_ready() and self._patient():
+                return False
+            return self._ask(message, now)
+        if self._guess.done():
+            self._take_guess(self._guess.result(), now)
+        elif waited > self.values["optimizer_timeout_s"]:
+            self._guess.cancel()
+            self._without_guess(f"no answer within {waited:.1f} s", now)
+        return not self._wants_guess
+
+    def _patient(self) -> bool:
+        """The optimizer's node may still be on its way into the graph."""
+        if self._looked_since is None:
+            self._looked_since = time.monotonic()
+        return time.monotonic() - self._looked_since < self.values["optimizer_timeout_s"]
+
+    def _ask(self, message: NavState, now: int) -> bool:
+        if not self._optimizer.service_is_ready():
+            self._without_guess("no such service on the graph", now)
+            return True
+        request = SolveTrajectory.Request(
+            mission=self.values["mission"],
+            use_nav_state=True,
+            nav_state=message,
+            time_limit=self.values["optimizer_timeout_s"],
+        )
+        self._asked_at = time.monotonic()
+        self._guess = self._optimizer.call_async(request)
+        return False
+
+    def _take_guess(self, answer: SolveTrajectory.Response | None, now: int) -> None:
+        if answer is None or answer.error_code != SolveTrajectory.Response.NONE:
+            reason = answer.message if answer else "the call failed"
+            self._without_guess(reason or f"error {answer.error_code}", now)
             return
-        self._answer(message)
+        try:
+            self._law.seed(_velocity_to_go(answer), self._planned_jettisons(answer))
+        except ValueError as error:
+            self._without_guess(f"unusable answer: {error}", now)
+            return
+        self._wants_guess = False
+
+    def _planned_jettisons(self, answer: SolveTrajectory.Response) -> NDArray[np.float64]:
+        planned = np.full(len(self._jettisons), math.inf)
+        if math.isfinite(answer.jettison_time):
+            planned[self._jettisons["criterion"] == HEATING_LIMIT] = answer.jettison_time
+        return planned
+
+    def _without_guess(self, reason: str, now: int) -> None:
+        self._wants_guess = False
+        self._diagnostics.report(
+            Level.WARN, f"optimizer: {reason}; starting from the navigation state alone", now
+        )
+
+    # ---- the flight
 
     def _answer(self, message: NavState) -> None:
         now = ns_from_stamp(message.stamp)
@@ -227,6 +323,17 @@ class GuidanceNode(FlightNode):
                     "the heating limit is not met before cut-off: planning without the jettison",
                     now,
                 )
+
+
+def _velocity_to_go(answer: SolveTrajectory.Response) -> NDArray[np.float64]:
+    """The optimizer's burn as one vector: the delta-V of each arc along its mean direction."""
+    middle = 0.5 * (np.asarray(answer.arc_start_time) + np.asarray(answer.arc_end_time))
+    ahead = middle - np.asarray(answer.steering_reference_time)
+    directions = np.reshape(answer.steering_direction, (-1, 3)) + ahead[:, None] * np.reshape(
+        answer.steering_direction_rate, (-1, 3)
+    )
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return np.asarray(answer.arc_delta_v) @ directions  # type: ignore[no-any-return]
 
 
 def main() -> int:

@@ -144,6 +144,33 @@ class Peg:
         self.steering["jettison"] = -1
         self.steering["jettison_time"] = math.nan
 
+    def seed(
+        self, velocity_to_go: NDArray[np.float64], jettison_times: NDArray[np.float64]
+    ) -> None:
+        """Start the next flight from a guess instead of from nothing.
+
+        Args:
+            velocity_to_go: shape (3,), m/s, finite and not zero.
+            jettison_times: one per jettison of the mission, mission elapsed time, s; inf for
+                one that is not planned.
+
+        Raises:
+            ValueError: a guess that is no start.
+        """
+        speed = float(np.linalg.norm(velocity_to_go))
+        if not (math.isfinite(speed) and speed > 0.0):
+            raise ValueError(f"velocity_to_go is {velocity_to_go}; expected finite, not zero")
+        if np.any(np.isnan(jettison_times)) or len(jettison_times) != len(self._arrays.jettisons):
+            raise ValueError(
+                f"jettison_times is {jettison_times}; expected {len(self._arrays.jettisons)} times"
+            )
+        self.reset()
+        state = self._state[0]
+        state["velocity_to_go"] = velocity_to_go
+        state["jettison_time"] = math.inf
+        state["jettison_time"][: len(jettison_times)] = jettison_times
+        state["seeded"] = 1
+
     @property
     def state(self) -> Any:
         """What the law thinks, record PEG_STATE."""

@@ -1,14 +1,41 @@
 """Compile every kernel once, so that the next start finds them in numba's cache."""
 
+import multiprocessing
+
 from ares_models.mission import load_mission
+from ares_optimizer.solve import solve
 from ares_studies.closed_loop import fly_compiled, fly_stepwise
 
 
-def main() -> None:
+def fly() -> None:
     """Fly the default mission both ways: whatever the nodes call is compiled by then."""
     mission = load_mission("ares_v")
     fly_compiled(mission)
     fly_stepwise(mission)
+
+
+def optimize_directly() -> None:
+    """Solve by the direct methods."""
+    solve(load_mission("ares_v"), "direct11")
+    solve(load_mission("ares_v"), "jump")
+
+
+def optimize_indirectly() -> None:
+    """Solve by the indirect methods."""
+    solve(load_mission("ares_v"), "indirect")
+    solve(load_mission("ares_v"), "closed_form")
+
+
+def main() -> None:
+    """Compile in as many processes as there are parts: a core each, if there is one."""
+    parts = (optimize_indirectly, optimize_directly, fly)
+    processes = [multiprocessing.Process(target=part) for part in parts]
+    for process in processes:
+        process.start()
+    for process in processes:
+        process.join()
+    if any(process.exitcode for process in processes):
+        raise SystemExit(1)
 
 
 if __name__ == "__main__":

@@ -300,17 +300,22 @@ def start_guess(
 ) -> None:
     """First velocity-to-go: the scalar impulse along the velocity, Eqs. 5.29 and 5.35.
 
+    A state that is ``seeded`` keeps its velocity-to-go and jettison times instead, once.
+
     Args: as in :func:`guidance_step`.
     """
     r = load(nav.position)
     v = load(nav.velocity)
-    speed = norm(v)
-    wanted = target_speed(target, environment.mu, norm(r)) - speed
-    course = scale(1.0 / speed, v) if speed > 1.0 else unit(r)
-    # an impulse below what a second of flight gives would leave no burn to steer
-    store(state.velocity_to_go, scale(max(wanted, 0.05 * speed + 10.0), course))
-    for j in range(state.jettison_time.shape[0]):
-        state.jettison_time[j] = math.inf
+    if state.seeded == 1:
+        state.seeded = 0
+    else:
+        speed = norm(v)
+        wanted = target_speed(target, environment.mu, norm(r)) - speed
+        course = scale(1.0 / speed, v) if speed > 1.0 else unit(r)
+        # an impulse below what a second of flight gives would leave no burn to steer
+        store(state.velocity_to_go, scale(max(wanted, 0.05 * speed + 10.0), course))
+        for j in range(state.jettison_time.shape[0]):
+            state.jettison_time[j] = math.inf
     plan_segments(nav, arcs, jettisons, state)
     t_go, _, _ = burn_time_to_go(state, norm(load(state.velocity_to_go)))
     state.time_to_go = t_go

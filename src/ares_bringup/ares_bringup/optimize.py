@@ -1,0 +1,186 @@
+"""What `ares optimize` does and prints. No ROS."""
+
+import json
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from ares_bringup.options import CannotStart
+from ares_bringup.report import BLANK, console, number
+from ares_models.mission import Mission, MissionError, load_mission
+from ares_optimizer.solution import OptimizerError, Solution
+from ares_optimizer.solve import HeatingName, solve
+
+EXIT_OPTIMAL = 0
+EXIT_NOT_OPTIMAL = 1
+
+#: Table 4.1 of the thesis: OTIS, and the thesis' own optimization.
+THESIS_TABLE = {
+    "jettison, s": (422.20, 441.02),
+    "burn after it, s": (361.80, 328.43),
+    "cut-off, s": (784.00, 769.45),
+    "final mass, kg": (166_630.0, 173_430.0),
+}
+THESIS_MISSION = "ares_v"
+
+
+def optimize(
+    mission_name: str,
+    method: str,
+    as_json: bool,
+    heating: HeatingName,
+    held: Sequence[str],
+) -> int:
+    """Solve, print, say by the exit status whether the optimum was found.
+
+    Args:
+        mission_name: shipped name or path.
+        method: one of `ares_optimizer.solve.METHODS`.
+        as_json: one JSON object instead of the tables.
+        heating: where the heating limit holds.
+        held: jettisons held at a time, `NAME=SECONDS` each.
+
+    Returns:
+        0 for a proven optimum, else 1; the reason is in what is printed.
+
+    Raises:
+        CannotStart: bad mission, method or option; one line.
+    """
+    try:
+        mission = load_mission(mission_name)
+        times = _held_times(mission, held)
+        # the first call of a process loads the compiled functions; the second is timed
+        for _ in range(2):
+            solution = solve(mission, method, heating=heating, jettison_times=times)
+            if not solution.converged:
+                break
+    except (MissionError, OptimizerError) as error:
+        raise CannotStart(" ".join(str(error).split())) from error
+    if as_json:
+        print(json.dumps(solution.to_json(), indent=2, allow_nan=False))
+    else:
+        _print(mission, solution, console())
+    return EXIT_OPTIMAL if solution.converged else EXIT_NOT_OPTIMAL
+
+
+def _held_times(mission: Mission, held: Sequence[str]) -> dict[int, float]:
+    times = {}
+    for text in held:
+        name, _, value = text.rpartition("=")
+        if name not in mission.jettison_names:
+            known = ", ".join(repr(known) for known in mission.jettison_names) or "none at all"
+            raise CannotStart(
+                f"--hold-jettison is {text!r}; expected NAME=SECONDS, the name one of {known}"
+            )
+        try:
+            times[mission.jettison_names.index(name)] = float(value)
+        except ValueError as error:
+            raise CannotStart(
+                f"--hold-jettison is {text!r}; expected a number of seconds after the ="
+            ) from error
+    return times
+
+
+def _print(mission: Mission, solution: Solution, out: Console) -> None:
+    out.print(Text(f"{mission.title} ({mission.name}), {solution.method}"), style="bold")
+    verdict = "optimal" if solution.converged else f"no optimum: {solution.reason}"
+    out.print(Text(verdict), soft_wrap=True)
+    if solution.trajectory is None:
+        return
+    out.print()
+    if mission.name == THESIS_MISSION:
+        out.print(_thesis_table(solution))
+    else:
+        for name, value in _results(solution).items():
+            if math.isfinite(value):
+                out.print(f"{name:<18}{value:>14,.3f}")
+    out.print()
+    out.print(_arc_table(solution))
+    out.print()
+    out.print(_constraint_table(solution))
+    out.print()
+    for line in _proof(solution):
+        out.print(line, soft_wrap=True)
+
+
+def _results(solution: Solution) -> dict[str, float]:
+    return {
+        "jettison, s": solution.t_plf_s,
+        "burn after it, s": solution.t_meco_s - solution.t_plf_s,
+        "cut-off, s": solution.t_meco_s,
+        "final mass, kg": solution.m_f_kg,
+    }
+
+
+def _thesis_table(solution: Solution) -> Table:
+    """Table 4.1 with a column of ours."""
+    table = _table("Table 4.1", "OTIS", "thesis", "ours")
+    for name, ours in _results(solution).items():
+        table.add_row(name, *(number(value, 2) for value in (*THESIS_TABLE[name], ours)))
+    return table
+
+
+def _table(first: str, *columns: str) -> Table:
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column(first)
+    for column in columns:
+        table.add_column(column, justify="right")
+    return table
+
+
+def _arc_table(solution: Solution) -> Table:
+    table = _table("steering from", "to s", "mass kg", "to kg", "delta-V m/s", "rate deg/s")
+    for arc in solution.arcs:
+        rate = math.degrees(float(np.linalg.norm(arc.direction_rate)))
+        table.add_row(
+            number(arc.start_s, 2),
+            number(arc.end_s, 2),
+            number(arc.start_mass_kg, 1),
+            number(arc.end_mass_kg, 1),
+            number(arc.delta_v_m_s, 2),
+            number(rate, 4),
+        )
+    return table
+
+
+def _constraint_table(solution: Solution) -> Table:
+    table = _table("constraint", "value", "limit", "", "kg per unit")
+    for check in solution.constraints:
+        state = "active" if check.active else "slack"
+        if not check.satisfied:
+            state = "VIOLATED"
+        price = f"{check.multiplier:+.4g}" if math.isfinite(check.multiplier) else BLANK
+        table.add_row(
+            f"{check.name}, {check.unit}" if check.unit else check.name,
+            f"{check.value:,.7g}",
+            f"{check.limit:,.7g}",
+            state,
+            price,
+        )
+    return table
+
+
+def _proof(solution: Solution) -> list[str]:
+    lines = []
+    proof = solution.verification
+    if proof is not None:
+        lines.append(
+            "flown again by an independent integrator: within "
+            f"{proof.position_defect_m:.2g} m, {proof.velocity_defect_m_s:.2g} m/s, "
+            f"{proof.mass_defect_kg:.2g} kg"
+        )
+        if math.isfinite(proof.peak_fmhr_after_jettison_w_m2):
+            lines.append(
+                f"greatest heating after the jettison: "
+                f"{proof.peak_fmhr_after_jettison_w_m2:,.1f} W/m2"
+            )
+    if solution.costates is not None:
+        spread = max(solution.costates.hamiltonian_spread, default=math.nan)
+        lines.append(f"Hamiltonian constant on each arc within {spread:.1e}")
+    restarts = f", {solution.restarts} restarts" if solution.restarts else ""
+    lines.append(f"{solution.iterations} iterations{restarts}, {solution.solve_ms:.2f} ms")
+    return lines

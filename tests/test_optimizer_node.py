@@ -1,0 +1,141 @@
+"""The optimizer's service in a graph, and guidance that asks it, in time or in vain."""
+
+import math
+
+import numpy as np
+import pytest
+from rclpy.node import Node
+
+from ares_guidance.node import GuidanceNode
+from ares_msgs.msg import FlightEvent, GuidanceStatus
+from ares_msgs.srv import SolveTrajectory
+from ares_node.qos import FLIGHT
+from ares_optimizer.node import OptimizerNode
+from ares_vehicle_sim.node import VehicleSimNode
+
+Response = SolveTrajectory.Response
+
+
+@pytest.fixture
+def served(graph):
+    """A graph with the optimizer, and a function that asks it."""
+    graph.start(OptimizerNode)
+    client = graph.observer.create_client(SolveTrajectory, "solve_trajectory")
+    graph.spin(client.service_is_ready)
+
+    def ask(count=1, **fields):
+        calls = [client.call_async(SolveTrajectory.Request(**fields)) for _ in range(count)]
+        graph.spin(lambda: all(call.done() for call in calls), 60.0)
+        answers = [call.result() for call in calls]
+        return answers if count > 1 else answers[0]
+
+    return ask
+
+
+def test_the_optimum_is_served_whole(served):
+    answer = served(mission="ares_v", method="direct11")
+    assert answer.error_code == Response.NONE, answer.message
+    assert answer.converged
+    assert answer.final_mass == pytest.approx(174_183.1, abs=0.5)
+    assert answer.jettison_time == pytest.approx(416.64, abs=0.1)
+    assert answer.cutoff_time == pytest.approx(766.907, abs=0.005)
+    assert list(answer.arc_end_time)[:-1] == pytest.approx(list(answer.arc_start_time)[1:])
+    directions = np.reshape(answer.steering_direction, (-1, 3))
+    assert np.linalg.norm(directions, axis=1) == pytest.approx(1.0)
+    positions = np.reshape(answer.sample_position, (-1, 3))
+    assert len(positions) == len(answer.sample_time) == len(answer.sample_mass)
+    assert np.linalg.norm(positions[-1]) == pytest.approx(6_518_889.0, abs=1.0)
+
+
+def test_a_request_that_names_nothing_gets_the_nodes_mission(served):
+    answer = served()
+    assert answer.error_code == Response.NONE
+    assert answer.method == "indirect"
+    assert answer.final_mass == pytest.approx(174_183.1, abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("fields", "code", "text"),
+    [
+        ({"method": "magic"}, Response.UNKNOWN_METHOD, "method is 'magic'; expected one of"),
+        ({"mission": "ares_vi"}, Response.INVALID_MISSION, "no such mission"),
+        ({"use_nav_state": True}, Response.INVALID_STATE, "state."),
+    ],
+)
+def test_a_bad_request_gets_a_code_and_a_line(served, fields, code, text):
+    answer = served(**fields)
+    assert answer.error_code == code
+    assert text in answer.message
+    assert "\n" not in answer.message
+    assert not answer.converged
+
+
+def test_requests_at_the_same_time_are_all_answered(served):
+    answers = served(count=5, method="direct11")
+    assert len(answers) == 5
+    assert all(answer.converged for answer in answers)
+
+
+def fly(graph, **parameters):
+    statuses = []
+    graph.observer.create_subscription(GuidanceStatus, "guidance_status", statuses.append, FLIGHT)
+    graph.start(GuidanceNode, initial_guess="optimizer", **parameters)
+    graph.start(VehicleSimNode)
+    graph.spin(lambda: any(e.type == FlightEvent.FLIGHT_COMPLETE for e in graph.events), 60.0)
+    cutoff = next(event for event in graph.events if event.type == FlightEvent.CUTOFF)
+    assert np.linalg.norm(cutoff.position) == pytest.approx(6_518_889.0, abs=1.0)
+    assert np.linalg.norm(cutoff.velocity) == pytest.approx(7840.675, abs=0.01)
+    return statuses
+
+
+def test_guidance_starts_from_the_optimizers_guess(graph):
+    graph.start(OptimizerNode)
+    statuses = fly(graph)
+    # 8 from the navigation state alone
+    assert statuses[0].iterations < 8
+    assert not graph.reports
+
+
+def test_guidance_flies_without_an_optimizer(graph):
+    statuses = fly(graph, optimizer_timeout_s=0.3)
+    assert statuses[0].converged
+    assert graph.reported("optimizer: no such service on the graph; starting from the navigation")
+
+
+@pytest.mark.parametrize(
+    ("answer", "complaint"),
+    [
+        (None, "no answer within"),
+        (Response(error_code=Response.INFEASIBLE, message="no way"), "optimizer: no way"),
+        (Response(), "unusable answer"),
+        (
+            Response(
+                arc_start_time=[155.9],
+                arc_end_time=[760.0],
+                arc_delta_v=[math.nan],
+                steering_reference_time=[155.9],
+                steering_direction=[1.0, 0.0, 0.0],
+                steering_direction_rate=[0.0, 0.0, 0.0],
+            ),
+            "unusable answer",
+        ),
+        (
+            Response(arc_delta_v=[1.0, 2.0], arc_start_time=[1.0]),
+            "unusable answer",
+        ),
+    ],
+    ids=["late", "refused", "empty", "nan", "lists of different length"],
+)
+def test_guidance_flies_without_a_late_or_wrong_answer(graph, answer, complaint):
+    server = graph.observer
+    if answer is None:
+        # it is on the graph, but nobody spins it
+        server = Node("optimizer", namespace="ares", context=graph.context)
+    server.create_service(SolveTrajectory, "solve_trajectory", lambda _request, _response: answer)
+    try:
+        statuses = fly(graph, optimizer_timeout_s=0.5)
+    finally:
+        if server is not graph.observer:
+            server.destroy_node()
+    assert statuses[0].converged
+    assert graph.reported(complaint)
