@@ -59,6 +59,8 @@ _SMALLEST_EASING = 3e-4  # step of a log heating limit
 _MOST_EASINGS = 120
 _SAME_TIME = 1.0  # of a jettison, s
 _JUMP_MAY_COST = 3.0  # kg against direct11
+_LATE = 2.0  # before cut-off, s
+_COSTS_NOTHING = 1e-6  # s
 _SIDE = 1e-9  # either side of an event, s
 _GAUSS = np.polynomial.legendre.leggauss(10)
 
@@ -387,13 +389,16 @@ def heating_excess(variables: Array, problem: Problem) -> float:
     return max(levels, default=0.0)
 
 
-def tighten(found: Found, transcription: Transcription, deadline: Deadline) -> Found:
+def tighten(
+    found: Found, transcription: Transcription, deadline: Deadline, bound: float = math.inf
+) -> Found:
     """From a solution under raised heating limits down to the limits themselves.
 
     Args:
         found: a solution of the same flight, its heating anything.
         transcription: the problem to be solved.
         deadline: when to give up.
+        bound: cut-off time of a known solution, s: what is later is not worth following.
 
     Returns:
         the search of the lowest limits that converged (``found`` if none did); its ``excess``
@@ -406,6 +411,8 @@ def tighten(found: Found, transcription: Transcription, deadline: Deadline) -> F
     iterations = 0
     restarts = 0
     while reached > 0.0 and step > _SMALLEST_EASING and not deadline.passed:
+        if best.cutoff_s > bound:
+            break
         amount = max(0.0, reached - step)
         target = eased(transcription, amount) if amount > 0.0 else transcription
         trial = run(target, variables, _SOLUTION_IS_RESTORED_TO)
@@ -475,6 +482,75 @@ def solve_direct(
     return continue_to(arrays, start, method, heating, found, deadline)
 
 
+def _hold_limit(
+    arrays: MissionArrays,
+    start: Record,
+    method: str,
+    splits: tuple[float, ...],
+    before: Found,
+    deadline: Deadline,
+) -> Found:
+    """From the limit at the jettison to the limit from the jettison on.
+
+    Two ways lead there: a flight that lofts more, and one that keeps the fairing until the
+    later peak of the heating is over. The better one is kept.
+
+    Args:
+        arrays, start, method: as :func:`solve_direct`.
+        splits: further times at which the rate is free, s.
+        before: solution with the limit at the jettison.
+        deadline: when to give up.
+    """
+
+    def problem(method: str, heating: Heating, more: Sequence[float] = ()) -> Transcription:
+        return transcribe(arrays, start, method, heating, splits=(*splits, *more))
+
+    path = problem(method, Heating.FROM_JETTISON)
+    found = continue_from(before, path)
+    if found.converged and found.cutoff_s <= before.cutoff_s + _COSTS_NOTHING:
+        return found
+    # with every parameter free the late jettison is found from afar
+    free = problem("direct20", Heating.AT_JETTISON)
+    late = run(free, _late_drops(carry_over(before, free), free.problem), math.inf)
+    if late.converged:
+        late = continue_from(late, path)
+    if not found.converged:
+        bound = late.cutoff_s if late.converged else math.inf
+        tightened = tighten(before, path, deadline, bound)
+        tightened.iterations += found.iterations
+        tightened.restarts += found.restarts
+        found = tightened
+    found = _better(found, late)
+    if found.converged and method != "jump":
+        # where the limit is touched the primer's rate jumps: let the steering's do so too
+        touched = [t for t, mu in path_peaks(found) if mu > 0.0]
+        if touched:
+            better = continue_from(found, problem(method, Heating.FROM_JETTISON, touched))
+            found = _better(found, better)
+    return found
+
+
+def path_peaks(found: Found) -> list[tuple[float, float]]:
+    """Later peaks of the heating that the limit holds down: (time s, multiplier of the log)."""
+    problem = found.transcription.problem
+    if problem.heating != HEATING_FROM_JETTISON or not len(problem.drops):
+        return []
+    scratch = make_scratch(problem)
+    evaluate(found.variables, problem, 0, scratch, make_point(problem))
+    rows = found.inequalities[-PEAKS:]
+    return [
+        (problem.start_time + float(scratch.peaks[k]), float(rows[k]))
+        for k in range(int(scratch.counts[2]))
+    ]
+
+
+def _late_drops(variables: Array, problem: Problem) -> Array:
+    """The same variables with the last drop just before cut-off."""
+    moved = variables.copy()
+    moved[drop_column(problem, len(problem.drops) - 1)] = moved[-1] - _LATE / TIME_SCALE
+    return moved
+
+
 def continue_to(
     arrays: MissionArrays,
     start: Record,
@@ -503,14 +579,7 @@ def continue_to(
         if splits or method != "direct11":
             found = continue_from(base, transcribe(arrays, start, method, first, splits=splits))
     if heating is Heating.FROM_JETTISON and found.converged and found.drop_times_s:
-        path = transcribe(arrays, start, method, heating, splits=splits)
-        before = found
-        found = continue_from(before, path)
-        if not found.converged:
-            tightened = tighten(before, path, deadline)
-            tightened.iterations += found.iterations
-            tightened.restarts += found.restarts
-            found = tightened
+        found = _hold_limit(arrays, start, method, splits, found, deadline)
     found.base_converged = True
     return found
 

@@ -18,7 +18,7 @@ from scipy.integrate import solve_ivp
 from ares_models.arrays import MissionArrays
 from ares_models.kernels.environment import log_heating_gradient
 from ares_models.kernels.vectors import Vector
-from ares_optimizer.direct import Found
+from ares_optimizer.direct import Found, path_peaks
 from ares_optimizer.kernels.evaluate import evaluate, make_point, make_scratch
 from ares_optimizer.kernels.problem import (
     D_LOG_LIMIT,
@@ -79,19 +79,10 @@ class Jump:
 
 def heating_jumps(found: Found) -> list[Jump]:
     """Where the costates of a solution jump."""
-    problem = found.transcription.problem
     jumps = [
         Jump(time, float(found.inequalities[3 * d]), d) for d, time in enumerate(found.drop_times_s)
     ]
-    if problem.heating == HEATING_FROM_JETTISON and jumps:
-        scratch = make_scratch(problem)
-        evaluate(found.variables, problem, 0, scratch, make_point(problem))
-        rows = found.inequalities[-PEAKS:]
-        jumps += [
-            Jump(problem.start_time + float(scratch.peaks[k]), float(rows[k]), -1)
-            for k in range(int(scratch.counts[2]))
-        ]
-    return jumps
+    return jumps + [Jump(time, mu, -1) for time, mu in path_peaks(found)]
 
 
 def _heating_gradient(problem: Problem, y: Array) -> Array:

@@ -50,7 +50,7 @@ _LARGEST_RADIUS = 10.0
 _SMALLEST_RADIUS = 1e-7
 _RESTORE_STEP = 0.6
 _CORRECTIONS = 3
-_SHIFTS = 16
+_SHIFTS = 24
 
 
 @kernel
@@ -302,39 +302,6 @@ def reduced_hessian(
 
 
 @kernel
-def shift_for(values: Array, coordinates: Array, radius: float, floor: float) -> float:
-    """Shift of the eigenvalues that brings the model's minimum within the trust region.
-
-    Args:
-        values: shape (z,), eigenvalues, made positive.
-        coordinates: shape (z,), slope in the eigenvectors' coordinates.
-        radius: of the trust region.
-        floor: least eigenvalue to divide by.
-    """
-    low = 0.0
-    high = 0.0
-    for k in range(200):
-        shift = (
-            high if k < 60 and low == high else math.sqrt(low * high) if low > 0.0 else 0.5 * high
-        )
-        s = 0.0
-        for a in range(values.size):
-            s += (coordinates[a] / (max(values[a], floor) + shift)) ** 2
-        size = math.sqrt(s)
-        if k == 0 and size <= radius:
-            return 0.0
-        if size > radius:
-            if low == high:
-                high = max(floor, 4.0 * high)
-            low = shift
-        else:
-            if size > 0.9 * radius:
-                return shift
-            high = shift
-    return high
-
-
-@kernel
 def tangent_step(
     point: Point,
     basis: Array,
@@ -360,16 +327,10 @@ def tangent_step(
     """
     n, z = basis.shape
     i = mu.size
-    coordinates = np.empty(z)
     top = 0.0
     for a in range(z):
-        s = 0.0
-        for b in range(z):
-            s += vectors[b, a] * slope[b]
-        coordinates[a] = s
         top = max(top, values[a])
     floor = max(1e-12, 1e-9 * top)
-    shift = shift_for(values, coordinates, radius, floor)
     rows = np.empty((i, z))
     start = np.empty(i)
     for a in range(i):
@@ -387,6 +348,10 @@ def tangent_step(
     room = np.empty(i)
     dual = np.empty((i, i))
     size = 0.0
+    # what is added to the eigenvalues to keep the step, inequalities met, in the trust region
+    shift = 0.0
+    low = 0.0
+    high = math.inf
     for _ in range(_SHIFTS):
         for a in range(z):
             for b in range(z):
@@ -421,12 +386,20 @@ def tangent_step(
                     free[b] -= along[a, b] * mu[a]
             size += free[b] * free[b]
         size = math.sqrt(size)
-        if size <= 1.5 * radius:
+        if size > 1.2 * radius:
+            low = shift
+        elif shift == 0.0 or size > 0.6 * radius:
             return
-        # an inequality turned the step into a soft direction: stiffen
-        shift = max(3.0 * shift, floor, 1e-4 * top)
+        else:
+            high = shift
+        if high < math.inf:
+            shift = math.sqrt(low * high) if low > 0.0 else 0.1 * high
+        else:
+            shift = max(10.0 * shift, 10.0 * floor, 1e-6 * top)
+    if size <= 1.2 * radius:
+        return
     for b in range(z):
-        free[b] *= 1.5 * radius / size
+        free[b] *= 1.2 * radius / size
 
 
 @kernel
