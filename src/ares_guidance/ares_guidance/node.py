@@ -214,7 +214,7 @@ class GuidanceNode(FlightNode):
         self._guess = self._optimizer.call_async(request)
         return False
 
-    def _take_guess(self, answer: SolveTrajectory.Response | None, now: int) -> None:
+    def _take_guess(self, answer: Any, now: int) -> None:
         if answer is None or answer.error_code != SolveTrajectory.Response.NONE:
             reason = answer.message if answer else "the call failed"
             self._without_guess(reason or f"error {answer.error_code}", now)
@@ -333,7 +333,7 @@ def _velocity_to_go(answer: SolveTrajectory.Response) -> NDArray[np.float64]:
         answer.steering_direction_rate, (-1, 3)
     )
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    return np.asarray(answer.arc_delta_v) @ directions  # type: ignore[no-any-return]
+    return np.asarray(answer.arc_delta_v) @ directions
 
 
 def main() -> int:

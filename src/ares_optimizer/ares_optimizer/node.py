@@ -20,7 +20,7 @@ from ares_node.time import NANOSECONDS, ns_from_stamp
 from ares_optimizer.solution import OptimizerError, Solution
 from ares_optimizer.solve import METHODS, solve
 
-Response = SolveTrajectory.Response
+Response: Any = SolveTrajectory.Response
 
 PARAMETERS = (
     Parameter("mission", "ares_v", "Mission of a request that names none."),
@@ -65,7 +65,7 @@ class OptimizerNode(FlightNode):
         """Withdraw the service."""
         self.destroy_service(self._service)
 
-    def _on_request(self, request: SolveTrajectory.Request, response: Response) -> Response:
+    def _on_request(self, request: SolveTrajectory.Request, response: Any) -> Any:
         try:
             self._serve(request, response)
         except Exception as error:
@@ -74,7 +74,7 @@ class OptimizerNode(FlightNode):
             _refuse(response, Response.INTERNAL, f"{type(error).__name__}: {error}")
         return response
 
-    def _serve(self, request: SolveTrajectory.Request, response: Response) -> None:
+    def _serve(self, request: SolveTrajectory.Request, response: Any) -> None:
         method = request.method or self.values["method"]
         response.method = method
         if not self._active:
@@ -113,7 +113,7 @@ class OptimizerNode(FlightNode):
         _refuse(response, code, solution.reason)
 
 
-def _refuse(response: Response, code: int, reason: str) -> None:
+def _refuse(response: Any, code: int, reason: str) -> None:
     response.error_code = code
     response.message = " ".join(reason.split())
     response.converged = False
@@ -128,7 +128,7 @@ def _navigation(message: NavState) -> NDArray[np.void]:
     return record
 
 
-def _fill(response: Response, solution: Solution) -> None:
+def _fill(response: Any, solution: Solution) -> None:
     response.converged = solution.converged
     response.jettison_time = solution.t_plf_s
     response.cutoff_time = solution.t_meco_s

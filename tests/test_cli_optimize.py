@@ -1,0 +1,75 @@
+"""`ares optimize`: what it prints, and its exit statuses."""
+
+import json
+from importlib import resources
+
+import pytest
+
+from ares_bringup.cli import main
+
+
+def test_json_is_one_object_with_the_promised_keys(capsys):
+    assert main(["optimize", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert set(found) == {
+        *("method", "converged", "reason", "t_plf_s", "t_meco_s", "m_f_kg"),
+        *("iterations", "solve_ms", "verification"),
+    }
+    assert found["method"] == "direct11"
+    assert found["converged"] is True
+    assert found["m_f_kg"] == pytest.approx(174_183.1, abs=0.5)
+    assert found["t_plf_s"] == pytest.approx(416.64, abs=0.1)
+    assert found["t_meco_s"] == pytest.approx(766.907, abs=0.005)
+    proof = found["verification"]
+    assert proof["radius_m"] == pytest.approx(6_518_889.0, abs=0.1)
+    assert proof["fmhr_w_m2"] == pytest.approx(1135.0, rel=1e-4)
+
+
+def test_the_table_of_the_thesis_stands_beside_ours(capsys):
+    assert main(["optimize", "--method", "indirect"]) == 0
+    text = capsys.readouterr().out
+    assert "Table 4.1" in text
+    for number in ("166,630.00", "173,430.00", "174,183.1"):
+        assert number in text
+    assert "flown again by an independent integrator" in text
+    assert max(len(line) for line in text.splitlines()) <= 100
+
+
+def test_a_jettison_can_be_held(capsys):
+    assert main(["optimize", "--json", "--hold-jettison", "payload fairing=441.02"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["m_f_kg"] == pytest.approx(174_088.9, abs=0.5)
+    assert found["t_plf_s"] == pytest.approx(441.02)
+
+
+def test_without_the_heating_limit_more_mass_arrives(capsys):
+    assert main(["optimize", "--json", "--heating", "ignored"]) == 0
+    assert json.loads(capsys.readouterr().out)["m_f_kg"] > 174_200.0
+
+
+def test_a_mission_that_cannot_be_flown_is_exit_1_with_a_reason(capsys, tmp_path):
+    shipped = resources.files("ares_models").joinpath("missions", "ares_v.yaml").read_text()
+    text = shipped.replace("    isp_s: 448.0 ", "    propellant_kg: 90000.0\n    isp_s: 448.0 ")
+    file = tmp_path / "short.yaml"
+    file.write_text(text)
+    assert main(["optimize", "--json", "--mission", str(file)]) == 1
+    found = json.loads(capsys.readouterr().out)
+    assert found["converged"] is False
+    assert "propellant" in found["reason"]
+
+
+@pytest.mark.parametrize(
+    ("argv", "words"),
+    [
+        (["--mission", "nope"], "no such mission"),
+        (["--method", "magic"], "'magic' is not one of"),
+        (["--hold-jettison", "fairing=1"], "the name one of 'payload fairing'"),
+        (["--hold-jettison", "payload fairing=soon"], "expected a number of seconds"),
+    ],
+)
+def test_bad_input_is_one_line_and_status_2(capsys, argv, words):
+    assert main(["optimize", *argv]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1
+    assert words in captured.err
