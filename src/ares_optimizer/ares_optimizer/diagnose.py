@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import TARGET_KEPLERIAN, MissionArrays, Record
-from ares_models.kernels.environment import altitude
+from ares_models.kernels.environment import altitude, heating_rate
 from ares_optimizer.direct import LIFTED, Deadline, Found, eased, run, solve_base, tighten
 from ares_optimizer.kernels.evaluate import evaluate, make_point, make_scratch
-from ares_optimizer.kernels.problem import D_LOG_LIMIT, MINIMISE_HEATING
+from ares_optimizer.kernels.problem import D_LOG_LIMIT, HEATING_FROM_JETTISON, MINIMISE_HEATING
 from ares_optimizer.kernels.shooting import N_POSITION, drop_column
 from ares_optimizer.solution import ConstraintCheck
 from ares_optimizer.transcription import Heating, Transcription, transcribe
@@ -19,6 +19,7 @@ from ares_optimizer.verify import elements, target_rows
 Array = NDArray[np.float64]
 
 _FEASIBLE = 1e-6
+_NEAR = 1e-3  # scaled violation of a flight that all but reaches the target
 _PLACES = (0.2, 0.5, 0.8, 0.98)  # of the time from the earliest drop to cut-off
 
 
@@ -99,16 +100,26 @@ def lowest_altitude(found: Found) -> float:
     )
 
 
+def terminal_miss(found: Found) -> float:
+    """Largest scaled residual of the terminal equations."""
+    problem = found.transcription.problem
+    point = make_point(problem)
+    evaluate(found.variables, problem, 0, make_scratch(problem), point)
+    return float(np.abs(point.equations).max())
+
+
 def no_flight_line(arrays: MissionArrays, found: Found, deadline: Deadline) -> str:
-    """Why the search for a flight to the target ended without one."""
-    if found.miss > _FEASIBLE:
+    """Why a search ended without a solution, as far as its last flight tells."""
+    if terminal_miss(found) > _NEAR:
         return f"no flight to the target found, the nearest: {miss_line(arrays, found)}"
     lowest = lowest_altitude(found)
     if lowest < 0.0:
-        return f"every flight found to the target goes through the ground, {-lowest:,.0f} m deep"
+        return f"the flights found to the target go through the ground, {-lowest:,.0f} m deep"
     obstacle = propellant_obstacle(found)
     if obstacle:
         return obstacle
+    if found.transcription.problem.heating == HEATING_FROM_JETTISON:
+        return path_obstacle(found)
     if deadline.passed:
         return "the time limit passed before the search ended"
     return "flights to the target exist, but the search for the best one did not end"
@@ -120,10 +131,20 @@ def path_obstacle(found: Found) -> str:
     j = found.transcription.heating_jettisons[-1]
     lowest = math.exp(float(problem.drops[-1, D_LOG_LIMIT]))
     limit = lowest / math.exp(found.excess)
-    return (
-        f"heating from jettison {j} on: {limit:,.6g} W/m2 cannot be held to cut-off, the lowest "
-        f"limit reached is {lowest:,.6g} W/m2, {lowest - limit:,.4g} W/m2 too much"
+    text = f"heating from jettison {j} on: {limit:,.6g} W/m2 cannot be held to cut-off"
+    if found.excess > 0.0:
+        return (
+            f"{text}, the lowest limit reached is {lowest:,.6g} W/m2, "
+            f"{lowest - limit:,.4g} W/m2 too much"
+        )
+    final = found.final
+    at_end = heating_rate(
+        (float(final[1]), float(final[2]), float(final[3])),
+        (float(final[4]), float(final[5]), float(final[6])),
+        problem.environment[0],
+        problem.atmosphere,
     )
+    return f"{text}; at cut-off it is {at_end:,.6g} W/m2"
 
 
 def rescue(
@@ -186,7 +207,7 @@ def rescue(
         again.restarts = found.restarts + 1
         if again.converged:
             return again, ""
-        return found, "the search did not end, although flights exist that meet every constraint"
+        return found, no_flight_line(arrays, again, deadline)
     j = base.heating_jettisons[-1]
     if not math.isfinite(best):
         return found, (

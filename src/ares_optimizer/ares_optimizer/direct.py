@@ -1,10 +1,10 @@
 """Direct solutions: linear-tangent steering, optimised on exact gradients.
 
 The 11-parameter problem is solved first, from the caller's guess if there is one, else (or
-if that fails) from starts of the solver's own, else by easing the heating limit and
-tightening it again. Every other method starts from its solution: more free parameters
-(``direct14``, ``direct20``), the analytic jump condition (``jump``), the heating limit from
-the jettison on.
+if that fails) from starts of the solver's own. Every other method starts from its solution:
+more free parameters (``direct14``, ``direct20``), the analytic jump condition (``jump``),
+the heating limit from the jettison on. Where a limit is hard to meet, it is lowered step by
+step (``tighten``).
 """
 
 import math
@@ -87,7 +87,8 @@ class Guess:
 def thesis_guess(start: Record) -> Guess:
     """The guess of section 3.4.2: thrust along V0, rates of 1e-4 1/s (Eq. 3.41)."""
     velocity = np.asarray(start["velocity"], dtype=np.float64)
-    return Guess(velocity / np.linalg.norm(velocity), (1e-4,) * 3, 420.0, 330.0)
+    unit = velocity / np.linalg.norm(velocity)
+    return Guess(unit.tolist(), (1e-4,) * 3, 420.0, 330.0)
 
 
 @dataclass
@@ -149,6 +150,12 @@ class Deadline:
 
     def __init__(self, seconds: float | None) -> None:
         self.end = math.inf if seconds is None else time.perf_counter() + seconds
+
+    def within(self, seconds: float) -> "Deadline":
+        """A deadline that is no later than this one and no further off than given."""
+        sooner = Deadline(seconds)
+        sooner.end = min(sooner.end, self.end)
+        return sooner
 
     @property
     def passed(self) -> bool:
@@ -333,47 +340,23 @@ def _first_crossing(found: Found) -> Array | None:
 
 
 def solve_base(transcription: Transcription, guess: Guess | None, deadline: Deadline) -> Found:
-    """Solve a problem from scratch: guess, own starts, easing of the heating limit."""
+    """Solve a problem from scratch: from the guess, then from starts of the solver's own."""
     best: Found | None = None
     if guess is not None:
         start = guess_variables(transcription.problem, guess)
         best = run(transcription, start, _GUESS_IS_RESTORED_TO)
-    starts: Array | None = None
     if best is None or not best.converged:
-        starts = own_starts(transcription)
-        for start in starts:
+        for start in own_starts(transcription):
             best = _better(best, run(transcription, start, _GUESS_IS_RESTORED_TO))
             if best.converged or deadline.passed:
                 break
     if best is None:
         raise OptimizerError("no steering law of the sweep gives a finite flight")
-    if not best.converged and len(transcription.problem.drops) and not deadline.passed:
-        best = _ease(transcription, best, starts, deadline)
     if best.converged and not deadline.passed:
         # a jettison at a later crossing of the limit may be a local optimum
         moved = _first_crossing(best)
         if moved is not None:
             best = _better(best, run(transcription, moved, _GUESS_IS_RESTORED_TO))
-    return best
-
-
-def _ease(
-    transcription: Transcription, best: Found, starts: Array | None, deadline: Deadline
-) -> Found:
-    """Solve with the heating limit lifted, then lower it step by step."""
-    for start in starts if starts is not None else []:
-        lifted = run(eased(transcription, LIFTED), start, _GUESS_IS_RESTORED_TO)
-        best.iterations += lifted.iterations
-        best.restarts += 1
-        if lifted.converged:
-            found = tighten(lifted, transcription, deadline)
-            found.iterations += best.iterations
-            found.restarts += best.restarts
-            if found.converged:
-                return found
-            best.iterations, best.restarts = found.iterations, found.restarts
-        if deadline.passed:
-            break
     return best
 
 

@@ -8,7 +8,6 @@ lambda_v beside B + A t is a test of it.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,10 +34,12 @@ from ares_optimizer.verify import (
     Direction,
     Engine,
     Flight,
+    State,
     Steering,
     heating,
+    running,
     target_rows,
-    thrust_fraction,
+    thrust_and_flow,
 )
 
 Array = NDArray[np.float64]
@@ -93,20 +94,9 @@ def _heating_gradient(problem: Problem, y: Array) -> Array:
     return np.array([*by_position, *by_velocity])
 
 
-def _thrust_at(arrays: MissionArrays, engines: list[Engine], t: float) -> tuple[float, float]:
-    """Thrust in N and flow in kg/s."""
-    thrust = 0.0
-    flow = 0.0
-    for engine in engines:
-        fraction = thrust_fraction(arrays.arcs, engine, t)
-        thrust += fraction * float(arrays.arcs[engine.arc]["thrust"])
-        flow += fraction * float(arrays.arcs[engine.arc]["mass_flow"])
-    return thrust, flow
-
-
 def _carry_back(
     arrays: MissionArrays,
-    state: Callable[[float], Array],
+    state: State,
     direction: Direction,
     engines: list[Engine],
     span: tuple[float, float],
@@ -131,7 +121,7 @@ def _carry_back(
             ]
         )
         along = float(x[3:6] @ direction(t))
-        mass_rate = along * _thrust_at(arrays, engines, t)[0] / y[6] ** 2
+        mass_rate = along * thrust_and_flow(arrays.arcs, engines, t)[0] / y[6] ** 2
         return np.concatenate((-gradient @ x[3:6], -x[:3], [mass_rate]))
 
     end, begin = span
@@ -144,6 +134,8 @@ def _carry_back(
         atol=1e-11 * float(np.abs(costate[:6]).max()),
         dense_output=True,
     )
+    if result.sol is None:
+        raise AssertionError("asked for dense output")
     grid = np.linspace(end, begin, max(2, math.ceil((end - begin) / _PERIOD) + 1))
     samples = result.sol(grid).T
     samples[0] = costate
@@ -190,14 +182,13 @@ def recover_costates(
                 if jump.drop >= 0:
                     pi[jump.drop] = -jump.multiplier / heating(y[:3], y[3:6], arrays)
         direction = steering(begin, end)
-        middle = 0.5 * (begin + end)
-        engines = [e for e in flight.plan.engines if e.begin < middle < e.end]
+        engines = running(flight.plan.engines, begin, end)
         grid, samples = _carry_back(arrays, state, direction, engines, (end, begin), costate)
         plain = np.empty(len(grid))
         whole = np.empty(len(grid))
         for i, (t, x) in enumerate(zip(grid, samples, strict=True)):
             y = state(t)
-            thrust, flow = _thrust_at(arrays, engines, t)
+            thrust, flow = thrust_and_flow(arrays.arcs, engines, t)
             g, _, _ = gravity_gradient(_vector(y), environment)
             along = float(x[3:6] @ direction(t))
             plain[i] = x[:3] @ y[3:6] + x[3:6] @ np.array(g) + along * thrust / y[6]

@@ -13,7 +13,7 @@ from ares_models.arrays import HEATING_LIMIT, MISSION_TIME, NAVIGATION, MissionA
 from ares_models.mission import Mission
 from ares_optimizer.diagnose import (
     check_obstacle,
-    path_obstacle,
+    no_flight_line,
     propellant_obstacle,
     rescue,
     target_obstacle,
@@ -50,6 +50,7 @@ METHODS = DIRECT_METHODS + INDIRECT_METHODS
 HeatingName = Literal["at_jettison", "from_jettison", "ignored"]
 
 _SADDLE = -1e-6
+_RESCUE = 0.5  # s, for finding out why there is no solution
 _FLIES = 5.0  # scaled violation above which a failed search has no flight worth showing
 
 
@@ -231,7 +232,7 @@ def _solve_direct(
     found = solve_direct(arrays, start, method, heating, guess, deadline)
     reason = "optimal"
     if not found.base_converged:
-        found, reason = rescue(arrays, start, heating, found, deadline)
+        found, reason = rescue(arrays, start, heating, found, deadline.within(_RESCUE))
         if not reason:
             found = continue_to(arrays, start, method, heating, found, deadline)
             reason = "optimal"
@@ -240,10 +241,8 @@ def _solve_direct(
     if converged:
         obstacle = propellant_obstacle(found)
         converged, reason = (False, obstacle) if obstacle else (True, reason)
-    elif found.excess > 0.0 and heating is Heating.FROM_JETTISON and reason == "optimal":
-        reason = path_obstacle(found)
     elif reason == "optimal":
-        reason = f"{method} did not converge from the solution of direct11"
+        reason = no_flight_line(arrays, found, deadline)
     if not math.isfinite(found.miss) or found.miss > _FLIES:
         solution = failed(method, reason, iterations=found.iterations, solve_ms=elapsed)
         return replace(solution, restarts=found.restarts)

@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 
 #: Thrust direction within one piece of the flight: unit vector, shape (3,), at a time in s.
 Direction = Callable[[float], Array]
+#: State within one piece: position, velocity and mass, shape (7,), at a time in s.
+State = Callable[[float], Array]
 #: Gives the direction for the piece between two times in s.
 Steering = Callable[[float, float], Direction]
 
@@ -92,7 +94,7 @@ class Flight:
     at_jettison: tuple[tuple[float, float] | None, ...]
     peak_w_m2: float
     peak_time_s: float
-    pieces: tuple[tuple[float, float, Callable[[float], Array]], ...]
+    pieces: tuple[tuple[float, float, State], ...]
 
     def defects(self, nodes: Array) -> tuple[float, float, float]:
         """Greatest distance of a solver's nodes from this flight.
@@ -282,6 +284,78 @@ def heating(r: Array, v: Array, arrays: MissionArrays) -> float:
     return 0.5 * density * float(relative @ relative) ** 1.5
 
 
+def thrust_and_flow(
+    arcs: NDArray[np.void], engines: Sequence[Engine], t: float
+) -> tuple[float, float]:
+    """Thrust in N and mass flow in kg/s of the given curves at a time."""
+    thrust = 0.0
+    flow = 0.0
+    for engine in engines:
+        fraction = thrust_fraction(arcs, engine, t)
+        thrust += fraction * float(arcs[engine.arc]["thrust"])
+        flow += fraction * float(arcs[engine.arc]["mass_flow"])
+    return thrust, flow
+
+
+def running(engines: Sequence[Engine], begin: float, end: float) -> list[Engine]:
+    """The curves that run all through a piece of the flight."""
+    middle = 0.5 * (begin + end)
+    return [engine for engine in engines if engine.begin < middle < engine.end]
+
+
+def _integrate(
+    arrays: MissionArrays,
+    engines: Sequence[Engine],
+    direction: Direction,
+    span: tuple[float, float],
+    y: Array,
+) -> tuple[State, Array]:
+    """Eq. 2.1 over one smooth piece.
+
+    Returns:
+        state at a time within it, and the state at its end, shape (7,).
+    """
+    environment = arrays.environment[0]
+
+    def motion(t: float, y: Array) -> Array:
+        thrust, flow = thrust_and_flow(arrays.arcs, engines, t)
+        acceleration = gravity(y[:3], environment)
+        if thrust > 0.0:
+            acceleration = acceleration + thrust / y[6] * direction(t)
+        return np.concatenate((y[3:6], acceleration, [-flow]))
+
+    result = solve_ivp(
+        motion,
+        span,
+        y,
+        method="DOP853",
+        rtol=RELATIVE_TOLERANCE,
+        atol=ABSOLUTE_TOLERANCE,
+        dense_output=True,
+    )
+    state = result.sol
+    if state is None:
+        raise AssertionError("asked for dense output")
+    return state, result.y[:, -1].copy()
+
+
+def _greatest_heating(
+    arrays: MissionArrays, state: State, grid: Array, samples: Array
+) -> tuple[float, float]:
+    """Greatest heating over one piece, W/m2, and its time, s."""
+    values = [heating(y[:3], y[3:6], arrays) for y in samples]
+    best = int(np.argmax(values))
+    if not 0 < best < len(grid) - 1:
+        return values[best], float(grid[best])
+    refined = minimize_scalar(
+        lambda t: -heating(state(t)[:3], state(t)[3:6], arrays),
+        bounds=(grid[best - 1], grid[best + 1]),
+        method="bounded",
+        options={"xatol": 1e-6},
+    )
+    return -float(refined.fun), float(refined.x)
+
+
 def fly(
     arrays: MissionArrays,
     start: Record,
@@ -302,31 +376,27 @@ def fly(
     """
     arcs = arrays.arcs
     jettisons = arrays.jettisons
-    environment = arrays.environment[0]
     plan = plan_flight(arrays, start, t_meco)
     now = float(start["time"])
     done = {j for j in range(len(jettisons)) if (int(start["jettisoned"]) >> j) & 1}
     due = {
         j: max(t, now)
         for j, t in enumerate(jettison_times)
-        if math.isfinite(t)
-        and t <= plan.end + _SAME_TIME
-        and not (int(start["jettisoned"]) >> j) & 1
+        if math.isfinite(t) and t <= t_meco + _SAME_TIME and j not in done
     }
     breaks = plan.breaks | set(due.values()) | {t for t in boundaries if now < t < plan.end}
     ends = sorted(t for t in breaks if t > now + _SAME_TIME)
     mass = float(start["mass"]) if start["mass"] > 0.0 else float(arcs[start["arc"]]["stack_mass"])
     y = np.concatenate((start["position"], start["velocity"], [mass]))
     at_jettison: list[tuple[float, float] | None] = [None] * len(jettisons)
-    times: list[float] = []
+    times: list[Array] = []
     states: list[Array] = []
     directions: list[Array] = []
-    pieces: list[tuple[float, float, Callable[[float], Array]]] = []
-    watch_from = math.nan
+    pieces: list[tuple[float, float, State]] = []
+    watching = False
     peak, peak_time = -math.inf, math.nan
     t = now
-    end = now
-    for index in range(len(ends) + 1):
+    for end in [*ends, math.inf]:
         for time, k in plan.stagings:
             if abs(time - t) <= _SAME_TIME:
                 y[6] = float(arcs[k]["stack_mass"]) + sum(
@@ -340,65 +410,33 @@ def fly(
                 y[6] -= float(jettisons[j]["mass"])
                 at_jettison[j] = (heating(y[:3], y[3:6], arrays), t)
                 if jettisons[j]["criterion"] == HEATING_LIMIT:
-                    watch_from, peak = t, -math.inf
-        if index == len(ends):
+                    watching, peak = True, -math.inf
+        if math.isinf(end):
             break
-        end = ends[index]
         direction = steering(t, end)
-        engines = [
-            e for e in plan.engines if e.begin <= t + _SAME_TIME and e.end >= end - _SAME_TIME
-        ]
-
-        def motion(t: float, y: Array, engines=engines, direction=direction) -> Array:
-            thrust = 0.0
-            flow = 0.0
-            for engine in engines:
-                fraction = thrust_fraction(arcs, engine, t)
-                thrust += fraction * float(arcs[engine.arc]["thrust"])
-                flow += fraction * float(arcs[engine.arc]["mass_flow"])
-            acceleration = gravity(y[:3], environment)
-            if thrust > 0.0:
-                acceleration = acceleration + thrust / y[6] * direction(t)
-            return np.concatenate((y[3:6], acceleration, [-flow]))
-
-        result = solve_ivp(
-            motion,
-            (t, end),
-            y,
-            method="DOP853",
-            rtol=RELATIVE_TOLERANCE,
-            atol=ABSOLUTE_TOLERANCE,
-            dense_output=True,
-        )
-        count = max(2, math.ceil((end - t) / SAMPLE_PERIOD) + 1)
-        grid = np.linspace(t, end, count)
-        samples = result.sol(grid).T
+        state, after = _integrate(arrays, running(plan.engines, t, end), direction, (t, end), y)
+        grid = np.linspace(t, end, max(2, math.ceil((end - t) / SAMPLE_PERIOD) + 1))
+        samples = np.array([state(s) for s in grid])
         samples[0] = y
-        samples[-1] = result.y[:, -1]
-        times += grid.tolist()
-        states += list(samples)
-        directions += [direction(s) for s in grid]
-        pieces.append((t, end, result.sol))
-        if math.isfinite(watch_from):
-            values = [heating(s[:3], s[3:6], arrays) for s in samples]
-            best = int(np.argmax(values))
-            level, at = values[best], float(grid[best])
-            if 0 < best < count - 1:
-                refined = minimize_scalar(
-                    lambda s, sol=result.sol: -heating(sol(s)[:3], sol(s)[3:6], arrays),
-                    bounds=(grid[best - 1], grid[best + 1]),
-                    method="bounded",
-                    options={"xatol": 1e-6},
-                )
-                level, at = -float(refined.fun), float(refined.x)
+        samples[-1] = after
+        times.append(grid)
+        states.append(samples)
+        directions.append(np.array([direction(s) for s in grid]))
+        pieces.append((t, end, state))
+        if watching:
+            level, at = _greatest_heating(arrays, state, grid, samples)
             if level > peak:
                 peak, peak_time = level, at
-        y = result.y[:, -1].copy()
+        y = after
         t = end
-    heat = np.array([heating(s[:3], s[3:6], arrays) for s in states])
-    table = np.array(states)
+    table = np.concatenate(states)
     trajectory = Trajectory(
-        np.array(times), table[:, :3], table[:, 3:6], table[:, 6], np.array(directions), heat
+        np.concatenate(times),
+        table[:, :3],
+        table[:, 3:6],
+        table[:, 6],
+        np.concatenate(directions),
+        np.array([heating(row[:3], row[3:6], arrays) for row in table]),
     )
     return Flight(
         plan,

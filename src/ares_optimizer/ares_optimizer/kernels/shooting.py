@@ -540,11 +540,11 @@ def fly(
                     for k in range(3 * n):
                         work[W_FORCE, k] = work[W_FORCE + STAGES - 1, k]
                     continue
-                c = NODES[m]
+                node = NODES[m]
                 shift = combine(WEIGHTS[m], forces, m)
-                rs = axpy(h * h, shift, axpy(c * h, v, r))
+                rs = axpy(h * h, shift, axpy(node * h, v, r))
                 g, first, second = gravity_gradient(rs, environment)
-                ts = t0 + c * h
+                ts = t0 + node * h
                 tau = ts - anchor
                 mass = mass0 - tau * (flow0 + 0.5 * tau * flow1) - dropped
                 thrust = thrust0 + tau * thrust1
@@ -556,7 +556,7 @@ def fly(
                     stage_tangents(work, n, m, h)
                     if stretches:
                         # the step grows by 1/steps of what the ends move
-                        grow = axpy(2.0 * h, shift, scale(c, v))
+                        grow = axpy(2.0 * h, shift, scale(node, v))
                         if column != FIXED:
                             add_column(work[W_STAGE], n, column, -TIME_SCALE / steps, grow)
                         if end_column != FIXED:
@@ -580,7 +580,7 @@ def fly(
                     else:
                         flow = flow0 + tau * flow1
                         moved = axpy((thrust1 + thrust * flow / mass) / mass, u, turn)
-                        theta = (i + c) / steps
+                        theta = (i + node) / steps
                         if column != FIXED:
                             add_column(kt, n, column, (1.0 - theta) * TIME_SCALE, moved)
                         if end_column != FIXED:
