@@ -55,8 +55,18 @@ def propellant_obstacle(found: Found) -> str:
     )
 
 
+def held_by_heating(found: Found) -> bool:
+    """Whether a heating limit at a jettison holds the solution."""
+    drops = len(found.transcription.problem.drops)
+    return bool(np.any(found.inequalities[: 3 * drops : 3] > 0.0))
+
+
 def check_obstacle(checks: tuple[ConstraintCheck, ...]) -> str:
     """A line that names the constraints an independent integration finds broken."""
+    for check in checks:
+        # what is integrated through the Earth says nothing else
+        if check.name == "lowest altitude" and not check.satisfied:
+            return f"the flight goes through the ground, {-check.value:,.0f} m deep"
     broken = [
         f"{check.name} is {check.value:,.6g} {check.unit}, limit {check.limit:,.6g} {check.unit}, "
         f"off by {check.value - check.limit:,.3g} {check.unit}"
@@ -89,15 +99,17 @@ def miss_line(arrays: MissionArrays, found: Found) -> str:
     return text
 
 
-def lowest_altitude(found: Found) -> float:
-    """Least altitude at the ends of the solver's steps, m."""
+def ground_obstacle(found: Found) -> str:
+    """A line when the flight goes through the ground, by the ends of the solver's steps."""
     problem = found.transcription.problem
     scratch = make_scratch(problem)
     evaluate(found.variables, problem, 0, scratch, make_point(problem))
     nodes = scratch.nodes[: scratch.counts[1], N_POSITION : N_POSITION + 3]
-    return min(
-        altitude((float(r[0]), float(r[1]), float(r[2])), problem.environment[0]) for r in nodes
-    )
+    environment = problem.environment[0]
+    lowest = min(altitude((float(x), float(y), float(z)), environment) for x, y, z in nodes)
+    if lowest >= 0.0:
+        return ""
+    return f"the flights found to the target go through the ground, {-lowest:,.0f} m deep"
 
 
 def terminal_miss(found: Found) -> float:
@@ -112,10 +124,7 @@ def no_flight_line(arrays: MissionArrays, found: Found, deadline: Deadline) -> s
     """Why a search ended without a solution, as far as its last flight tells."""
     if terminal_miss(found) > _NEAR:
         return f"no flight to the target found, the nearest: {miss_line(arrays, found)}"
-    lowest = lowest_altitude(found)
-    if lowest < 0.0:
-        return f"the flights found to the target go through the ground, {-lowest:,.0f} m deep"
-    obstacle = propellant_obstacle(found)
+    obstacle = ground_obstacle(found) or propellant_obstacle(found)
     if obstacle:
         return obstacle
     if found.transcription.problem.heating == HEATING_FROM_JETTISON:
@@ -175,16 +184,19 @@ def rescue(
         found.restarts += lifted.restarts + 1
     if not lifted.converged:
         return found, no_flight_line(arrays, lifted, deadline)
-    obstacle = propellant_obstacle(lifted)
+    obstacle = ground_obstacle(lifted)
     if obstacle:
         return found, obstacle
-    lowered = tighten(lifted, base, deadline)
+    obstacle = propellant_obstacle(lifted)
+    if obstacle:
+        return found, propellant_obstacle(found) if found.converged else obstacle
+    within = _within_propellant(base)
+    lowered = tighten(lifted, within, deadline)
     found.iterations += lowered.iterations
     found.restarts += lowered.restarts
     if lowered.excess <= 0.0:
         lowered.iterations, lowered.restarts = found.iterations, found.restarts
         return lowered, ""
-    within = _within_propellant(base)
     best = math.inf
     coolest = lowered.variables
     for fraction in _PLACES:
@@ -202,7 +214,7 @@ def rescue(
             break
     limit = float(base.problem.drops[-1, D_LOG_LIMIT])
     if best <= limit + _FEASIBLE:
-        again = run(base, coolest, 1.0)
+        again = run(within, coolest, 1.0)
         again.iterations += found.iterations
         again.restarts = found.restarts + 1
         if again.converged:

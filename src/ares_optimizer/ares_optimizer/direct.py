@@ -561,6 +561,13 @@ def continue_to(
         splits = splits_for(base)
         if splits or method != "direct11":
             found = continue_from(base, transcribe(arrays, start, method, first, splits=splits))
+        if splits and not found.converged:
+            # the cuts are a refinement: better none than no solution
+            splits = ()
+            plain = base
+            if method != "direct11":
+                plain = continue_from(base, transcribe(arrays, start, method, first))
+            found = _better(found, plain)
     if heating is Heating.FROM_JETTISON and found.converged and found.drop_times_s:
         found = _hold_limit(arrays, start, method, splits, found, deadline)
     found.base_converged = True

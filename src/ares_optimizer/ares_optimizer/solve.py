@@ -13,6 +13,7 @@ from ares_models.arrays import HEATING_LIMIT, MISSION_TIME, NAVIGATION, MissionA
 from ares_models.mission import Mission
 from ares_optimizer.diagnose import (
     check_obstacle,
+    held_by_heating,
     no_flight_line,
     propellant_obstacle,
     rescue,
@@ -230,19 +231,18 @@ def _solve_direct(
     start = state[0]
     began = time.perf_counter()
     found = solve_direct(arrays, start, method, heating, guess, deadline)
-    reason = "optimal"
-    if not found.base_converged:
+    reason = ""
+    if not found.base_converged or (propellant_obstacle(found) and held_by_heating(found)):
         found, reason = rescue(arrays, start, heating, found, deadline.within(_RESCUE))
         if not reason:
             found = continue_to(arrays, start, method, heating, found, deadline)
-            reason = "optimal"
     elapsed = 1e3 * (time.perf_counter() - began)
-    converged = found.converged
-    if converged:
-        obstacle = propellant_obstacle(found)
-        converged, reason = (False, obstacle) if obstacle else (True, reason)
-    elif reason == "optimal":
+    if found.converged:
+        reason = reason or propellant_obstacle(found)
+    converged = found.converged and not reason
+    if not converged and not reason:
         reason = no_flight_line(arrays, found, deadline)
+    reason = reason or "optimal"
     if not math.isfinite(found.miss) or found.miss > _FLIES:
         solution = failed(method, reason, iterations=found.iterations, solve_ms=elapsed)
         return replace(solution, restarts=found.restarts)
@@ -292,15 +292,12 @@ def _prove_direct(
             costates=recover_costates(arrays, found, flight, steering),
             notes={**solution.notes, "least_curvature": curvature},
         )
-        if curvature < _SADDLE:
-            solution = replace(
-                solution, converged=False, reason="stationary, but a saddle and not an optimum"
-            )
-    solution = replace(solution, constraints=checks)
-    obstacle = check_obstacle(checks)
-    if obstacle and solution.converged:
-        return replace(solution, converged=False, reason=obstacle)
-    return solution
+        obstacle = check_obstacle(checks)
+        if not obstacle and curvature < _SADDLE:
+            obstacle = "stationary, but a saddle and not an optimum"
+        if obstacle and solution.converged:
+            solution = replace(solution, converged=False, reason=obstacle)
+    return replace(solution, constraints=checks)
 
 
 def _with_prices(

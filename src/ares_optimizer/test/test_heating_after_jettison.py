@@ -1,0 +1,126 @@
+"""The heating may rise again after the jettison: reported, and held down if asked."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from ares_models.mission import load_mission
+from ares_optimizer.direct import own_starts
+from ares_optimizer.kernels.evaluate import MAX_NODES, evaluate, make_point, make_scratch
+from ares_optimizer.kernels.heating import between_nodes, heating_peaks
+from ares_optimizer.kernels.shooting import N_COLUMNS, N_TIME
+from ares_optimizer.solve import solve, start_of
+from ares_optimizer.transcription import transcribe
+
+LIMIT = 1135.0
+
+
+@pytest.fixture(scope="module")
+def ares_v():
+    return load_mission("ares_v")
+
+
+def dense(mission, factor):
+    arrays = mission.arrays()
+    arrays.environment["density_factor"] = factor
+    return arrays
+
+
+def by_name(solution, name):
+    return next(check for check in solution.constraints if check.name == name)
+
+
+@pytest.mark.parametrize("method", ["direct11", "direct20"])
+@pytest.mark.parametrize(
+    ("factor", "peak", "price"),
+    [(1.0, 1.0, 0.0), (1.2, 1.0, 0.0), (1.5, 1.0, 0.0), (1.8, 1.0, 0.0), (2.2, 1.11, 2230.0)],
+)
+def test_density_factors(ares_v, method, factor, peak, price):
+    arrays, start = dense(ares_v, factor), start_of(ares_v)
+    at_jettison = solve(arrays, method, state=start)
+    assert at_jettison.converged
+    seen = at_jettison.verification.peak_fmhr_after_jettison_w_m2 / LIMIT
+    assert seen == pytest.approx(peak, abs=0.01)
+
+    held = solve(arrays, method, state=start, heating="from_jettison")
+    assert held.converged, held.reason
+    assert held.verification.peak_fmhr_after_jettison_w_m2 <= LIMIT + 0.1
+    assert by_name(held, "heating from the jettison on").satisfied
+    assert at_jettison.m_f_kg - held.m_f_kg == pytest.approx(price, abs=10.0)
+
+
+def test_a_touch_is_cheaper_than_keeping_the_fairing(ares_v):
+    # at this density the flight lofts and touches the limit at the later peak
+    arrays, start = dense(ares_v, 2.05), start_of(ares_v)
+    held = solve(arrays, "direct20", state=start, heating="from_jettison")
+    assert held.converged, held.reason
+    assert held.t_plf_s < 445.0
+    check = by_name(held, "heating from the jettison on")
+    assert check.active
+    assert check.multiplier > 0.0
+    assert held.verification.peak_fmhr_after_jettison_w_m2 == pytest.approx(LIMIT, abs=0.2)
+    free = solve(arrays, "direct20", state=start)
+    assert 50.0 < free.m_f_kg - held.m_f_kg < 90.0
+
+    # the price of the limit, against a solution with a little more of it
+    eased = dense(ares_v, 2.05)
+    eased.jettisons["value"] += 1.0
+    more = solve(eased, "direct20", state=start, heating="from_jettison")
+    both = check.multiplier + by_name(held, "heating at jettison 0").multiplier
+    assert more.m_f_kg - held.m_f_kg == pytest.approx(both, rel=0.1)
+
+
+def test_a_limit_that_cannot_be_held_is_named(ares_v):
+    # at cut-off alone the heating is past the limit
+    arrays, start = dense(ares_v, 2.6), start_of(ares_v)
+    solution = solve(arrays, state=start, heating="from_jettison")
+    assert not solution.converged
+    assert "1,135 W/m2 cannot be held to cut-off" in solution.reason
+
+
+def test_quintic_between_nodes_is_the_flight():
+    mission = load_mission("ares_v")
+    transcription = transcribe(mission.arrays(), start_of(mission)[0], "direct11")
+    problem = transcription.problem
+    p = own_starts(transcription)[0]
+    scratch = make_scratch(problem)
+    evaluate(p, problem, 0, scratch, make_point(problem))
+    fine = problem._replace(longest_step=problem.longest_step / 8.0)
+    other = make_scratch(fine)
+    evaluate(p, fine, 0, other, make_point(fine))
+    coarse, dense_nodes = scratch.nodes[: scratch.counts[1]], other.nodes[: other.counts[1]]
+    checked = 0
+    for a, b in pairwise(coarse):
+        times = dense_nodes[:, N_TIME]
+        inside = dense_nodes[(times > a[N_TIME] + 1e-6) & (times < b[N_TIME] - 1e-6)]
+        for node in inside:
+            r, v, _ = between_nodes(a, b, (node[N_TIME] - a[N_TIME]) / (b[N_TIME] - a[N_TIME]))
+            assert np.array(r) == pytest.approx(node[1:4], abs=2.0)
+            assert np.array(v) == pytest.approx(node[4:7], abs=0.3)
+            checked += 1
+    assert checked > 100
+
+
+def test_peaks_are_found_and_counted():
+    mission = load_mission("ares_v")
+    arrays = mission.arrays()
+    solution = solve(arrays, state=start_of(mission))
+    flown = solution.trajectory
+    first = int(np.searchsorted(flown.time_s, solution.t_plf_s)) + 1
+    rows = np.arange(first, len(flown.time_s), 8)
+    nodes = np.zeros((MAX_NODES, N_COLUMNS))
+    nodes[: len(rows), 0] = flown.time_s[rows]
+    nodes[: len(rows), 1:4] = flown.position[rows]
+    nodes[: len(rows), 4:7] = flown.velocity[rows]
+    acceleration = np.gradient(flown.velocity[first:], flown.time_s[first:], axis=0)
+    nodes[: len(rows), 7:10] = acceleration[rows - first]
+    peaks = np.full(4, np.nan)
+    count = heating_peaks(
+        nodes, len(rows), solution.t_plf_s, arrays.environment[0], arrays.atmosphere, peaks
+    )
+    # it falls after the jettison, rises to one later peak, and falls to the end
+    assert count == 1
+    after = flown.time_s > 500.0
+    top = flown.time_s[after][np.argmax(flown.heating_rate[after])]
+    assert peaks[0] == pytest.approx(top, abs=2.0)
