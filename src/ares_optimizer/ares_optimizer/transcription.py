@@ -46,7 +46,7 @@ LONGEST_STEP = 20.0
 #: Fixed-time boundaries closer than this to another one begin no law of their own, s.
 SHORTEST_LAW = 40.0
 _FAR = 1.0e7  # a cut-off beyond every event, s
-_SHORTEST_BURN = 0.5  # of the last arc, s
+_SHORTEST_BURN = 0.05  # of the last arc, s
 _USABLE = 0.97  # of the last stack, where the search ends; propellant is judged afterwards
 
 
