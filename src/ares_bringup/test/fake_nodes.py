@@ -46,6 +46,7 @@ TABLES = {
     "guidance": {
         "mission": "",
         "law": "",
+        "initial_guess": "",
         "cycle_period_s": 1.0,
         "hold_time_s": 5.0,
         "heating_source": "",
