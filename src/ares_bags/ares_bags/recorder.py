@@ -234,10 +234,15 @@ class RecorderNode(FlightNode):
     def _add_topic(
         self, writer: BagWriter, name: str, type_name: str, requested: QoSProfile
     ) -> None:
-        """Announce a topic with the QoS that its publishers offer at its first message."""
+        """Announce a topic with the QoS that its publishers offer at its first message.
+
+        A message can come before its publisher is known; what was asked for then stands in
+        the form in which discovery tells it, so that the bag is the same either way.
+        """
         publishers = self.get_publishers_info_by_topic(name)
         offered = {qos_of(publisher.qos_profile) for publisher in publishers}
-        profiles = sorted(offered or {qos_of(requested)}, key=repr)
+        asked = Qos(requested.reliability.name.lower(), requested.durability.name.lower())
+        profiles = sorted(offered or {asked}, key=repr)
         writer.add_topic(Topic.installed(name, type_name, tuple(profiles)))
 
     def _on_timer(self) -> None:
