@@ -33,8 +33,6 @@ from ares_optimizer.multipliers import heating_jumps, least_curvature, prices, r
 from ares_optimizer.solution import ConstraintCheck, OptimizerError, Solution, failed
 from ares_optimizer.transcription import Heating
 from ares_optimizer.verify import (
-    Direction,
-    Steering,
     constraint_table,
     fly,
     steering_of,
@@ -319,40 +317,6 @@ def _with_prices(
     return tuple(priced)
 
 
-def primer_steering(solution: Solution) -> Steering:
-    """Steering along sampled costates: cubic Hermite in lambda_v, whose rate is -lambda_r."""
-    costates = solution.costates
-    if costates is None:
-        raise OptimizerError("the solution has no costates to steer by")
-    times = costates.time_s
-
-    def steering(begin: float, end: float) -> Direction:
-        inside = [
-            k
-            for k in range(len(times) - 1)
-            if times[k + 1] > times[k] and times[k] < end and times[k + 1] > begin
-        ]
-        left = np.array([times[k] for k in inside])
-
-        def at(t: float) -> Array:
-            k = inside[max(int(np.searchsorted(left, t, side="right")) - 1, 0)]
-            h = times[k + 1] - times[k]
-            x = (t - times[k]) / h
-            p0, p1 = costates.lambda_v[k], costates.lambda_v[k + 1]
-            m0, m1 = -h * costates.lambda_r[k], -h * costates.lambda_r[k + 1]
-            vector = (
-                (1.0 + 2.0 * x) * (1.0 - x) ** 2 * p0
-                + x * (1.0 - x) ** 2 * m0
-                + x * x * (3.0 - 2.0 * x) * p1
-                + x * x * (x - 1.0) * m1
-            )
-            return np.asarray(vector / np.linalg.norm(vector))
-
-        return at
-
-    return steering
-
-
 def _solve_indirect(
     arrays: MissionArrays,
     state: NDArray[np.void],
@@ -382,31 +346,11 @@ def _solve_indirect(
             tuple(at for _, at in free),
             tuple(pi * limit for pi, (limit, _) in zip(guess.costates.jump_pi, free, strict=False)),
         )
-    solution = solve_indirect(
+    return solve_indirect(
         arrays,
         state,
         propagator="closed_form" if method == "closed_form" else "runge_kutta",
         guess=guess,
         heating=heating,
+        verify=verify,
     )
-    if not verify or solution.trajectory is None or solution.costates is None:
-        return solution
-    start = state[0]
-    flown = solution.trajectory
-    flight = fly(
-        arrays,
-        start,
-        primer_steering(solution),
-        solution.jettison_times_s,
-        solution.t_meco_s,
-        [arc.start_s for arc in solution.arcs],
-    )
-    checks = constraint_table(arrays, start, flight, False, heating != "ignored")
-    nodes = np.column_stack((flown.time_s, flown.position, flown.velocity, flown.mass))
-    solution = replace(
-        solution, verification=verification(arrays, flight, nodes), constraints=checks
-    )
-    obstacle = check_obstacle(checks)
-    if obstacle and solution.converged:
-        return replace(solution, converged=False, reason=obstacle)
-    return solution
