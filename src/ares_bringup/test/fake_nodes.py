@@ -10,6 +10,9 @@ $FAKE_<NAME> says how the node behaves:
     exit1    ends with status 1 in flight
     slow     (simulator) never comes to the end of the flight
     miss     (simulator) ends far from the target
+
+The simulator ends the flight only when the others have come to their faults, however slow the
+machine: each leaves a file of its name in $FAKE_MARKS.
 """
 
 import math
@@ -88,8 +91,15 @@ class FakeNode(FlightNode):
             self.flying = True
         if not self.flying:
             return
+        if (
+            self.role == "vehicle_sim"
+            and self.step == END - 1
+            and not others_came_to_their_faults()
+        ):
+            return
         self.step += 1
         if self.step == FAULT:
+            (marks() / self.role).touch()
             if self.behaviour == "crash":
                 raise RuntimeError("crashed, as it was told")
             if self.behaviour == "kill":
@@ -146,6 +156,16 @@ class FakeNode(FlightNode):
                 ],
             )
         )
+
+
+def marks() -> Path:
+    """Where the nodes leave their files."""
+    return Path(os.environ["FAKE_MARKS"])
+
+
+def others_came_to_their_faults() -> bool:
+    """Whether guidance and recorder are past the step at which they fail."""
+    return all((marks() / name).exists() for name in ("guidance", "recorder"))
 
 
 def main(name: str) -> int:
