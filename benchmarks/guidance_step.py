@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_guidance.arrays import PEG_STATE
-from ares_guidance.kernels.peg import guidance_step
-from ares_guidance.peg import Peg, PegSettings
+from ares_guidance.arrays import GUIDANCE_STATE
+from ares_guidance.kernels.cycle import guidance_step
+from ares_guidance.law import Law, LawSettings
 from ares_models.arrays import NAVIGATION, STEERING, Record
 from ares_models.jit import kernel
 from ares_models.mission import load_mission
@@ -52,10 +52,10 @@ def cycles(
     return state.total_iterations
 
 
-def record_navigation(mission: Any, settings: PegSettings) -> NDArray[np.void]:
+def record_navigation(mission: Any, settings: LawSettings) -> NDArray[np.void]:
     """Navigation states of a nominal flight, one a second."""
     simulator = Simulator(mission, SimulatorOptions(navigation_period_s=1.0))
-    law = Peg(mission.arrays(), settings)
+    law = Law(mission.arrays(), settings)
     states = []
     while not simulator.complete:
         states.append(simulator.navigation.copy())
@@ -72,13 +72,13 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=51)
     options = parser.parse_args()
     mission = load_mission(options.mission)
-    settings = PegSettings()
+    settings = LawSettings()
     arrays = mission.arrays()
     navs = record_navigation(mission, settings)
     times = []
     iterations = 0
     for _ in range(options.repeats + 1):
-        state, saved = np.zeros(1, PEG_STATE), np.zeros(1, PEG_STATE)
+        state, saved = np.zeros(1, GUIDANCE_STATE), np.zeros(1, GUIDANCE_STATE)
         steering = np.zeros(1, STEERING)
         begun = time.perf_counter()
         iterations = cycles(

@@ -10,8 +10,8 @@ import pytest
 from ares_bringup import __version__
 from ares_bringup.cli import main
 from ares_bringup.options import Guidance, HeatingSource
-from ares_guidance.node import LAWS
-from ares_guidance.peg import HEATING_SOURCES
+from ares_guidance.law import HEATING_SOURCES
+from ares_guidance.laws import LAWS
 
 
 def run(capfd, *argv):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ares_bags.reader import open_bag
-from ares_guidance.peg import Peg
+from ares_guidance.law import Law
 from ares_models.arrays import NAVIGATION
 from ares_models.mission import load_mission
 from ares_studies.closed_loop import fly_stepwise
@@ -34,7 +34,7 @@ def test_the_same_flight_again(bag):
 def test_guidance_answers_the_recorded_states_as_it_did(bag):
     states, commands = bag.columns("nav_state"), bag.columns("thrust_command")
     assert np.array_equal(states["stamp"], commands["nav_stamp"])
-    law = Peg(load_mission(bag.custom_data["mission"]).arrays())
+    law = Law(load_mission(bag.custom_data["mission"]).arrays())
     nav = np.zeros(1, NAVIGATION)
     for k, stamp in enumerate(states["stamp"]):
         nav["time"] = stamp / 1e9

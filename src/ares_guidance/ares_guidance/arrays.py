@@ -4,6 +4,8 @@ import numpy as np
 
 MAX_SEGMENTS = 32
 
+LAW_PEG = 1
+
 PHASE_IDLE = 0
 PHASE_CONVERGING = 1
 PHASE_TRACKING = 2
@@ -21,8 +23,9 @@ ERROR_TARGET_UNREACHABLE = 6
 HEATING_MODELLED = 0
 HEATING_MEASURED = 1
 
-PEG_SETTINGS = np.dtype(
+GUIDANCE_SETTINGS = np.dtype(
     [
+        ("law", np.int64),  # LAW_*
         ("cycle_period", np.float64),  # s between guidance cycles
         ("hold_time", np.float64),  # s before cut-off from which the steering is frozen
         ("velocity_to_go_tolerance", np.float64),  # m/s, change in one iteration
@@ -50,7 +53,7 @@ SEGMENT = np.dtype(
     align=True,
 )
 
-PEG_STATE = np.dtype(
+GUIDANCE_STATE = np.dtype(
     [
         ("phase", np.int64),  # PHASE_*
         ("error", np.int64),  # ERROR_* of the last cycle

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from rclpy.task import Future
 
-from ares_guidance.peg import HEATING_SOURCES, Peg, PegSettings
+from ares_guidance.law import HEATING_SOURCES, LawSettings
+from ares_guidance.laws import LAWS, make_law
 from ares_models.arrays import HEATING_LIMIT, NAVIGATION
 from ares_models.mission import Start, load_mission
 from ares_msgs.msg import GuidanceStatus, NavState, ThrustCommand
@@ -27,8 +28,6 @@ from ares_node.qos import (
 )
 from ares_node.run import run_node
 from ares_node.time import NANOSECONDS, ns_from_stamp
-
-LAWS = {"peg": GuidanceStatus.LAW_PEG}
 
 ERROR_TEXTS = {
     GuidanceStatus.NOT_CONVERGED: "no convergence within the iterations allowed",
@@ -80,7 +79,7 @@ PARAMETERS = (
         minimum=item.metadata["minimum"],
         maximum=item.metadata["maximum"],
     )
-    for item in fields(PegSettings)
+    for item in fields(LawSettings)
     if item.metadata
 )
 
@@ -102,8 +101,10 @@ class GuidanceNode(FlightNode):
         arrays = mission.arrays()
         self._jettisons = arrays.jettisons
         self._heating_jettisons = int(np.sum(arrays.jettisons["criterion"] == HEATING_LIMIT))
-        self._law = Peg(
-            arrays, PegSettings(**{item.name: values[item.name] for item in fields(PegSettings)})
+        self._law = make_law(
+            values["law"],
+            arrays,
+            LawSettings(**{item.name: values[item.name] for item in fields(LawSettings)}),
         )
         self._nav = np.zeros(1, NAVIGATION)
         self._rehearse(mission.start())

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from ares_guidance.arrays import PEG_STATE
+from ares_guidance.arrays import GUIDANCE_STATE
 from ares_guidance.kernels.segments import burn_time_to_go, plan_segments, thrust_integrals
 from ares_models.arrays import (
     ARC,
@@ -41,7 +41,7 @@ def three_stage_plan(jettison_time=math.inf):
     nav = np.zeros(1, NAVIGATION)
     nav["time"] = 10.0
     nav["mass"] = 300e3 - 10.0 * arcs["mass_flow"][0]
-    state = np.zeros(1, PEG_STATE)
+    state = np.zeros(1, GUIDANCE_STATE)
     state["jettison_time"] = jettison_time
     plan_segments(nav[0], arcs, jettisons, state[0])
     return arcs, jettisons, nav, state

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_guidance.arrays import PEG_STATE
-from ares_guidance.peg import Peg, PegSettings
+from ares_guidance.arrays import GUIDANCE_STATE
+from ares_guidance.law import LawSettings
+from ares_guidance.laws import make_law
 from ares_models.arrays import NAVIGATION, STEERING
 from ares_models.mission import Mission
 from ares_studies.kernels import fly
@@ -24,7 +25,7 @@ class Flight:
 
     Attributes:
         plant: record PLANT with the true final state and the events.
-        guidance: record PEG_STATE.
+        guidance: record GUIDANCE_STATE.
     """
 
     plant: Any
@@ -38,12 +39,13 @@ class Flight:
 
 def fly_compiled(
     mission: Mission,
-    settings: PegSettings | None = None,
+    settings: LawSettings | None = None,
     options: SimulatorOptions | None = None,
     dispersions: Dispersions | None = None,
     seed: int = 0,
+    law: str = "peg",
 ) -> Flight:
-    """Fly a mission with PEG and perfect navigation in one compiled loop.
+    """Fly a mission with perfect navigation in one compiled loop.
 
     Args:
         mission: what is flown.
@@ -51,6 +53,7 @@ def fly_compiled(
         options: how the plant is stepped.
         dispersions: one-sigma values of the vehicle; navigation errors are not modelled here.
         seed: seed of the dispersions.
+        law: one of `ares_guidance.law.CODES`.
 
     Raises:
         ValueError: the dispersions hold navigation errors.
@@ -70,7 +73,7 @@ def fly_compiled(
     plant_options = np.zeros(1, OPTIONS)
     plant_options["max_step"] = options.integration_step_s
     plant_options["attitude_rate_limit"] = options.attitude_rate_limit_rad_s
-    state = np.zeros(1, PEG_STATE)
+    state = np.zeros(1, GUIDANCE_STATE)
     steering = np.zeros(1, STEERING)
     steering["cutoff_time"] = math.nan
     begin_flight(plant[0], true.environment[0], true.atmosphere, true.arcs, true.jettisons)
@@ -86,9 +89,9 @@ def fly_compiled(
         believed.arcs,
         believed.jettisons,
         believed.target[0],
-        (settings or PegSettings()).record()[0],
+        (settings or LawSettings()).record(law)[0],
         state[0],
-        np.zeros(1, PEG_STATE)[0],
+        np.zeros(1, GUIDANCE_STATE)[0],
         np.zeros(1, NAVIGATION)[0],
         steering[0],
         options.navigation_period_s,
@@ -98,19 +101,20 @@ def fly_compiled(
 
 def fly_stepwise(
     mission: Mission,
-    settings: PegSettings | None = None,
+    settings: LawSettings | None = None,
     options: SimulatorOptions | None = None,
     dispersions: Dispersions | None = None,
     seed: int = 0,
+    law: str = "peg",
 ) -> Flight:
     """Fly a mission through the objects that the nodes hold, navigation errors included.
 
-    Args: as :func:`fly_compiled`.
+    Args: as :func:`fly_compiled`; `law` one of `ares_guidance.laws.LAWS`.
     """
     simulator = Simulator(mission, options, dispersions, seed)
-    law = Peg(mission.arrays(), settings)
+    guide = make_law(law, mission.arrays(), settings)
     while not simulator.complete:
-        law.step(simulator.navigation)
-        simulator.command(law.steering)
+        guide.step(simulator.navigation)
+        simulator.command(guide.steering)
         simulator.advance()
-    return Flight(simulator.plant, law.state)
+    return Flight(simulator.plant, guide.state)

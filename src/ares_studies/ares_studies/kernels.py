@@ -4,7 +4,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from ares_guidance.kernels.peg import guidance_step
+from ares_guidance.kernels.cycle import guidance_step
 from ares_models.arrays import Record
 from ares_models.jit import kernel
 from ares_vehicle_sim.kernels import accept_command, flight_step, measure

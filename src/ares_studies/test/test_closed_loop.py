@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from ares_guidance.peg import PegSettings
+from ares_guidance.law import LawSettings
 from ares_models.mission import load_mission
 from ares_models.orbits import Elements, Insertion
 from ares_studies.closed_loop import fly_compiled, fly_stepwise
@@ -49,13 +49,13 @@ def test_default_mission(ares_v):
 
 @pytest.mark.parametrize("hold_time_s", [2.0, 5.0, 20.0, 40.0])
 def test_accuracy_does_not_depend_on_the_hold(ares_v, hold_time_s):
-    flight = fly_compiled(ares_v, PegSettings(hold_time_s=hold_time_s))
+    flight = fly_compiled(ares_v, LawSettings(hold_time_s=hold_time_s))
     assert_within(errors(ares_v, flight), [1.0, 0.01, 1e-4, 1e-3])
 
 
 @pytest.mark.parametrize("cycle_period_s", [0.1, 0.5, 2.0, 5.0])
 def test_accuracy_does_not_depend_on_the_cycle(ares_v, cycle_period_s):
-    flight = fly_compiled(ares_v, PegSettings(cycle_period_s=cycle_period_s))
+    flight = fly_compiled(ares_v, LawSettings(cycle_period_s=cycle_period_s))
     assert_within(errors(ares_v, flight), [1.0, 0.01, 1e-4, 1e-3])
     assert flight.plant["mass"] >= 174_060.0
 

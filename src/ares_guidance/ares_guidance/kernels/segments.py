@@ -54,7 +54,7 @@ def plan_segments(nav: Record, arcs: NDArray[Any], jettisons: NDArray[Any], stat
         nav: record NAVIGATION.
         arcs: dtype ARC.
         jettisons: dtype JETTISON.
-        state: record PEG_STATE.
+        state: record GUIDANCE_STATE.
     """
     now = nav.time
     mass = nav.mass
@@ -138,7 +138,7 @@ def thrust_integrals(state: Record, until: float, cutoff: float) -> Integrals:
     Closed form per segment, after Brand, Brown, Higgins (NTRS 19740004402).
 
     Args:
-        state: record PEG_STATE with planned segments.
+        state: record GUIDANCE_STATE with planned segments.
         until: s from now.
         cutoff: end of all thrust, s from now.
 
@@ -192,7 +192,7 @@ def burn_time_to_go(state: Record, delta_v: float) -> tuple[float, int, bool]:
     """Time at which the planned burn has given ``delta_v``.
 
     Args:
-        state: record PEG_STATE with planned segments.
+        state: record GUIDANCE_STATE with planned segments.
         delta_v: m/s.
 
     Returns:
@@ -211,3 +211,15 @@ def burn_time_to_go(state: Record, delta_v: float) -> tuple[float, int, bool]:
         tb = -segment.tau * math.expm1(-max(left, 0.0) / segment.exhaust_velocity)
         return segment.start + tb, i, tb > segment.capacity
     return 0.0, last, False
+
+
+@kernel
+def note_tail_off(arc: Record, state: Record) -> None:
+    """What follows the cut-off command: an impulse, and a drift until the thrust is gone.
+
+    The target holds at the end of the thrust; until then the vehicle moves on.
+    """
+    state.tail_gain = arc.tail_gain
+    state.tail_drift = 0.0
+    if arc.tail_knots > 0:
+        state.tail_drift = arc.tail_time[arc.tail_knots - 1] - arc.tail_gain

@@ -1,4 +1,4 @@
-"""Multi-stage Powered Explicit Guidance as an object: navigation states in, steering out."""
+"""A guidance law as an object: navigation states in, steering out."""
 
 import math
 from dataclasses import dataclass, field, fields
@@ -8,15 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_guidance.arrays import (
+    GUIDANCE_SETTINGS,
+    GUIDANCE_STATE,
     HEATING_MEASURED,
     HEATING_MODELLED,
+    LAW_PEG,
     MAX_SEGMENTS,
-    PEG_SETTINGS,
-    PEG_STATE,
     PHASE_CONVERGING,
     PHASE_IDLE,
 )
-from ares_guidance.kernels.peg import guidance_step
+from ares_guidance.kernels.cycle import guidance_step
 from ares_models.arrays import STEERING, MissionArrays
 
 
@@ -30,7 +31,7 @@ def _setting(
 
 
 @dataclass(frozen=True)
-class PegSettings:
+class LawSettings:
     """Cycle and gates of the law; each gate decides whether a solution may be flown."""
 
     cycle_period_s: float = _setting(1.0, "Flight time between guidance cycles.", "s", 0.001, 100.0)
@@ -88,9 +89,14 @@ class PegSettings:
             if not low <= value <= high:
                 raise ValueError(f"{item.name} is {value}; expected {low:g} to {high:g}")
 
-    def record(self) -> NDArray[np.void]:
-        """The settings as the kernel reads them, shape (1,), dtype PEG_SETTINGS."""
-        record = np.zeros(1, PEG_SETTINGS)
+    def record(self, law: str = "peg") -> NDArray[np.void]:
+        """The settings as the kernel reads them, shape (1,), dtype GUIDANCE_SETTINGS.
+
+        Args:
+            law: one of CODES.
+        """
+        record = np.zeros(1, GUIDANCE_SETTINGS)
+        record["law"] = CODES[law]
         record["cycle_period"] = self.cycle_period_s
         record["hold_time"] = self.hold_time_s
         record["velocity_to_go_tolerance"] = self.velocity_to_go_tolerance_m_s
@@ -108,20 +114,27 @@ class PegSettings:
 HEATING_SOURCES = {"measured": HEATING_MEASURED, "model": HEATING_MODELLED}
 
 
-class Peg:
+#: Laws that the shared guidance cycle flies, by name.
+CODES = {"peg": LAW_PEG}
+
+
+class Law:
     """The law and its memory between navigation states.
 
     Attributes:
-        state: record PEG_STATE, what the law thinks; read only by custom.
+        state: record GUIDANCE_STATE, what the law thinks; read only by custom.
         steering: shape (1,), dtype STEERING, the present answer.
     """
 
-    def __init__(self, arrays: MissionArrays, settings: PegSettings | None = None) -> None:
+    def __init__(
+        self, arrays: MissionArrays, settings: LawSettings | None = None, law: str = "peg"
+    ) -> None:
         """Prepare for the first navigation state.
 
         Args:
             arrays: the mission as guidance believes it.
             settings: cycle and gates.
+            law: one of CODES.
 
         Raises:
             ValueError: the mission has more arcs and jettisons than the law has room for.
@@ -129,16 +142,16 @@ class Peg:
         parts = len(arrays.arcs) + len(arrays.jettisons)
         if parts > MAX_SEGMENTS:
             raise ValueError(
-                f"mission has {parts} arcs and jettisons; PEG has room for {MAX_SEGMENTS}"
+                f"mission has {parts} arcs and jettisons; guidance has room for {MAX_SEGMENTS}"
             )
         self._arrays = arrays
-        self._settings = (settings or PegSettings()).record()
+        self._settings = (settings or LawSettings()).record(law)
         self.reset()
 
     def reset(self) -> None:
         """Forget the flight."""
-        self._state = np.zeros(1, PEG_STATE)
-        self._saved = np.zeros(1, PEG_STATE)
+        self._state = np.zeros(1, GUIDANCE_STATE)
+        self._saved = np.zeros(1, GUIDANCE_STATE)
         self.steering = np.zeros(1, STEERING)
         self.steering["cutoff_time"] = math.nan
         self.steering["jettison"] = -1
@@ -173,7 +186,7 @@ class Peg:
 
     @property
     def state(self) -> Any:
-        """What the law thinks, record PEG_STATE."""
+        """What the law thinks, record GUIDANCE_STATE."""
         return self._state[0]
 
     @property

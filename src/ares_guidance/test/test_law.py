@@ -12,7 +12,7 @@ from ares_guidance.arrays import (
     PHASE_HOLD,
     PHASE_TRACKING,
 )
-from ares_guidance.peg import Peg, PegSettings
+from ares_guidance.law import Law, LawSettings
 from ares_models.arrays import NAVIGATION
 from ares_models.kernels.environment import heating_rate
 from ares_models.kernels.vectors import load
@@ -42,15 +42,15 @@ def ares_v():
 @pytest.mark.parametrize("name", list_missions())
 def test_starts_by_itself_within_thirty_iterations(name):
     mission = load_mission(name)
-    law = Peg(mission.arrays())
+    law = Law(mission.arrays())
     assert law.step(first_navigation(mission))
     assert law.state["phase"] == PHASE_TRACKING
     assert 0 < law.state["iterations"] <= 30
-    assert law.state["miss_speed"] < PegSettings().velocity_to_go_tolerance_m_s
+    assert law.state["miss_speed"] < LawSettings().velocity_to_go_tolerance_m_s
 
 
 def test_predicts_the_flight_that_follows(ares_v):
-    law = Peg(ares_v.arrays())
+    law = Law(ares_v.arrays())
     law.step(first_navigation(ares_v))
     # flown closed loop, this flight drops its fairing at 433.8 s and cuts off at 767.1 s
     assert law.steering[0]["cutoff_time"] == pytest.approx(767.1, abs=3.0)
@@ -59,7 +59,7 @@ def test_predicts_the_flight_that_follows(ares_v):
 
 
 def test_the_direction_is_a_unit_vector_normal_to_its_rate(ares_v):
-    law = Peg(ares_v.arrays())
+    law = Law(ares_v.arrays())
     law.step(first_navigation(ares_v))
     steering = law.steering[0]
     assert np.linalg.norm(steering["direction"]) == pytest.approx(1.0, abs=1e-12)
@@ -70,7 +70,7 @@ def test_the_direction_is_a_unit_vector_normal_to_its_rate(ares_v):
 @pytest.mark.parametrize("field", ["position", "velocity", "mass", "time", "sensed_delta_v"])
 @pytest.mark.parametrize("value", [math.nan, math.inf])
 def test_a_navigation_state_that_is_not_finite_changes_nothing(ares_v, field, value):
-    law = Peg(ares_v.arrays())
+    law = Law(ares_v.arrays())
     law.step(first_navigation(ares_v))
     before, state = law.steering.copy(), law.state.copy()
     law.step(first_navigation(ares_v, **{field: value}))
@@ -81,16 +81,16 @@ def test_a_navigation_state_that_is_not_finite_changes_nothing(ares_v, field, va
 
 @pytest.mark.parametrize("arc", [-1, 2, 255])
 def test_an_arc_that_the_mission_does_not_have(ares_v, arc):
-    law = Peg(ares_v.arrays())
+    law = Law(ares_v.arrays())
     law.step(first_navigation(ares_v, arc=arc))
     assert law.state["error"] == ERROR_NAVIGATION_INVALID
     assert not law.steered
 
 
 def test_an_unknown_heating_rate_leaves_the_on_board_model(ares_v):
-    known = Peg(ares_v.arrays())
+    known = Law(ares_v.arrays())
     known.step(first_navigation(ares_v))
-    unknown = Peg(ares_v.arrays())
+    unknown = Law(ares_v.arrays())
     unknown.step(first_navigation(ares_v, heating_rate=math.nan))
     assert math.isnan(unknown.state["density_ratio"])
     assert unknown.steering[0]["jettison_time"] == pytest.approx(
@@ -102,7 +102,7 @@ def test_thicker_air_moves_the_jettison_and_too_thick_air_takes_it_off_the_plan(
     nominal = first_navigation(ares_v)["heating_rate"]
     times = []
     for factor in (0.7, 1.0, 1.3, 3.0):
-        law = Peg(ares_v.arrays())
+        law = Law(ares_v.arrays())
         law.step(first_navigation(ares_v, heating_rate=factor * nominal))
         assert law.state["phase"] == PHASE_TRACKING
         times.append(float(law.steering[0]["jettison_time"]))
@@ -113,7 +113,7 @@ def test_thicker_air_moves_the_jettison_and_too_thick_air_takes_it_off_the_plan(
 
 def test_the_on_board_model_can_be_trusted_instead(ares_v):
     nominal = first_navigation(ares_v)["heating_rate"]
-    law = Peg(ares_v.arrays(), PegSettings(heating_source="model"))
+    law = Law(ares_v.arrays(), LawSettings(heating_source="model"))
     law.step(first_navigation(ares_v, heating_rate=3.0 * nominal))
     assert law.steering[0]["jettison_time"] == pytest.approx(433.7, abs=5.0)
 
@@ -121,14 +121,14 @@ def test_the_on_board_model_can_be_trusted_instead(ares_v):
 def test_a_target_beyond_the_propellant_is_said_and_still_steered_at(ares_v):
     arrays = ares_v.arrays()
     arrays.arcs["propellant"][1] = 120e3
-    law = Peg(arrays)
+    law = Law(arrays)
     law.step(first_navigation(ares_v))
     assert law.state["error"] == ERROR_PROPELLANT_SHORT
     assert law.steered
 
 
 def test_a_start_that_makes_no_sense_points_along_the_velocity(ares_v):
-    law = Peg(ares_v.arrays(), PegSettings(max_iterations=1))
+    law = Law(ares_v.arrays(), LawSettings(max_iterations=1))
     nav = first_navigation(ares_v)
     law.step(nav)
     assert law.state["phase"] == PHASE_CONVERGING
@@ -138,7 +138,7 @@ def test_a_start_that_makes_no_sense_points_along_the_velocity(ares_v):
 
 
 def test_between_cycles_the_answer_stays(ares_v):
-    law = Peg(ares_v.arrays())
+    law = Law(ares_v.arrays())
     law.step(first_navigation(ares_v))
     before = law.steering.copy()
     assert not law.step(first_navigation(ares_v, time=ares_v.start().time_s + 0.1))
@@ -146,7 +146,7 @@ def test_between_cycles_the_answer_stays(ares_v):
 
 
 def test_a_jump_in_the_state_is_gated_then_accepted(ares_v):
-    law = Peg(ares_v.arrays(), PegSettings(steering_jump_limit_deg=0.5, max_stale_cycles=2))
+    law = Law(ares_v.arrays(), LawSettings(steering_jump_limit_deg=0.5, max_stale_cycles=2))
     start = ares_v.start()
     law.step(first_navigation(ares_v))
     good = law.steering.copy()
@@ -163,7 +163,7 @@ def test_a_jump_in_the_state_is_gated_then_accepted(ares_v):
 
 
 def test_the_steering_is_held_when_little_time_is_left(ares_v):
-    law = Peg(ares_v.arrays(), PegSettings(hold_time_s=1e4 / 100))
+    law = Law(ares_v.arrays(), LawSettings(hold_time_s=1e4 / 100))
     arrays = ares_v.arrays()
     target = arrays.target[0]
     # 50 m/s short of the target, on its radius and angle
@@ -195,9 +195,9 @@ def test_the_steering_is_held_when_little_time_is_left(ares_v):
 )
 def test_a_setting_out_of_range_is_named(setting, value):
     with pytest.raises(ValueError, match=f"{setting} is .*; expected"):
-        PegSettings(**{setting: value})
+        LawSettings(**{setting: value})
 
 
 def test_an_unknown_heating_source_is_named():
     with pytest.raises(ValueError, match="heating_source is 'guess'; expected measured or model"):
-        PegSettings(heating_source="guess")
+        LawSettings(heating_source="guess")
