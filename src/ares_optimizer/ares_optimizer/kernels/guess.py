@@ -24,6 +24,7 @@ from ares_optimizer.kernels.newton import find_floors, prepare
 from ares_optimizer.kernels.timetable import (
     COLUMN_CUTOFF,
     COLUMN_JETTISON,
+    begin_mass,
     build_timetable,
     segment_mass,
 )
@@ -197,6 +198,13 @@ def guess_two_point(
     mean = 0.5 * (radius + min(norm(wanted), 1.5 * radius))
     omega = math.sqrt(mu / (mean * mean * mean))
     cutoff = floor + 0.5 * span
+    least = 0.02 * span
+    if start.arc == arcs.shape[0] - 1:
+        # the last burn runs: little may be left of it
+        gain = norm(sub(wanted_v, v0))
+        mass = begin_mass(start, arcs)
+        cutoff = floor - math.expm1(-gain / final.exhaust_velocity) * mass / final.mass_flow
+        least = 1e-6 * span
     # half the way round that the mean speed makes
     way = min(1.5, 0.5 * (norm(v0) + norm(wanted_v)) * (cutoff - start.time) / radius)
     ahead = unit(cross(h0, r0))
@@ -259,5 +267,5 @@ def guess_two_point(
         last = work.segments[count - 1]
         mass = segment_mass(last, last.end)
         cutoff -= math.expm1(-gain / final.exhaust_velocity) * mass / final.mass_flow
-        cutoff = min(max(cutoff, floor + 0.02 * span), work.ceiling - 0.02 * span)
+        cutoff = min(max(cutoff, floor + least), work.ceiling - 0.02 * span)
     return True

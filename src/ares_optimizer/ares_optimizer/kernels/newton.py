@@ -28,6 +28,7 @@ AT_FLOOR = 5
 UNSOUND = 6
 
 _SMALLEST_FRACTION = 1e-3
+_ROUNDING = 1e-13  # of the residuals: under a micrometre; near cut-off no step can mend it
 _CLOSE = 0.1  # scaled step within which a trial goes without a Jacobian
 _CONTRACTION = 0.1  # of simplified corrections, to go on with the same factors
 _NEAR_FLOOR = 1.0  # s
@@ -133,7 +134,7 @@ def prepare(n: int, work: Record) -> None:
 
 
 @kernel
-def _length(n: int, x: NDArray[np.float64], unit: NDArray[np.float64]) -> float:
+def scaled_length(n: int, x: NDArray[np.float64], unit: NDArray[np.float64]) -> float:
     """Norm of a step in scaled unknowns."""
     total = 0.0
     for i in range(n):
@@ -214,9 +215,14 @@ def solve_two_point(
     # a guess outside the possible times is moved inside
     floor = work.floor[COLUMN_CUTOFF]
     unknowns[COLUMN_CUTOFF] = min(
-        max(unknowns[COLUMN_CUTOFF], floor + 1e-3 * (work.ceiling - floor)),
+        max(unknowns[COLUMN_CUTOFF], floor + 1e-6 * (work.ceiling - floor)),
         work.ceiling - 0.01 * (work.ceiling - floor),
     )
+    # in a short flight times are shorter and rates greater
+    part = min(1.0, (unknowns[COLUMN_CUTOFF] - start.time) / work.unit[COLUMN_CUTOFF])
+    work.unit[COLUMN_CUTOFF] *= part
+    for i in range(3, 6):
+        work.unit[i] /= part
     for i in range(COLUMN_JETTISON, n, 2):
         if work.pinned[(i - COLUMN_JETTISON) // 2] == 1:
             unknowns[i] = work.floor[i] + AT_ONCE
@@ -241,10 +247,10 @@ def solve_two_point(
         if not factor(n, work.factors, work.pivots):
             return iteration, residual_norm, SINGULAR
         solve(n, work.factors, work.pivots, work.step)
-        length = _length(n, work.step, work.unit)
+        length = scaled_length(n, work.step, work.unit)
         if not math.isfinite(length):
             return iteration, residual_norm, SINGULAR
-        if length <= options.tolerance:
+        if length <= options.tolerance or residual_norm <= _ROUNDING:
             for i in range(n):
                 unknowns[i] += work.step[i]
             return iteration, residual_norm, CONVERGED
@@ -278,7 +284,7 @@ def solve_two_point(
                 for i in range(n):
                     work.correction[i] = -work.residual[i]
                 solve(n, work.factors, work.pivots, work.correction)
-                shorter = _length(n, work.correction, work.unit)
+                shorter = scaled_length(n, work.correction, work.unit)
             if shorter <= (1.0 - 0.25 * fraction) * length:
                 break
             with_tangents = False
@@ -315,7 +321,7 @@ def solve_two_point(
             for i in range(n):
                 work.correction[i] = -work.residual[i]
             solve(n, work.factors, work.pivots, work.correction)
-            shorter = _length(n, work.correction, work.unit)
+            shorter = scaled_length(n, work.correction, work.unit)
         if not with_tangents:
             good = shoot(
                 start,

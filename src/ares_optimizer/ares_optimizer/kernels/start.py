@@ -160,9 +160,12 @@ def sweep(problem: Problem, scratch: Scratch, point: Point, starts: Array, misse
         )
     along = unit(cross(normal, up))
     speed = target.speed
+    slope = target.flight_path_angle
     if target.kind == TARGET_KEPLERIAN:
         speed = math.sqrt(max(mu * (2.0 / radius - 1.0 / target.semi_major_axis), 0.0))
-    needed = norm(axpy(-1.0, v, scale(speed, along)))
+        slope = 0.0
+    wanted = add(scale(speed * math.cos(slope), along), scale(speed * math.sin(slope), up))
+    needed = norm(axpy(-1.0, v, wanted))
     found = 0
     p = np.zeros(n)
     for a in range(4):
