@@ -3,12 +3,10 @@
 The file format is described key by key in ``docs/missions.md``.
 """
 
-import difflib
 import math
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,14 +16,8 @@ from ares_models import arrays as layout
 from ares_models import mission_parts as parts
 from ares_models.arrays import MissionArrays
 from ares_models.atmosphere import FIXED_MODELS, Atmosphere, AtmosphereError, nrlmsis
+from ares_models.input_file import InputError, InputKind, KeyPath, explain, read_input
 from ares_models.mission_checks import MAX_STAGES, check_mission
-from ares_models.mission_file import (
-    KeyPath,
-    MissionError,
-    format_path,
-    format_value,
-    read_mission_file,
-)
 from ares_models.mission_parts import (
     BurnArc,
     EnvironmentPart,
@@ -39,13 +31,20 @@ from ares_models.mission_parts import (
     Text,
 )
 
-__all__ = ["Mission", "MissionError", "Start", "list_missions", "load_mission"]
+__all__ = ["MISSION", "Mission", "MissionError", "Start", "list_missions", "load_mission"]
 
 #: Share of the last stage's mass (its own jettisons aside) that is taken as propellant
 #: where the file does not say. Guidance then never runs dry by a made-up number.
 DEFAULT_PROPELLANT_SHARE = 0.95
 
 Array = NDArray[np.float64]
+
+
+class MissionError(InputError):
+    """A mission cannot be used; the text is one line."""
+
+
+MISSION = InputKind("mission", MissionError, "ares_models", "missions")
 
 
 @dataclass(frozen=True)
@@ -279,10 +278,7 @@ class Mission(Part):
 
 def list_missions() -> tuple[str, ...]:
     """Names of the missions that come with the package, sorted."""
-    folder = resources.files("ares_models").joinpath("missions")
-    return tuple(
-        sorted(item.name[: -len(".yaml")] for item in folder.iterdir() if item.name[-5:] == ".yaml")
-    )
+    return MISSION.shipped()
 
 
 def load_mission(name_or_path: str | Path) -> Mission:
@@ -296,139 +292,16 @@ def load_mission(name_or_path: str | Path) -> Mission:
         MissionError: one line that names the file, the key path, the value found and what
             was expected.
     """
-    path = _find(name_or_path)
-    data, lines = read_mission_file(path)
+    path = MISSION.find(name_or_path)
+    data, lines = read_input(path, MISSION)
     try:
         return Mission.model_validate(data)
     except ValidationError as error:
-        problems = [_explain(dict(item), lines) for item in error.errors()]
+        problems = [explain(dict(item), lines, _siblings) for item in error.errors()]
         raise MissionError(str(path), problems) from None
 
 
-def _find(name_or_path: str | Path) -> Path:
-    text = str(name_or_path)
-    looks_like_path = (
-        isinstance(name_or_path, Path)
-        or text.endswith((".yaml", ".yml"))
-        or "/" in text
-        or "\\" in text
-    )
-    shipped = list_missions()
-    if text in shipped and not isinstance(name_or_path, Path):
-        return Path(str(resources.files("ares_models").joinpath("missions", f"{text}.yaml")))
-    if looks_like_path or (text and Path(text).is_file()):
-        return Path(text)
-    close = difflib.get_close_matches(text.lower(), shipped, n=1, cutoff=0.4)
-    hint = f"; did you mean {close[0]}?" if close else ""
-    raise MissionError(
-        f"mission {format_value(text)}",
-        [f"no such mission; shipped are {', '.join(shipped)}, or give a file's path{hint}"],
-    )
-
-
-_UNITS = {
-    "_m3_s2": "m3/s2",
-    "_w_m2": "W/m2",
-    "_rad_s": "rad/s",
-    "_m_s2": "m/s2",
-    "_m_s": "m/s",
-    "_deg": "deg",
-    "_kg": "kg",
-    "_m": "m",
-    "_n": "N",
-    "_s": "s",
-}
-
-_EXPECTED: dict[str, str] = {
-    "float_type": "a number",
-    "finite_number": "a finite number",
-    "string_type": "text",
-    "string_too_short": "text that is not empty",
-    "string_pattern_mismatch": "a name of small letters, digits and underscores",
-    "model_type": "a mapping",
-    "model_attributes_type": "a mapping",
-    "dict_type": "a mapping",
-    "tuple_type": "a list",
-}
-
-
-def _unit(key: str | int) -> str:
-    if isinstance(key, str):
-        for ending, unit in _UNITS.items():
-            if key.endswith(ending):
-                return f" in {unit}"
-    return ""
-
-
-def _expected(kind: str, context: dict[str, Any], message: str, path: KeyPath) -> str:
-    names = [part for part in path if isinstance(part, str)]
-    unit = _unit(names[-1]) if names else ""
-    bounds: dict[Literal["gt", "ge", "lt", "le"], str] = {
-        "gt": "greater than",
-        "ge": "of at least",
-        "lt": "less than",
-        "le": "of at most",
-    }
-    for key, words in bounds.items():
-        if key in context and kind not in ("too_long", "too_short"):
-            return f"a number {words} {context[key]:g}{unit}"
-    if kind == "too_short":
-        return f"a list of at least {context['min_length']}"
-    if kind == "too_long":
-        return f"a list of at most {context['max_length']}"
-    if kind == "string_too_long":
-        return f"text of at most {context['max_length']} characters"
-    if kind == "literal_error":
-        return f"one of {context['expected']}"
-    if kind in _EXPECTED:
-        return _EXPECTED[kind] + (unit if kind in ("float_type", "finite_number") else "")
-    return message.replace("Input should be ", "")
-
-
-def _explain(item: dict[str, Any], lines: dict[KeyPath, int]) -> str:
-    """One pydantic error as one line of ours."""
-    kind = item["type"]
-    context: dict[str, Any] = item.get("ctx", {})
-    place = tuple(
-        part for part in item["loc"] if not (isinstance(part, str) and part.startswith("<"))
-    )
-    value = item["input"]
-    if kind == "expected" and "path" in context:
-        place = (*place, *context["path"])
-        value = context["value"]
-        expected = context["expected"]
-        missing = value is None
-    else:
-        missing = kind == "missing"
-        expected = _expected(kind, context, item["msg"], place)
-        if kind == "expected":
-            expected = item["msg"]
-    name = format_path(place) or "the file"
-    line = _line(place, lines)
-    where = f"line {line}: " if line else ""
-    if kind == "extra_forbidden":
-        known = _siblings(item["loc"])
-        close = difflib.get_close_matches(str(place[-1]), known, n=1, cutoff=0.5)
-        hint = f"did you mean {close[0]}?" if close else "known are " + ", ".join(known)
-        return f"{where}{name} is not a known key (its value is {format_value(value)}); {hint}"
-    if missing:
-        if kind == "missing":
-            unit = _unit(place[-1])
-            number = isinstance(place[-1], int)
-            expected = f"a number{unit}" if unit or number else "a value"
-        return f"{where}{name} is missing; expected {expected}"
-    return f"{where}{name} is {format_value(value)}; expected {expected}"
-
-
-def _line(place: KeyPath, lines: dict[KeyPath, int]) -> int | None:
-    """Line of a key, or of the nearest thing around it."""
-    for end in range(len(place), 0, -1):
-        if place[:end] in lines:
-            return lines[place[:end]]
-    return None
-
-
-def _siblings(location: tuple[str | int, ...]) -> list[str]:
+def _siblings(location: KeyPath) -> list[str]:
     """Keys that the mapping around a location may have."""
     model: Any = Mission
     for part in location[:-1]:

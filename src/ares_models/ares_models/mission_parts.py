@@ -87,7 +87,7 @@ class Part(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-def _by_keys(forms: Mapping[str, type[Part]], default: str | None) -> Callable[[Any], str | None]:
+def by_keys(forms: Mapping[str, type[Part]], default: str | None) -> Callable[[Any], str | None]:
     """Choose among forms of a mapping by the keys that are there."""
 
     def choose(value: Any) -> str | None:
@@ -242,7 +242,7 @@ InitialState = Annotated[
     | Annotated[StateAngles, Tag("<angles>")]
     | Annotated[StateElements, Tag("<elements>")],
     Discriminator(
-        _by_keys(
+        by_keys(
             {"<vectors>": StateVectors, "<angles>": StateAngles, "<elements>": StateElements},
             None,
         ),
@@ -346,7 +346,7 @@ class CoastArc(Part):
 
 Arc = Annotated[
     Annotated[BurnArc, Tag("<burn>")] | Annotated[CoastArc, Tag("<coast>")],
-    Discriminator(_by_keys({"<coast>": CoastArc, "<burn>": BurnArc}, "<burn>")),
+    Discriminator(by_keys({"<coast>": CoastArc, "<burn>": BurnArc}, "<burn>")),
 ]
 
 _SHORTHAND = ("thrust_n", "isp_s", "burn_time_s", "start", "tail_off")
@@ -444,7 +444,7 @@ class TargetOrbit(Part):
 Target = Annotated[
     Annotated[TargetState, Tag("<state>")] | Annotated[TargetOrbit, Tag("<orbit>")],
     Discriminator(
-        _by_keys({"<state>": TargetState, "<orbit>": TargetOrbit}, None),
+        by_keys({"<state>": TargetState, "<orbit>": TargetOrbit}, None),
         custom_error_type="expected",
         custom_error_message="radius_m, speed_m_s, flight_path_angle_deg and inclination_deg, "
         "or semi_major_axis_m and so on",

@@ -9,8 +9,8 @@ import pytest
 import yaml
 
 from ares_models import arrays as layout
-from ares_models.mission import Mission, MissionError, list_missions, load_mission
-from ares_models.mission_file import read_mission_file
+from ares_models.input_file import read_input
+from ares_models.mission import MISSION, Mission, MissionError, list_missions, load_mission
 from ares_models.orbits import Elements, Insertion
 
 
@@ -24,7 +24,7 @@ def variant(tmp_path, change, name="ares_v"):
     """A shipped mission with its plain data changed, written as a file."""
     source = tmp_path / "source.yaml"
     source.write_text(shipped_text(name))
-    data, _ = read_mission_file(source)
+    data, _ = read_input(source, MISSION)
     change(data)
     path = tmp_path / "changed.yaml"
     path.write_text(yaml.safe_dump(data))

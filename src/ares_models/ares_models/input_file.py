@@ -1,0 +1,355 @@
+"""Reading a file that people write: YAML 1.2 scalars, no surprises, errors that name the line."""
+
+import difflib
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any, Literal
+
+import yaml
+
+MAX_BYTES = 1 << 20
+
+#: Keys and list indices from the top of the file to a value.
+KeyPath = tuple[str | int, ...]
+
+_INTEGER = re.compile(r"[-+]?[0-9]{1,18}")
+_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+_SPECIAL = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
+_PLAIN_TAGS = {
+    "tag:yaml.org,2002:str",
+    "tag:yaml.org,2002:seq",
+    "tag:yaml.org,2002:map",
+}
+
+
+class InputError(ValueError):
+    """A file cannot be used; the text is one line.
+
+    Attributes:
+        source: the file or name that was asked for.
+        problems: every problem found, each one line with its key path.
+    """
+
+    def __init__(self, source: str, problems: Sequence[str]) -> None:
+        self.source = source
+        self.problems = tuple(problems)
+        more = len(self.problems) - 1
+        tail = f" (and {more} more)" if more else ""
+        super().__init__(f"{source}: {self.problems[0]}{tail}")
+
+    def __reduce__(self) -> tuple[type["InputError"], tuple[str, tuple[str, ...]]]:
+        return type(self), (self.source, self.problems)
+
+
+@dataclass(frozen=True)
+class InputKind:
+    """A kind of file.
+
+    Attributes:
+        name: what one holds, in a word: `mission`.
+        error: raised for a bad one.
+        package: where the shipped ones are.
+        folder: folder of that package.
+        may_be_empty: an empty file is a mapping without keys.
+    """
+
+    name: str
+    error: type[InputError]
+    package: str
+    folder: str
+    may_be_empty: bool = False
+
+    def shipped(self) -> tuple[str, ...]:
+        """Names of the files that come with the package, sorted."""
+        folder = resources.files(self.package).joinpath(self.folder)
+        return tuple(
+            sorted(item.name[: -len(".yaml")] for item in folder.iterdir() if _is_yaml(item.name))
+        )
+
+    def find(self, name_or_path: str | Path) -> Path:
+        """File of a shipped name or of a path.
+
+        Args:
+            name_or_path: what holds a path separator or ends in .yaml or .yml is a path.
+
+        Raises:
+            InputError: neither; the text names those that are shipped.
+        """
+        text = str(name_or_path)
+        looks_like_path = (
+            isinstance(name_or_path, Path) or _is_yaml(text) or "/" in text or "\\" in text
+        )
+        shipped = self.shipped()
+        if text in shipped and not isinstance(name_or_path, Path):
+            folder = resources.files(self.package).joinpath(self.folder)
+            return Path(str(folder.joinpath(f"{text}.yaml")))
+        if looks_like_path or (text and Path(text).is_file()):
+            return Path(text)
+        close = difflib.get_close_matches(text.lower(), shipped, n=1, cutoff=0.4)
+        hint = f"; did you mean {close[0]}?" if close else ""
+        raise self.error(
+            f"{self.name} {format_value(text)}",
+            [f"no such {self.name}; shipped are {', '.join(shipped)}, or give a file's path{hint}"],
+        )
+
+
+def _is_yaml(name: str) -> bool:
+    return name.endswith((".yaml", ".yml"))
+
+
+def format_path(path: KeyPath) -> str:
+    """A key path as a person writes it: ``stages[0].arcs[1].thrust_n``."""
+    text = ""
+    for part in path:
+        if isinstance(part, int):
+            text += f"[{part}]"
+        else:
+            text += f".{part}" if text else part
+    return text
+
+
+def format_value(value: object) -> str:
+    """A value for an error message, short and on one line."""
+    if isinstance(value, dict):
+        return "a mapping"
+    if isinstance(value, (list, tuple)):
+        return "an empty list" if not value else f"a list of {len(value)}"
+    if value is None:
+        return "empty"
+    if isinstance(value, bool):
+        return str(value).lower()
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def read_input(path: Path, kind: InputKind) -> tuple[dict[str, Any], dict[KeyPath, int]]:
+    """Read a file into plain data.
+
+    Numbers follow YAML 1.2 (``3.986e14`` is a number, ``010`` is ten, ``yes`` is text).
+    Anchors, tags and duplicate keys are refused.
+
+    Args:
+        path: the file.
+        kind: what it should be.
+
+    Returns:
+        The mapping, and the line (from 1) of every key path.
+
+    Raises:
+        InputError: unreadable, not YAML, not a mapping; with the line where there is one.
+    """
+    source = str(path)
+    expected = f"expected a YAML {kind.name} file"
+    try:
+        if path.is_dir():
+            raise kind.error(source, [f"is a directory; {expected}"])
+        if path.stat().st_size > MAX_BYTES:
+            raise kind.error(source, [f"is larger than {MAX_BYTES} bytes; not a {kind.name} file"])
+        text = path.read_text("utf-8")
+    except FileNotFoundError as error:
+        raise kind.error(source, [f"no such file; {expected}"]) from error
+    except UnicodeDecodeError as error:
+        raise kind.error(source, [f"is not text (byte {error.start}); {expected}"]) from error
+    except OSError as error:
+        raise kind.error(source, [f"cannot be read: {error.strerror}"]) from error
+    try:
+        node = yaml.compose(text, Loader=yaml.BaseLoader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        where = f"line {mark.line + 1}: " if mark else ""
+        what = " ".join(filter(None, (error.context, error.problem))).replace("\n", " ")
+        raise kind.error(source, [f"{where}not valid YAML: {what}"]) from error
+    except yaml.YAMLError as error:
+        what = " ".join(str(error).split())
+        raise kind.error(source, [f"not valid YAML: {what}"]) from error
+    except RecursionError as error:
+        raise kind.error(source, [f"is nested too deeply; not a {kind.name} file"]) from error
+    if node is None and kind.may_be_empty:
+        return {}, {}
+    if node is None:
+        raise kind.error(
+            source, [f"is empty; expected a mapping with the keys of a {kind.name} file"]
+        )
+    lines: dict[KeyPath, int] = {}
+    data = _construct(node, (), source, lines, set(), kind)
+    if not isinstance(data, dict):
+        raise kind.error(
+            source,
+            [f"is {format_value(data)}; expected a mapping with the keys of a {kind.name} file"],
+        )
+    return data, lines
+
+
+def _construct(
+    node: yaml.Node,
+    path: KeyPath,
+    source: str,
+    lines: dict[KeyPath, int],
+    seen: set[int],
+    kind: InputKind,
+) -> Any:
+    line = node.start_mark.line + 1
+    lines.setdefault(path, line)
+
+    def refuse(what: str) -> InputError:
+        return kind.error(source, [f"line {line}: {format_path(path) or 'the file'} {what}"])
+
+    if id(node) in seen:
+        raise refuse("is an alias (*name); expected the value itself")
+    seen.add(id(node))
+    if node.tag not in _PLAIN_TAGS:
+        raise refuse(f"has the YAML tag {node.tag}; expected a plain value")
+    if isinstance(node, yaml.ScalarNode):
+        return _scalar(node)
+    if isinstance(node, yaml.SequenceNode):
+        return [
+            _construct(item, (*path, k), source, lines, seen, kind)
+            for k, item in enumerate(node.value)
+        ]
+    data: dict[str, Any] = {}
+    for key_node, value_node in node.value:
+        if not isinstance(key_node, yaml.ScalarNode):
+            raise refuse("has a list or mapping as a key; expected a name")
+        key = key_node.value
+        inner = (*path, key)
+        if key in data:
+            problem = f"is given twice (first in line {lines[inner]}); expected it once"
+            at = key_node.start_mark.line + 1
+            raise kind.error(source, [f"line {at}: {format_path(inner)} {problem}"])
+        lines[inner] = key_node.start_mark.line + 1
+        data[key] = _construct(value_node, inner, source, lines, seen, kind)
+    return data
+
+
+def _scalar(node: yaml.ScalarNode) -> object:
+    text = node.value
+    if node.style is not None:
+        return text
+    if text in ("", "~", "null", "Null", "NULL"):
+        return None
+    if text in ("true", "True", "TRUE"):
+        return True
+    if text in ("false", "False", "FALSE"):
+        return False
+    if _INTEGER.fullmatch(text):
+        return int(text)
+    if _FLOAT.fullmatch(text):
+        return float(text)
+    if _SPECIAL.fullmatch(text):
+        return float(text.replace(".", ""))
+    return text
+
+
+_UNITS = {
+    "_m3_s2": "m3/s2",
+    "_w_m2": "W/m2",
+    "_rad_s": "rad/s",
+    "_m_s2": "m/s2",
+    "_m_s": "m/s",
+    "_deg": "deg",
+    "_kg": "kg",
+    "_m": "m",
+    "_n": "N",
+    "_s": "s",
+}
+
+_EXPECTED: dict[str, str] = {
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "string_type": "text",
+    "string_too_short": "text that is not empty",
+    "string_pattern_mismatch": "a name of small letters, digits and underscores",
+    "model_type": "a mapping",
+    "model_attributes_type": "a mapping",
+    "dict_type": "a mapping",
+    "tuple_type": "a list",
+}
+
+
+def _unit(key: str | int) -> str:
+    if isinstance(key, str):
+        for ending, unit in _UNITS.items():
+            if key.endswith(ending):
+                return f" in {unit}"
+    return ""
+
+
+def _expected(kind: str, context: dict[str, Any], message: str, path: KeyPath) -> str:
+    names = [part for part in path if isinstance(part, str)]
+    unit = _unit(names[-1]) if names else ""
+    bounds: dict[Literal["gt", "ge", "lt", "le"], str] = {
+        "gt": "greater than",
+        "ge": "of at least",
+        "lt": "less than",
+        "le": "of at most",
+    }
+    for key, words in bounds.items():
+        if key in context and kind not in ("too_long", "too_short"):
+            return f"a number {words} {context[key]:g}{unit}"
+    if kind == "too_short":
+        return f"a list of at least {context['min_length']}"
+    if kind == "too_long":
+        return f"a list of at most {context['max_length']}"
+    if kind == "string_too_long":
+        return f"text of at most {context['max_length']} characters"
+    if kind == "literal_error":
+        return f"one of {context['expected']}"
+    if kind in _EXPECTED:
+        return _EXPECTED[kind] + (unit if kind in ("float_type", "finite_number") else "")
+    return message.replace("Input should be ", "")
+
+
+def explain(
+    item: Mapping[str, Any],
+    lines: Mapping[KeyPath, int],
+    siblings: Callable[[KeyPath], Sequence[str]],
+) -> str:
+    """One pydantic error as one line of ours.
+
+    Args:
+        item: element of ``ValidationError.errors()``.
+        lines: line of every key path, of :func:`read_input`.
+        siblings: keys that the mapping around a location may have.
+    """
+    kind = item["type"]
+    context: dict[str, Any] = item.get("ctx", {})
+    place = tuple(
+        part for part in item["loc"] if not (isinstance(part, str) and part.startswith("<"))
+    )
+    value = item["input"]
+    if kind == "expected" and "path" in context:
+        place = (*place, *context["path"])
+        value = context["value"]
+        expected = context["expected"]
+        missing = value is None
+    else:
+        missing = kind == "missing"
+        expected = _expected(kind, context, item["msg"], place)
+        if kind == "expected":
+            expected = item["msg"]
+    name = format_path(place) or "the file"
+    line = _line(place, lines)
+    where = f"line {line}: " if line else ""
+    if kind == "extra_forbidden":
+        known = siblings(item["loc"])
+        close = difflib.get_close_matches(str(place[-1]), known, n=1, cutoff=0.5)
+        hint = f"did you mean {close[0]}?" if close else "known are " + ", ".join(known)
+        return f"{where}{name} is not a known key (its value is {format_value(value)}); {hint}"
+    if missing:
+        if kind == "missing":
+            unit = _unit(place[-1])
+            number = isinstance(place[-1], int)
+            expected = f"a number{unit}" if unit or number else "a value"
+        return f"{where}{name} is missing; expected {expected}"
+    return f"{where}{name} is {format_value(value)}; expected {expected}"
+
+
+def _line(place: KeyPath, lines: Mapping[KeyPath, int]) -> int | None:
+    """Line of a key, or of the nearest thing around it."""
+    for end in range(len(place), 0, -1):
+        if place[:end] in lines:
+            return lines[place[:end]]
+    return None
