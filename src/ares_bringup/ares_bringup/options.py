@@ -17,6 +17,7 @@ class Guidance(StrEnum):
     """Guidance laws, by the names of the guidance node's parameter `law`."""
 
     PEG = "peg"
+    IGM = "igm"
 
 
 class HeatingSource(StrEnum):

@@ -5,6 +5,7 @@ import numpy as np
 MAX_SEGMENTS = 32
 
 LAW_PEG = 1
+LAW_IGM = 3
 
 PHASE_IDLE = 0
 PHASE_CONVERGING = 1

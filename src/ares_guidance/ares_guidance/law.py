@@ -12,6 +12,7 @@ from ares_guidance.arrays import (
     GUIDANCE_STATE,
     HEATING_MEASURED,
     HEATING_MODELLED,
+    LAW_IGM,
     LAW_PEG,
     MAX_SEGMENTS,
     PHASE_CONVERGING,
@@ -115,7 +116,7 @@ HEATING_SOURCES = {"measured": HEATING_MEASURED, "model": HEATING_MODELLED}
 
 
 #: Laws that the shared guidance cycle flies, by name.
-CODES = {"peg": LAW_PEG}
+CODES = {"peg": LAW_PEG, "igm": LAW_IGM}
 
 
 class Law:

@@ -13,12 +13,13 @@ from ares_guidance.arrays import (
     ERROR_STEERING_JUMP,
     ERROR_TARGET_UNREACHABLE,
     ERROR_TIME_TO_GO_JUMP,
+    LAW_IGM,
     PHASE_CONVERGING,
     PHASE_CUTOFF,
     PHASE_HOLD,
     PHASE_TRACKING,
 )
-from ares_guidance.kernels import peg
+from ares_guidance.kernels import igm, peg
 from ares_guidance.kernels.jettison import predict_jettisons
 from ares_guidance.kernels.segments import (
     plan_segments,
@@ -151,9 +152,14 @@ def solve(
     for _ in range(settings.max_iterations):
         if moved > 0.0:
             plan_segments(nav, arcs, jettisons, state)
-        miss, moved, reachable = peg.iterate(
-            nav, environment, atmosphere, arcs, jettisons, target, settings, state
-        )
+        if settings.law == LAW_IGM:
+            miss, moved, reachable = igm.iterate(
+                nav, environment, atmosphere, arcs, jettisons, target, settings, state
+            )
+        else:
+            miss, moved, reachable = peg.iterate(
+                nav, environment, atmosphere, arcs, jettisons, target, settings, state
+            )
         state.iterations += 1
         state.miss_speed = miss
         if not (math.isfinite(miss) and math.isfinite(state.time_to_go)):

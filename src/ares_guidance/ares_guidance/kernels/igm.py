@@ -1,0 +1,201 @@
+"""Iterative Guidance Mode, the law that flew the Saturn V: one pass.
+
+Sources: Chandler and Smith, "Development of the Iterative Guidance Mode with Its
+Application to Various Vehicles and Missions", J. Spacecraft 4 (1967); Horn, Chandler and
+Buckelew, "Iterative Guidance Applied to Generalized Missions", J. Spacecraft 6 (1969);
+Haeussermann, NASA TN D-5869 (1970), section on the guidance equations; the Saturn V
+guidance equations of Boeing, D5-15706 (1967), in the groups named below.
+
+Pitch and yaw are linear in time about chi-tilde, the direction that would be optimal were
+only velocity constrained. docs/igm.md says where this goes beyond the law as flown.
+"""
+
+import math
+from typing import Any
+
+from numpy.typing import NDArray
+
+from ares_guidance.kernels.jettison import predict_jettisons
+from ares_guidance.kernels.segments import (
+    Integrals,
+    burn_time_to_go,
+    note_tail_off,
+    thrust_integrals,
+)
+from ares_guidance.kernels.targets import desired_state, plane_normal, project_to_plane
+from ares_models.arrays import Record
+from ares_models.jit import kernel
+from ares_models.kernels.environment import gravity
+from ares_models.kernels.vectors import (
+    Vector,
+    add,
+    axpy,
+    dot,
+    load,
+    norm,
+    scale,
+    store,
+    sub,
+    unit,
+)
+
+#: Terminal frame: xi up, eta along the angular momentum, zeta downrange at the cut-off point.
+Frame = tuple[Vector, Vector, Vector]
+
+#: rad; K1 or K3 beyond it is no small turn, and no solution.
+STEEPEST = 1.0
+
+
+@kernel
+def thrust_direction(frame: Frame, pitch: float, yaw: float) -> Vector:
+    """Unit vector at pitch above the terminal horizontal and yaw out of the plane, rad."""
+    xi, eta, zeta = frame
+    ahead = add(scale(math.sin(pitch), xi), scale(math.cos(pitch), zeta))
+    return add(scale(math.cos(yaw), ahead), scale(math.sin(yaw), eta))
+
+
+@kernel
+def thrust_turn(
+    frame: Frame, pitch: float, yaw: float, pitch_rate: float, yaw_rate: float
+) -> Vector:
+    """Rate of :func:`thrust_direction`, 1/s, for rates in rad/s; normal to it."""
+    xi, eta, zeta = frame
+    ahead = add(scale(math.sin(pitch), xi), scale(math.cos(pitch), zeta))
+    above = sub(scale(math.cos(pitch), xi), scale(math.sin(pitch), zeta))
+    aside = sub(scale(math.cos(yaw), eta), scale(math.sin(yaw), ahead))
+    return add(scale(pitch_rate * math.cos(yaw), above), scale(yaw_rate, aside))
+
+
+@kernel
+def within_limit(turn: float) -> float:
+    """A turn held to what the small-angle expansion can bear, rad."""
+    return min(max(turn, -STEEPEST), STEEPEST)
+
+
+@kernel
+def yaw_terms(miss: float, yaw: float, integrals: Integrals) -> tuple[float, float]:
+    """K3 and K4 of chi_y(t) = chi-tilde_y - K3 + K4 t: "yaw steering parameters".
+
+    K4 / K3 = L / J, so that to first order they give no velocity.
+
+    Args:
+        miss: out-of-plane distance at cut-off under chi-tilde alone, m.
+        yaw: chi-tilde_y, rad.
+        integrals: of :func:`thrust_integrals`.
+
+    Returns:
+        K3 in rad, K4 in rad/s.
+    """
+    l_sum, j_sum, s_sum, q_sum, _, _ = integrals
+    ratio = l_sum / j_sum
+    k_3 = within_limit(miss / ((s_sum - ratio * q_sum) * math.cos(yaw)))
+    return k_3, ratio * k_3
+
+
+@kernel
+def pitch_integrals(
+    yaw: float, k_3: float, k_4: float, integrals: Integrals
+) -> tuple[float, float, float]:
+    """What the yaw leaves of the thrust integrals in the plane, to first order in K3, K4.
+
+    Args:
+        yaw: chi-tilde_y, rad.
+        k_3: rad.
+        k_4: rad/s.
+        integrals: of :func:`thrust_integrals`; its H is what IGM calls P, its P is U.
+
+    Returns:
+        S_P in m, Q_P in m s, and K_P = L_P / J_P in 1/s.
+    """
+    l_sum, j_sum, s_sum, q_sum, u_sum, p_sum = integrals
+    c_2 = math.cos(yaw) + k_3 * math.sin(yaw)
+    c_4 = k_4 * math.sin(yaw)
+    j_p = j_sum * c_2 - p_sum * c_4
+    return s_sum * c_2 - q_sum * c_4, q_sum * c_2 - u_sum * c_4, l_sum * math.cos(yaw) / j_p
+
+
+@kernel
+def iterate(
+    nav: Record,
+    environment: Record,
+    atmosphere: NDArray[Any],
+    arcs: NDArray[Any],
+    jettisons: NDArray[Any],
+    target: Record,
+    settings: Record,
+    state: Record,
+) -> tuple[float, float, bool]:
+    """One pass: terminal frame, time to go, chi-tilde, K1 to K4, range angle.
+
+    Args: as in :func:`guidance_step`.
+
+    Returns:
+        change of velocity-to-go m/s, change of the jettison time s, whether the
+        target plane passes through the predicted point.
+    """
+    r = load(nav.position)
+    v = load(nav.velocity)
+    before = load(state.velocity_to_go)
+    estimate, last, _ = burn_time_to_go(state, norm(before))
+    note_tail_off(arcs[state.segments[last].arc], state)
+
+    # "rotation to terminal coordinates", at the cut-off point that the last pass predicted
+    eta = load(state.plane_normal)
+    wanted_r, wanted_v, zeta = desired_state(
+        target, environment.mu, project_to_plane(load(state.desired_position), eta), eta
+    )
+    frame = (unit(wanted_r), eta, zeta)
+    xi = frame[0]
+    mean_gravity = scale(0.5, add(gravity(r, environment), gravity(wanted_r, environment)))
+
+    # "estimated time-to-go"
+    v_go = axpy(-(estimate + state.tail_drift), mean_gravity, sub(wanted_v, v))
+    t_go, _, short = burn_time_to_go(state, norm(v_go))
+    v_go = axpy(estimate - t_go, mean_gravity, v_go)
+    state.time_to_go = t_go
+    state.propellant_short = 1 if short else 0
+    horizon = t_go + state.tail_drift
+    integrals = thrust_integrals(state, horizon, t_go)
+    l_sum, j_sum, s_sum = integrals[0], integrals[1], integrals[2]
+
+    # chi-tilde
+    up, ahead = dot(v_go, xi), dot(v_go, zeta)
+    yaw = math.atan2(dot(v_go, eta), math.sqrt(up * up + ahead * ahead))
+    pitch = math.atan2(up, ahead)
+
+    # "yaw" and "pitch steering parameters"
+    coast = axpy(horizon, v, axpy(0.5 * horizon * horizon, mean_gravity, r))
+    k_3, k_4 = yaw_terms(dot(coast, eta) + s_sum * math.sin(yaw), yaw, integrals)
+    s_p, q_p, ratio = pitch_integrals(yaw, k_3, k_4, integrals)
+    d_p = s_p - ratio * q_p
+    miss = dot(coast, xi) - norm(wanted_r) + s_p * math.sin(pitch)
+    k_1 = within_limit(miss / (d_p * math.cos(pitch)))
+    k_2 = ratio * k_1
+
+    # the plan is expanded about chi-tilde, where the chi that is flown stands at J / L
+    moved = predict_jettisons(
+        nav,
+        environment,
+        atmosphere,
+        arcs,
+        jettisons,
+        settings,
+        state,
+        thrust_direction(frame, pitch, yaw),
+        thrust_turn(frame, pitch, yaw, k_2, k_4),
+        j_sum / l_sum,
+    )
+
+    # "range angle": the next pass stands where the same integrals reach downrange
+    beyond = dot(coast, zeta) + s_p * math.cos(pitch) + d_p * k_1 * math.sin(pitch)
+    r_p = axpy(beyond, zeta, wanted_r)
+    normal, reachable = plane_normal(target, r_p, wanted_v)
+    store(state.velocity_to_go, v_go)
+    store(state.desired_position, r_p)
+    store(state.plane_normal, normal)
+    store(state.predicted_position, r_p)
+    store(state.predicted_velocity, wanted_v)
+    store(state.direction, thrust_direction(frame, pitch - k_1, yaw - k_3))
+    store(state.direction_rate, thrust_turn(frame, pitch - k_1, yaw - k_3, k_2, k_4))
+    state.reference_time = nav.time
+    return norm(sub(v_go, before)), moved, reachable
