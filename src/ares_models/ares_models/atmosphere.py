@@ -62,7 +62,7 @@ class Atmosphere:
 
 @dataclass(frozen=True)
 class _Piece:
-    """Nodes of one smooth layer: altitude m, log density, slope 1/m."""
+    """Nodes of one smooth layer: altitude m, log density, slope 1/m; profiles in rows."""
 
     altitude: Array
     value: Array
@@ -73,7 +73,7 @@ def _pchip(altitude: ArrayLike, density: ArrayLike) -> _Piece:
     """Layer through data, with the slopes of the monotone cubic (Fritsch-Carlson)."""
     h = np.asarray(altitude, dtype=np.float64)
     value = np.log(np.asarray(density, dtype=np.float64))
-    slope = PchipInterpolator(h, value).derivative()(h)
+    slope = PchipInterpolator(h, value, axis=-1).derivative()(h)
     return _Piece(h, value, np.asarray(slope, dtype=np.float64))
 
 
@@ -86,27 +86,28 @@ def _straight(altitude: ArrayLike, log_density: ArrayLike) -> _Piece:
 
 
 def hermite_table(altitude: ArrayLike, log_density: ArrayLike, slope: ArrayLike) -> Array:
-    """Table of cubics through nodes with given slopes.
+    """Table of cubics through nodes with given slopes; several at once for several profiles.
 
     Args:
         altitude: increasing, m, shape (n,).
-        log_density: log of kg/m3, shape (n,).
-        slope: 1/m, shape (n,).
+        log_density: log of kg/m3, shape (..., n).
+        slope: 1/m, shape (..., n).
 
     Returns:
-        Shape (n, 5).
+        Shape (..., n, 5).
     """
     h = np.asarray(altitude, dtype=np.float64)
     y = np.asarray(log_density, dtype=np.float64)
     s = np.asarray(slope, dtype=np.float64)
-    table = np.zeros((h.size, 5))
-    table[:, 0] = h
-    table[:, 1] = y
-    table[:, 2] = s
+    table = np.zeros((*y.shape, 5))
+    table[..., 0] = h
+    table[..., 1] = y
+    table[..., 2] = s
     width = np.diff(h)
     chord = np.diff(y) / width
-    table[:-1, 3] = (3.0 * chord - 2.0 * s[:-1] - s[1:]) / width
-    table[:-1, 4] = (s[:-1] + s[1:] - 2.0 * chord) / width**2
+    start, end = s[..., :-1], s[..., 1:]
+    table[..., :-1, 3] = (3.0 * chord - 2.0 * start - end) / width
+    table[..., :-1, 4] = (start + end - 2.0 * chord) / width**2
     return table
 
 
@@ -419,6 +420,11 @@ def us76() -> Atmosphere:
     return Atmosphere("us76", _join([*low, *high], BLEND))
 
 
+_NRLMSIS_KM = np.concatenate(
+    (np.arange(0.0, 200.0, 1.0), np.arange(200.0, 500.0, 5.0), np.arange(500.0, 1000.1, 10.0))
+)
+
+
 @cache
 def nrlmsis(
     epoch: datetime,
@@ -441,28 +447,49 @@ def nrlmsis(
     Raises:
         AtmosphereError: the package ``pymsis`` is not installed.
     """
+    moment = np.array([epoch.replace(tzinfo=None)], dtype="datetime64[s]")
+    indices = (np.array([x]) for x in (f107, f107a, ap))
+    tables = nrlmsis_tables(moment, latitude_deg, longitude_deg, *indices, _NRLMSIS_KM)
+    return Atmosphere("nrlmsis", tables[0])
+
+
+def nrlmsis_tables(
+    epochs: NDArray[np.datetime64],
+    latitude_deg: float,
+    longitude_deg: float,
+    f107: Array,
+    f107a: Array,
+    ap: Array,
+    altitude_km: Array,
+) -> Array:
+    """NRLMSIS 2.1 over one place at many times, each with its own indices, offline.
+
+    Args: as :func:`nrlmsis`; epochs (UTC) and indices have shape (n,), altitudes (m,).
+
+    Returns:
+        shape (n, m, 5).
+
+    Raises:
+        AtmosphereError: the package ``pymsis`` is not installed.
+    """
     try:
         import pymsis
     except ImportError as error:
         raise AtmosphereError(
             "atmosphere model nrlmsis needs the Python package pymsis, which is not installed"
         ) from error
-    km = np.concatenate(
-        (np.arange(0.0, 200.0, 1.0), np.arange(200.0, 500.0, 5.0), np.arange(500.0, 1000.1, 10.0))
-    )
-    moment = epoch.replace(tzinfo=None)
     output = pymsis.calculate(
-        np.array([np.datetime64(moment)]),
+        epochs,
         [longitude_deg],
         [latitude_deg],
-        km,
-        [f107],
-        [f107a],
-        [[ap] * 7],
+        altitude_km,
+        f107,
+        f107a,
+        np.repeat(ap[:, None], 7, axis=1),
     )
-    density = np.asarray(output, dtype=np.float64)[..., 0].ravel()
-    piece = _pchip(1e3 * km, density)
-    return Atmosphere("nrlmsis", hermite_table(piece.altitude, piece.value, piece.slope))
+    density = np.asarray(output, dtype=np.float64)[:, 0, 0, :, 0]
+    piece = _pchip(1e3 * altitude_km, density)
+    return hermite_table(piece.altitude, piece.value, piece.slope)
 
 
 #: Models that need no more than their name.
