@@ -9,7 +9,8 @@ SOURCES = Path(__file__).parent.parent / "src"
 
 MAY_IMPORT = {
     "ares_models": set(),
-    "ares_guidance": {"ares_models"},
+    # law optimal solves the optimizer's two-point problem on board
+    "ares_guidance": {"ares_models", "ares_optimizer"},
     "ares_vehicle_sim": {"ares_models"},
     "ares_optimizer": {"ares_models"},
     "ares_studies": {"ares_models", "ares_guidance", "ares_vehicle_sim", "ares_optimizer"},

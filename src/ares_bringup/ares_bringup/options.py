@@ -18,6 +18,7 @@ class Guidance(StrEnum):
 
     PEG = "peg"
     IGM = "igm"
+    OPTIMAL = "optimal"
 
 
 class HeatingSource(StrEnum):

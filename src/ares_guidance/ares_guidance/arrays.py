@@ -2,10 +2,14 @@
 
 import numpy as np
 
+from ares_models.arrays import JETTISON, MAX_JETTISONS
+from ares_optimizer.kernels.two_point import MAX_UNKNOWNS, OPTIONS, WORK
+
 MAX_SEGMENTS = 32
 
 LAW_PEG = 1
 LAW_IGM = 3
+LAW_OPTIMAL = 4
 
 PHASE_IDLE = 0
 PHASE_CONVERGING = 1
@@ -32,6 +36,7 @@ GUIDANCE_SETTINGS = np.dtype(
         ("velocity_to_go_tolerance", np.float64),  # m/s, change in one iteration
         ("jettison_time_tolerance", np.float64),  # s, change in one iteration
         ("max_iterations", np.int64),  # in one cycle
+        ("max_solve_iterations", np.int64),  # of law optimal, in one search
         ("steering_jump_limit", np.float64),  # rad between accepted solutions
         ("time_to_go_jump_limit", np.float64),  # s between accepted solutions
         ("max_stale_cycles", np.int64),  # then start again from nothing
@@ -54,8 +59,23 @@ SEGMENT = np.dtype(
     align=True,
 )
 
+OPTIMAL_MEMORY = np.dtype(
+    [
+        ("solved", np.int64),  # 1: unknowns hold the solution of the last cycle
+        ("age", np.int64),  # cycles since the Jacobian
+        ("time", np.float64),  # s, where lambda_v and lambda_r hold
+        ("jettisoned", np.int64),
+        ("unknowns", np.float64, (MAX_UNKNOWNS,)),
+        ("jettisons", JETTISON, (MAX_JETTISONS,)),  # with the limits in on-board units
+        ("options", OPTIONS),
+        ("work", WORK),
+    ],
+    align=True,
+)
+
 GUIDANCE_STATE = np.dtype(
     [
+        ("law", np.int64),  # LAW_* that gave the last solution
         ("phase", np.int64),  # PHASE_*
         ("error", np.int64),  # ERROR_* of the last cycle
         ("cycle", np.int64),
@@ -89,6 +109,7 @@ GUIDANCE_STATE = np.dtype(
         ("density_ratio", np.float64),  # measured over modelled heating; nan: unknown
         ("segments", SEGMENT, (MAX_SEGMENTS,)),
         ("segment_count", np.int64),
+        ("optimal", OPTIMAL_MEMORY),
     ],
     align=True,
 )

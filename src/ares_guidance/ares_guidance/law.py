@@ -13,6 +13,7 @@ from ares_guidance.arrays import (
     HEATING_MEASURED,
     HEATING_MODELLED,
     LAW_IGM,
+    LAW_OPTIMAL,
     LAW_PEG,
     MAX_SEGMENTS,
     PHASE_CONVERGING,
@@ -50,6 +51,13 @@ class LawSettings:
         0.1, "Converged when an iteration moves the predicted jettison by less.", "s", 1e-6, 100.0
     )
     max_iterations: int = _setting(100, "Iterations allowed in one cycle.", "", 1, 10_000)
+    max_solve_iterations: int = _setting(
+        30,
+        "Newton iterations that law optimal may take in one cycle; then PEG answers.",
+        "",
+        0,
+        1000,
+    )
     steering_jump_limit_deg: float = _setting(
         10.0, "A solution that turns the thrust by more is refused.", "deg", 0.0, 180.0
     )
@@ -103,6 +111,7 @@ class LawSettings:
         record["velocity_to_go_tolerance"] = self.velocity_to_go_tolerance_m_s
         record["jettison_time_tolerance"] = self.jettison_time_tolerance_s
         record["max_iterations"] = self.max_iterations
+        record["max_solve_iterations"] = self.max_solve_iterations
         record["steering_jump_limit"] = math.radians(self.steering_jump_limit_deg)
         record["time_to_go_jump_limit"] = self.time_to_go_jump_limit_s
         record["max_stale_cycles"] = self.max_stale_cycles
@@ -116,7 +125,7 @@ HEATING_SOURCES = {"measured": HEATING_MEASURED, "model": HEATING_MODELLED}
 
 
 #: Laws that the shared guidance cycle flies, by name.
-CODES = {"peg": LAW_PEG, "igm": LAW_IGM}
+CODES = {"peg": LAW_PEG, "igm": LAW_IGM, "optimal": LAW_OPTIMAL}
 
 
 class Law:

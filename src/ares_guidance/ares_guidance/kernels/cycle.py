@@ -14,6 +14,8 @@ from ares_guidance.arrays import (
     ERROR_TARGET_UNREACHABLE,
     ERROR_TIME_TO_GO_JUMP,
     LAW_IGM,
+    LAW_OPTIMAL,
+    LAW_PEG,
     PHASE_CONVERGING,
     PHASE_CUTOFF,
     PHASE_HOLD,
@@ -21,6 +23,7 @@ from ares_guidance.arrays import (
 )
 from ares_guidance.kernels import igm, peg
 from ares_guidance.kernels.jettison import predict_jettisons
+from ares_guidance.kernels.optimal import solve_optimal
 from ares_guidance.kernels.segments import (
     plan_segments,
 )
@@ -127,7 +130,7 @@ def copy_solution(source: Record, destination: Record) -> None:
 
 
 @kernel
-def solve(
+def converge(
     nav: Record,
     environment: Record,
     atmosphere: NDArray[Any],
@@ -136,17 +139,14 @@ def solve(
     target: Record,
     settings: Record,
     state: Record,
-    saved: Record,
-    steering: Record,
-) -> None:
-    """Iterate to convergence and pass the gates, or keep the last good solution.
+) -> tuple[int, bool]:
+    """Repeat the law's pass until it settles.
 
     Args: as in :func:`guidance_step`.
+
+    Returns:
+        ERROR_NONE or ERROR_NOT_CONVERGED, and whether the target plane can be reached.
     """
-    cold = state.phase != PHASE_TRACKING
-    copy_solution(state, saved)
-    error = ERROR_NOT_CONVERGED
-    state.iterations = 0
     reachable = True
     moved = math.inf
     for _ in range(settings.max_iterations):
@@ -165,8 +165,56 @@ def solve(
         if not (math.isfinite(miss) and math.isfinite(state.time_to_go)):
             break
         if miss < settings.velocity_to_go_tolerance and moved < settings.jettison_time_tolerance:
-            error = ERROR_NONE
-            break
+            return ERROR_NONE, reachable
+    return ERROR_NOT_CONVERGED, reachable
+
+
+@kernel
+def solve(
+    nav: Record,
+    environment: Record,
+    atmosphere: NDArray[Any],
+    arcs: NDArray[Any],
+    jettisons: NDArray[Any],
+    target: Record,
+    settings: Record,
+    state: Record,
+    saved: Record,
+    steering: Record,
+) -> None:
+    """Iterate to convergence and pass the gates, or keep the last good solution.
+
+    Args: as in :func:`guidance_step`.
+    """
+    cold = state.phase != PHASE_TRACKING
+    copy_solution(state, saved)
+    state.iterations = 0
+    error = ERROR_NOT_CONVERGED
+    reachable = True
+    if settings.law == LAW_OPTIMAL and state.optimal.solved == 1:
+        error = solve_optimal(
+            nav, environment, atmosphere, arcs, jettisons, target, settings, True, False, state
+        )
+    if error != ERROR_NONE:
+        error, reachable = converge(
+            nav, environment, atmosphere, arcs, jettisons, target, settings, state
+        )
+        state.law = LAW_PEG if settings.law == LAW_OPTIMAL else settings.law
+        if settings.law == LAW_OPTIMAL and (cold or error == ERROR_NONE):
+            found = solve_optimal(
+                nav,
+                environment,
+                atmosphere,
+                arcs,
+                jettisons,
+                target,
+                settings,
+                error == ERROR_NONE,
+                cold,
+                state,
+            )
+            if found == ERROR_NONE:
+                error, reachable = found, True
     state.total_iterations += state.iterations
     if error == ERROR_NONE and not reachable:
         error = ERROR_TARGET_UNREACHABLE

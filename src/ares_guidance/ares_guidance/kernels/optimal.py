@@ -1,0 +1,278 @@
+"""Optimal guidance: the two-point problem with its jettison, solved anew in every cycle.
+
+The costates of the last cycle are carried to the new navigation state and corrected: by one
+flight and the old Jacobian when that is enough, by Newton's method when it is not.
+"""
+
+import math
+from typing import Any
+
+from numpy.typing import NDArray
+
+from ares_guidance.arrays import ERROR_NONE, ERROR_NOT_CONVERGED, HEATING_MEASURED, LAW_OPTIMAL
+from ares_guidance.kernels.segments import note_tail_off, plan_segments, thrust_integrals
+from ares_models.arrays import HEATING_LIMIT, Record
+from ares_models.jit import kernel
+from ares_models.kernels.environment import log_heating_gradient
+from ares_models.kernels.vectors import axpy, load, norm, scale, store, unit
+from ares_optimizer.kernels.costates import INVERSE_SQUARE
+from ares_optimizer.kernels.newton import CONVERGED, scaled_length
+from ares_optimizer.kernels.newton import solve as back_substitute
+from ares_optimizer.kernels.search import find_optimum
+from ares_optimizer.kernels.timetable import (
+    COLUMN_CUTOFF,
+    COLUMN_JETTISON,
+    HEATING_OPTIMAL,
+)
+from ares_optimizer.kernels.two_point import (
+    MAX_UNKNOWNS,
+    RUNGE_KUTTA,
+    gravity_terms,
+    shoot,
+    unknown_count,
+)
+
+#: Longest step of the on-board flight, s: the cut-off is off by 0.1 ms at most.
+STEP = 40.0
+#: Last Newton step in scaled unknowns: 1e-4 s of cut-off.
+TOLERANCE = 1e-6
+#: Cycles on one Jacobian, and the scaled correction up to which it is trusted.
+REFRESH = 20
+SMALL = 3e-3
+_ROUNDING = 1e-6
+
+
+@kernel
+def on_board_limits(
+    jettisons: NDArray[Any], settings: Record, state: Record, memory: Record
+) -> None:
+    """Heating limits in the units of the on-board density, margin taken off."""
+    ratio = 1.0
+    if settings.heating_source == HEATING_MEASURED and math.isfinite(state.density_ratio):
+        ratio = state.density_ratio
+    for j in range(jettisons.shape[0]):
+        memory.jettisons[j] = jettisons[j]
+        if jettisons[j].criterion == HEATING_LIMIT:
+            memory.jettisons[j].value *= (1.0 - settings.heating_margin) / ratio
+
+
+@kernel
+def carry(
+    nav: Record, environment: Record, atmosphere: NDArray[Any], count: int, memory: Record
+) -> None:
+    """Bring the costates of the last solution to the present state, jettisons included."""
+    u = memory.unknowns
+    r = load(nav.position)
+    p = (u[0], u[1], u[2])
+    q = (-u[3], -u[4], -u[5])
+    dt = nav.time - memory.time
+    _, bend = gravity_terms(r, environment.mu, 0.0, INVERSE_SQUARE, p)
+    p = axpy(dt, axpy(0.5 * dt, bend, q), p)
+    q = axpy(dt, bend, q)
+    # what has gone since: its jump, and its unknowns
+    index = 0
+    for j in range(count):
+        if memory.jettisons[j].criterion != HEATING_LIMIT or (memory.jettisoned >> j) & 1 == 1:
+            continue
+        if (nav.jettisoned >> j) & 1 == 0:
+            index += 1
+            continue
+        pi = u[COLUMN_JETTISON + 2 * index + 1]
+        _, by_r, by_v = log_heating_gradient(r, load(nav.velocity), environment, atmosphere)
+        p = axpy(-pi, by_v, p)
+        q = axpy(pi, by_r, q)
+        for i in range(COLUMN_JETTISON + 2 * index, MAX_UNKNOWNS - 2):
+            u[i] = u[i + 2]
+    size = 1.0 / norm(p)
+    for i in range(3):
+        u[i] = size * p[i]
+        u[3 + i] = -size * q[i]
+    for i in range(COLUMN_JETTISON + 1, MAX_UNKNOWNS, 2):
+        u[i] *= size
+    if memory.jettisoned != nav.jettisoned:
+        memory.age = REFRESH
+    memory.jettisoned = nav.jettisoned
+    memory.time = nav.time
+
+
+@kernel
+def first_guess(nav: Record, jettisons: NDArray[Any], state: Record, memory: Record) -> None:
+    """Unknowns from the steering in force: lambda_v = direction, lambda_r = -rate."""
+    u = memory.unknowns
+    ahead = nav.time - state.reference_time
+    p = axpy(ahead, load(state.direction_rate), load(state.direction))
+    size = 1.0 / norm(p)
+    for i in range(3):
+        u[i] = size * p[i]
+        u[3 + i] = -size * state.direction_rate[i]
+    u[COLUMN_CUTOFF] = nav.time + state.time_to_go - state.tail_gain
+    index = COLUMN_JETTISON
+    for j in range(jettisons.shape[0]):
+        if jettisons[j].criterion == HEATING_LIMIT and (nav.jettisoned >> j) & 1 == 0:
+            planned = state.jettison_time[j]
+            u[index] = planned if math.isfinite(planned) else u[COLUMN_CUTOFF]
+            u[index + 1] = 0.0
+            index += 2
+    memory.time = nav.time
+    memory.jettisoned = nav.jettisoned
+
+
+@kernel
+def correct(
+    nav: Record,
+    environment: Record,
+    atmosphere: NDArray[Any],
+    arcs: NDArray[Any],
+    jettisons: NDArray[Any],
+    target: Record,
+    memory: Record,
+) -> bool:
+    """One correction with the Jacobian of an earlier cycle; False if that is not enough."""
+    work = memory.work
+    u = memory.unknowns
+    if not shoot(
+        nav, environment, atmosphere, arcs, jettisons, target, memory.options, u, False, work
+    ):
+        return False
+    n = unknown_count(nav, jettisons, memory.options)
+    for i in range(n):
+        work.correction[i] = -work.residual[i]
+    back_substitute(n, work.factors, work.pivots, work.correction)
+    if not scaled_length(n, work.correction, work.unit) <= SMALL:
+        return False
+    for i in range(n):
+        u[i] += work.correction[i]
+    for i in range(COLUMN_JETTISON, n, 2):
+        # a limit that has stopped to bind is a matter for the search
+        if u[i + 1] > _ROUNDING or u[i] < work.floor[i] or u[i] > u[COLUMN_CUTOFF]:
+            return False
+    return True
+
+
+@kernel
+def search(
+    nav: Record,
+    environment: Record,
+    atmosphere: NDArray[Any],
+    arcs: NDArray[Any],
+    jettisons: NDArray[Any],
+    target: Record,
+    guessed: bool,
+    restart: bool,
+    memory: Record,
+) -> tuple[int, bool]:
+    """The optimum by Newton's method; iterations, and whether it was found."""
+    work = memory.work
+    iterations, _, status, _ = find_optimum(
+        nav,
+        environment,
+        atmosphere,
+        arcs,
+        jettisons,
+        target,
+        memory.options,
+        guessed,
+        restart,
+        False,
+        memory.unknowns,
+        work,
+    )
+    memory.age = 0
+    for j in range(jettisons.shape[0]):
+        # a limit that does not bind was flown as a time: the Jacobian is of another problem
+        if work.jettisons[j].criterion != jettisons[j].criterion or work.pinned[j] == 1:
+            memory.age = REFRESH
+    return iterations, status == CONVERGED
+
+
+@kernel
+def tell(
+    nav: Record,
+    arcs: NDArray[Any],
+    jettisons: NDArray[Any],
+    state: Record,
+) -> None:
+    """Write the solution where the guidance cycle looks for it."""
+    memory = state.optimal
+    u = memory.unknowns
+    store(state.direction, (u[0], u[1], u[2]))
+    store(state.direction_rate, (-u[3], -u[4], -u[5]))
+    state.reference_time = nav.time
+    note_tail_off(arcs[arcs.shape[0] - 1], state)
+    state.time_to_go = u[COLUMN_CUTOFF] - nav.time + state.tail_gain
+    index = COLUMN_JETTISON
+    for j in range(jettisons.shape[0]):
+        if jettisons[j].criterion == HEATING_LIMIT and (nav.jettisoned >> j) & 1 == 0:
+            state.jettison_time[j] = u[index]
+            index += 2
+    plan_segments(nav, arcs, jettisons, state)
+    burn = state.time_to_go
+    l_sum, j_sum, _, _, _, _ = thrust_integrals(state, burn, burn)
+    # the burn as one vector, along its mean direction: where PEG would take over
+    mean = unit(axpy(j_sum / l_sum, load(state.direction_rate), load(state.direction)))
+    store(state.velocity_to_go, scale(l_sum, mean))
+    end = memory.work.state
+    store(state.predicted_position, (end[0], end[1], end[2]))
+    store(state.predicted_velocity, (end[3], end[4], end[5]))
+    segment = state.segments[state.segment_count - 1]
+    state.propellant_short = 1 if burn - segment.start > segment.capacity else 0
+
+
+@kernel
+def solve_optimal(
+    nav: Record,
+    environment: Record,
+    atmosphere: NDArray[Any],
+    arcs: NDArray[Any],
+    jettisons: NDArray[Any],
+    target: Record,
+    settings: Record,
+    guessed: bool,
+    restart: bool,
+    state: Record,
+) -> int:
+    """The optimum from a navigation state into ``state``.
+
+    Args:
+        guessed: ``state`` holds steering to start from, if the last cycle left no solution.
+        restart: seek from other guesses too when the first leads nowhere.
+        The others as in :func:`ares_guidance.kernels.cycle.guidance_step`.
+
+    Returns:
+        ERROR_NONE, or ERROR_NOT_CONVERGED with the steering in ``state`` untouched.
+    """
+    memory = state.optimal
+    options = memory.options
+    options.gravity = INVERSE_SQUARE
+    options.propagator = RUNGE_KUTTA
+    options.heating = HEATING_OPTIMAL
+    options.step = STEP
+    options.max_iterations = settings.max_solve_iterations
+    options.tolerance = TOLERANCE
+    count = jettisons.shape[0]
+    on_board_limits(jettisons, settings, state, memory)
+    believed = memory.jettisons[:count]
+    iterations = 1
+    found = False
+    if memory.solved == 1:
+        carry(nav, environment, atmosphere, count, memory)
+        memory.age += 1
+        if memory.age < REFRESH:
+            found = correct(nav, environment, atmosphere, arcs, believed, target, memory)
+    elif guessed:
+        first_guess(nav, jettisons, state, memory)
+    else:
+        memory.time = nav.time
+        memory.jettisoned = nav.jettisoned
+    if not found:
+        iterations, found = search(
+            nav, environment, atmosphere, arcs, believed, target, guessed, restart, memory
+        )
+    memory.solved = 1 if found else 0
+    state.iterations += iterations
+    if not found:
+        return ERROR_NOT_CONVERGED
+    state.law = LAW_OPTIMAL
+    state.miss_speed = 0.0
+    tell(nav, arcs, jettisons, state)
+    return ERROR_NONE
