@@ -11,7 +11,7 @@ from ares_models.jit import kernel
 from ares_models.kernels.vectors import Vector, axpy, dot, norm, scale
 
 _MAX_ITERATIONS = 80
-_TOLERANCE = 1.0e-10  # of the anomaly; the step after it is exact to rounding
+_TOLERANCE = 1.0e-6  # of the anomaly; convergence is cubic: after this step it is exact
 
 
 @kernel
@@ -107,7 +107,13 @@ def kepler(r: Vector, v: Vector, dt: float, mu: float) -> tuple[Vector, Vector]:
     y = goal / r0
     b = 0.5 * sigma / r0
     c = (1.0 / r0 - alpha) / 6.0
-    x = y * (1.0 + y * (-b + y * (2.0 * b * b - c)))
+    d = -alpha * b / 12.0
+    e = -alpha * c / 20.0
+    bb = b * b
+    third = 2.0 * bb - c
+    fourth = b * (5.0 * (c - bb)) - d
+    fifth = 6.0 * b * d + 3.0 * c * c + 7.0 * bb * (2.0 * bb - 3.0 * c) - e
+    x = y * (1.0 + y * (-b + y * (third + y * (fourth + y * fifth))))
     if not abs(x - y) < 0.5 * y:
         if alpha > 0.0:
             x = alpha * goal
@@ -117,16 +123,13 @@ def kepler(r: Vector, v: Vector, dt: float, mu: float) -> tuple[Vector, Vector]:
         if not 0.0 < x < high:
             x = 0.5 * high
 
+    u0 = 1.0
     u1 = 0.0
     u2 = 0.0
     u3 = 0.0
-    radius = r0
-    done = False
     for _ in range(_MAX_ITERATIONS):
         u0, u1, u2, u3 = universal_functions(x, alpha)
         radius = r0 * u0 + sigma * u1 + u2
-        if done:
-            break
         error = r0 * u1 + sigma * u2 + u3 - goal
         if error > 0.0 or not math.isfinite(error):
             high = x
@@ -138,11 +141,18 @@ def kepler(r: Vector, v: Vector, dt: float, mu: float) -> tuple[Vector, Vector]:
         step = -5.0 * error / (radius + root)
         trial = x + step
         if abs(step) <= _TOLERANCE * x:
-            done = True
-        elif not low < trial < high:
+            # so short a step needs no more than the Taylor series: U(k)' = U(k-1)
+            half = 0.5 * step
+            u3 += step * (u2 + half * u1)
+            u2 += step * (u1 + half * u0)
+            u1, u0 = u1 + step * (u0 - half * alpha * u1), u0 - step * alpha * u1
+            break
+        if not low < trial < high:
             trial = 2.0 * x if high == math.inf else 0.5 * (low + high)
-            done = trial in (low, high)
+            if trial in (low, high):
+                break
         x = trial
+    radius = r0 * u0 + sigma * u1 + u2
 
     f = 1.0 - u2 / r0
     # both forms of g are exact; take the one that does not cancel
