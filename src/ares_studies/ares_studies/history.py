@@ -1,0 +1,190 @@
+"""What happens along a flight, in columns: a closed loop as it is flown, or an optimum.
+
+Angles are in degrees: these columns are for people.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_guidance.law import Law
+from ares_models.arrays import MissionArrays, Record
+from ares_models.kernels.environment import altitude
+from ares_models.kernels.states import insertion_quantities
+from ares_models.mission import Mission
+from ares_optimizer.solution import Solution
+from ares_optimizer.solve import start_of
+from ares_optimizer.verify import plan_flight, running, thrust_and_flow
+from ares_studies.closed_loop import Flight
+from ares_vehicle_sim.simulator import Simulator, SimulatorOptions
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Columns of one flight, shape (n,) each.
+
+    Attributes:
+        time_s: mission elapsed time; an event may stand twice, before and after.
+        radius_m: from the Earth's centre.
+        altitude_m: above the ground as the mission defines it (Eq. 2.15).
+        speed_m_s: inertial.
+        flight_path_angle_deg: of the inertial velocity.
+        mass_kg, thrust_n: of the vehicle.
+        pitch_deg: thrust above the horizon, in the vertical plane of the velocity (Fig. 4.8).
+        heating_w_m2: free molecular heating.
+        inclination_deg, ascending_node_deg: of the plane of flight, node from the inertial x.
+    """
+
+    time_s: Array
+    radius_m: Array
+    altitude_m: Array
+    speed_m_s: Array
+    flight_path_angle_deg: Array
+    mass_kg: Array
+    thrust_n: Array
+    pitch_deg: Array
+    heating_w_m2: Array
+    inclination_deg: Array
+    ascending_node_deg: Array
+
+    @property
+    def steering_angle_deg(self) -> Array:
+        """Thrust above the velocity, alpha = theta - gamma (Eq. 5.2)."""
+        return self.pitch_deg - self.flight_path_angle_deg
+
+
+@dataclass(frozen=True)
+class History(Profile):
+    """A closed-loop flight as it was flown.
+
+    Attributes:
+        predicted_jettison_s: when guidance expects the next timed jettison; nan: none.
+        predicted_cutoff_s: when it expects to cut off; nan: not known yet.
+        flight: how it ended.
+    """
+
+    predicted_jettison_s: Array
+    predicted_cutoff_s: Array
+    flight: Flight
+
+
+def pitch_deg(position: Array, velocity: Array, direction: Array) -> Array:
+    """Pitch of the thrust: positive from the horizon up, projected into the vertical plane.
+
+    Args:
+        position: shape (n, 3), m.
+        velocity: shape (n, 3), m/s; with the position it spans the plane.
+        direction: shape (n, 3), unit vectors.
+
+    Returns:
+        shape (n,), deg.
+    """
+    up = position / np.linalg.norm(position, axis=1, keepdims=True)
+    along = velocity - np.sum(velocity * up, axis=1, keepdims=True) * up
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    return np.degrees(np.arctan2(np.sum(direction * up, axis=1), np.sum(direction * along, axis=1)))
+
+
+def _columns(arrays: MissionArrays, position: Array, velocity: Array) -> dict[str, Array]:
+    """Columns that follow from position (n, 3) and velocity (n, 3) alone."""
+    environment = arrays.environment[0]
+    pairs = zip(position.tolist(), velocity.tolist(), strict=True)
+    insertion = np.array([insertion_quantities(tuple(r), tuple(v)) for r, v in pairs])
+    return {
+        "radius_m": insertion[:, 0],
+        "altitude_m": np.array([altitude(tuple(r), environment) for r in position.tolist()]),
+        "speed_m_s": insertion[:, 1],
+        "flight_path_angle_deg": np.degrees(insertion[:, 2]),
+        "inclination_deg": np.degrees(insertion[:, 3]),
+        "ascending_node_deg": np.degrees(insertion[:, 4]),
+    }
+
+
+def profile_of(mission: Mission, solution: Solution) -> Profile:
+    """The columns of an optimal ascent.
+
+    Args:
+        mission: what is flown; from its own start.
+        solution: with a trajectory.
+
+    Raises:
+        ValueError: the solution has no trajectory.
+    """
+    track = solution.trajectory
+    if track is None:
+        raise ValueError(f"{solution.method} has no trajectory: {solution.reason}")
+    arrays = mission.arrays()
+    return Profile(
+        time_s=track.time_s,
+        mass_kg=track.mass,
+        thrust_n=_thrust(arrays, start_of(mission)[0], track.time_s, solution.t_meco_s),
+        pitch_deg=pitch_deg(track.position, track.velocity, track.direction),
+        heating_w_m2=track.heating_rate,
+        **_columns(arrays, track.position, track.velocity),
+    )
+
+
+def _thrust(arrays: MissionArrays, start: Record, time: Array, t_meco: float) -> Array:
+    """Thrust at each sample; where an event stands twice, on its own side of the event."""
+    plan = plan_flight(arrays, start, t_meco)
+    thrust = np.zeros(len(time))
+    for i, t in enumerate(time):
+        neighbour = i + 1 if i + 1 < len(time) and time[i + 1] > t else i - 1
+        engines = running(plan.engines, *sorted((t, time[neighbour])))
+        thrust[i] = thrust_and_flow(arrays.arcs, engines, t)[0]
+    return thrust
+
+
+def record_flight(mission: Mission, law: Law, options: SimulatorOptions | None = None) -> History:
+    """Fly a mission with perfect navigation through the objects that the nodes hold.
+
+    Args:
+        mission: what is flown.
+        law: fresh, made for this mission.
+        options: how the plant is stepped.
+
+    Returns:
+        a row per navigation state, with the command that answered it, and one for the end.
+    """
+    simulator = Simulator(mission, options)
+    rows = []
+    predictions = []
+    while True:
+        if not simulator.complete:
+            law.step(simulator.navigation)
+            simulator.command(law.steering)
+        command = law.steering[0]
+        time = simulator.time_ns / 1e9
+        truth = simulator.truth()
+        direction = command["direction"] + command["direction_rate"] * (
+            time - command["reference_time"]
+        )
+        rows.append(
+            np.concatenate(
+                (
+                    truth["position"],
+                    truth["velocity"],
+                    direction,
+                    [time, truth["mass"], truth["thrust"], truth["heating_rate"]],
+                )
+            )
+        )
+        predictions.append((float(command["jettison_time"]), float(command["cutoff_time"])))
+        if simulator.complete:
+            break
+        simulator.advance()
+    table = np.array(rows)
+    return History(
+        time_s=table[:, 9],
+        mass_kg=table[:, 10],
+        thrust_n=table[:, 11],
+        pitch_deg=pitch_deg(table[:, :3], table[:, 3:6], table[:, 6:9]),
+        heating_w_m2=table[:, 12],
+        **_columns(mission.arrays(), table[:, :3], table[:, 3:6]),
+        predicted_jettison_s=np.array([jettison for jettison, _ in predictions]),
+        predicted_cutoff_s=np.array([cutoff for _, cutoff in predictions]),
+        flight=Flight(simulator.plant, law.state),
+    )
