@@ -307,6 +307,45 @@ def test_missing_parts_of_python_are_one_line(tmp_path, monkeypatch):
         workspace.check_prerequisites(environ)
 
 
+def test_a_browser_that_is_there_is_enough(project, tmp_path, capsys):
+    assert workspace.find_browser({"PATH": str(tmp_path)}) is None
+    chromium = program(tmp_path / "bin", "chromium")
+    environ = {"PATH": str(tmp_path / "bin")}
+    assert workspace.find_browser(environ) == str(chromium)
+    workspace.install_browser(workspace.Workspace(project, "3.11"), environ)
+    assert capsys.readouterr().err == ""
+
+
+def test_a_missing_browser_is_installed(project, tmp_path, capsys, monkeypatch):
+    (project / "requirements/apt.list").write_text("# why\nchromium\n")
+    bin_folder = tmp_path / "bin"
+    program(bin_folder, "apt-get", f'echo "$@" >> {tmp_path}/asked')
+    monkeypatch.setattr(workspace.os, "geteuid", lambda: 0)
+    workspace.install_browser(workspace.Workspace(project, "3.11"), {"PATH": str(bin_folder)})
+    asked = (tmp_path / "asked").read_text().splitlines()
+    assert asked == ["update", "install -y --no-install-recommends chromium"]
+    assert "installing a browser" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("may", [False, True])
+def test_a_browser_that_cannot_be_installed_is_one_line(
+    project, tmp_path, capsys, monkeypatch, may
+):
+    (project / "requirements/apt.list").write_text("chromium\n")
+    bin_folder = tmp_path / "bin"
+    program(bin_folder, "apt-get", "echo 'E: Unable to locate package chromium'; exit 100")
+    program(bin_folder, "sudo", '[ "$2" = true ] && exit 1')
+    monkeypatch.setattr(workspace.os, "geteuid", lambda: 0 if may else 1000)
+    workspace.install_browser(workspace.Workspace(project, "3.11"), {"PATH": str(bin_folder)})
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert last.endswith(workspace.NO_BROWSER)
+    assert ("Unable to locate package" in last) == may
+
+
+def test_the_browser_is_named_for_apt():
+    assert workspace.debian_packages(ROOT) == ["chromium"]
+
+
 UNSATISFIED = "ERROR: Could not find a version that satisfies the requirement numpy==2.4.6"
 
 

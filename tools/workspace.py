@@ -763,6 +763,58 @@ def prepare(root: Path, environ: Mapping[str, str], kernels: bool) -> Workspace:
     return workspace
 
 
+# --- a browser for the tests -----------------------------------------------------------------
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+NO_BROWSER = (
+    f"no browser found ({', '.join(BROWSERS)}), which the tests of the page of `ares reproduce`"
+    " need: install one, for example `apt install chromium`"
+)
+
+
+def find_browser(environ: Mapping[str, str]) -> str | None:
+    """Path of the first browser that there is."""
+    path = environ.get("PATH", os.defpath)
+    return next(filter(None, (shutil.which(name, path=path) for name in BROWSERS)), None)
+
+
+def debian_packages(root: Path) -> list[str]:
+    """Names in requirements/apt.list."""
+    lines = (root / "requirements" / "apt.list").read_text(encoding="utf-8").splitlines()
+    return [line for line in lines if line and not line.startswith("#")]
+
+
+def administrator(environ: Mapping[str, str]) -> list[str] | None:
+    """What to put before a command of the administrator's; None if this user may not."""
+    if os.geteuid() == 0:
+        return []
+    sudo = shutil.which("sudo", path=environ.get("PATH", os.defpath))
+    if not sudo:
+        return None
+    asked = subprocess.run([sudo, "-n", "true"], capture_output=True, check=False)
+    return [sudo, "-n"] if asked.returncode == 0 else None
+
+
+def install_browser(workspace: Workspace, environ: Mapping[str, str]) -> None:
+    """Install the Debian packages of the tests if no browser is there; else say what to do."""
+    if find_browser(environ):
+        return
+    rights = administrator(environ)
+    if rights is None or not shutil.which("apt-get", path=environ.get("PATH", os.defpath)):
+        say(NO_BROWSER)
+        return
+    say("installing a browser for the tests (once, a quarter of a minute)")
+    settings = dict(environ) | {"DEBIAN_FRONTEND": "noninteractive"}
+    install = ["install", "-y", "--no-install-recommends", *debian_packages(workspace.root)]
+    with preparation_lock(workspace.root) as lock:
+        try:
+            for arguments in (["update"], install):
+                command = [*rights, "apt-get", *arguments]
+                run_logged(command, workspace, settings, lock, "installing a browser")
+        except WorkspaceError as problem:
+            say(f"{problem}; {NO_BROWSER}")
+
+
 # --- verbs ---------------------------------------------------------------------------------
 
 
@@ -822,6 +874,7 @@ def main(arguments: list[str]) -> int:
         print_environment(workspace, os.environ)
         return 0
     if verb == "test":
+        install_browser(workspace, environ)
         return run_tests(workspace, environ, rest)
     environment = workspace.environment(environ)
     command = [str(workspace.interpreter), "-m", "ares_bringup.cli", *arguments]
