@@ -20,13 +20,14 @@ KEYS = {
     "pydantic_core": "python3-pydantic",
     "yaml": "python3-yaml",
     "rosbags": "python3-rosbags-pip",
+    "markupsafe": "python3-jinja2",
 } | {
     name: f"python3-{name}"
-    for name in ("hypothesis", "matplotlib", "numba", "numpy", "pydantic", "pytest")
+    for name in ("hypothesis", "jinja2", "matplotlib", "numba", "numpy", "pydantic", "pytest")
     + ("rich", "scipy", "typer")
 }
-# rosdep knows no key for these: optional, installed with pip
-NO_KEY = {"pymsis"}
+# rosdep knows no key for these: installed with pip
+NO_KEY = {"plotly", "pymsis"}
 # come with a distribution that is listed under another name
 COMES_WITH = {"mcap-ros2": "mcap-ros2-support", "yaml": "pyyaml", "pydantic-core": "pydantic-core"}
 

@@ -196,6 +196,18 @@ def optimize(
 
 
 @app.command()
+def reproduce(
+    out: Annotated[
+        Path, typer.Option(help="Folder of the page and of its numbers; made if not there.")
+    ] = Path("reproduction"),
+) -> None:
+    """Compute every table and figure of the thesis anew: one HTML page, one JSON file."""
+    from ares_bringup.reproduce import reproduce as reproduce_thesis
+
+    reproduce_thesis(out)
+
+
+@app.command()
 def missions(
     files: Annotated[
         list[str] | None,

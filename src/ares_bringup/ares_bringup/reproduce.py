@@ -1,0 +1,84 @@
+"""What `ares reproduce` does and prints. No ROS."""
+
+import os
+import sys
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from ares_bringup.options import CannotStart
+from ares_bringup.report import console, shown_path
+from ares_models.mission import MissionError
+from ares_optimizer.solution import OptimizerError
+from ares_studies.reproduce.page import dump, render
+from ares_studies.reproduce.report import make_report, parts
+
+PAGE = "reproduction.html"
+DATA = "reproduction.json"
+
+
+def reproduce(out: Path) -> None:
+    """Compute the thesis' tables and figures and write the page and the JSON file.
+
+    Args:
+        out: folder of the two files; made if it is not there.
+
+    Raises:
+        CannotStart: the folder cannot be used, or a result is missing; one line.
+    """
+    _check(out)
+    columns = (
+        TextColumn("{task.description:<14}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
+    names = parts()
+    with Progress(*columns, console=console(sys.stderr)) as progress:
+        task = progress.add_task("", total=len(names))
+        left = iter(range(len(names)))
+        try:
+            report = make_report(
+                lambda name: progress.update(task, description=name, completed=next(left))
+            )
+        except (MissionError, OptimizerError) as error:
+            raise CannotStart(f"a result is missing: {error}") from error
+        progress.update(task, description="done", completed=len(names))
+    data = dump(report)
+    _write(out, {PAGE: render(report, data, DATA), DATA: data})
+    for name in (PAGE, DATA):
+        size = (out / name).stat().st_size / 1e6
+        print(f"{shown_path(str(out / name))}  ({size:.1f} MB)")
+
+
+def _check(out: Path) -> None:
+    """Find out before the work whether the folder can be written."""
+    if out.exists() and not out.is_dir():
+        raise CannotStart(f"--out is {str(out)!r}, which is a file; expected a folder")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=out):
+            pass
+    except OSError as error:
+        raise CannotStart(
+            f"--out is {str(out)!r}, which cannot be written: {error.strerror}"
+        ) from error
+
+
+def _write(out: Path, texts: Mapping[str, str]) -> None:
+    """Write all files at once, or none."""
+    partial = {name: out / f".{name}.partial" for name in texts}
+    try:
+        for name, text in texts.items():
+            partial[name].write_text(text, encoding="utf-8")
+        for name, path in partial.items():
+            os.replace(path, out / name)
+    except OSError as error:
+        raise CannotStart(
+            f"--out is {str(out)!r}, which cannot be written: {error.strerror}"
+        ) from error
+    finally:
+        for path in partial.values():
+            path.unlink(missing_ok=True)

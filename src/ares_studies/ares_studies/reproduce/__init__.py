@@ -1,0 +1,1 @@
+"""The thesis beside our own results: tables, figures, errata, as one page and one JSON file."""

@@ -1,0 +1,169 @@
+// Draws every figure from the numbers that the page carries, in the colours of the theme.
+"use strict";
+const report = JSON.parse(document.getElementById("report").textContent);
+const plots = [...document.querySelectorAll(".plot")];
+const figures = Object.fromEntries(
+  report.chapters.flatMap((chapter) => chapter.items)
+    .filter((item) => item.kind === "figure")
+    .map((item) => [item.key, item.content]),
+);
+const coarse = matchMedia("(pointer: coarse)").matches;
+const dark = matchMedia("(prefers-color-scheme: dark)");
+const FONT = { family: "system-ui, -apple-system, 'Segoe UI', Roboto, Arial, sans-serif", size: 13 };
+const WIDTH = { line: 2, dashes: 2, dots: 2.5, step: 1.6, band: 8 };
+const DASH = { dashes: "7px,5px", dots: "2px,5px" };
+const LAYER = { band: 0, dashes: 0, line: 1, step: 1, dots: 2, marks: 3 };
+const SYMBOL = { thesis: "diamond", otis: "square" };
+
+const colour = (name) =>
+  getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
+
+function trace(series, unit) {
+  const paint = colour(series.role);
+  const common = { x: series.x, y: series.y, name: series.name, zorder: LAYER[series.shape] };
+  if (series.shape === "marks") {
+    return {
+      ...common, mode: "markers", text: series.texts, cliponaxis: false,
+      hovertemplate: "%{text}<extra></extra>",
+      marker: {
+        color: paint, size: 11, symbol: SYMBOL[series.role] || "circle",
+        line: { color: colour("panel"), width: 1.5 },
+      },
+    };
+  }
+  return {
+    ...common, mode: "lines", opacity: series.shape === "band" ? 0.4 : 1,
+    hovertemplate: `%{y} ${unit}`,
+    line: {
+      color: paint, width: WIDTH[series.shape], dash: DASH[series.shape] || "solid",
+      shape: series.shape === "step" ? "hv" : "linear",
+    },
+  };
+}
+
+function extent(figure) {
+  if (figure.x.span) return figure.x.span;
+  const xs = [
+    ...figure.series.flatMap((series) => series.x),
+    ...figure.instants.map((instant) => instant.at),
+  ].filter((x) => x !== null);
+  const low = Math.min(...xs), high = Math.max(...xs);
+  return [low - 0.015 * (high - low), high + 0.025 * (high - low)];
+}
+
+// a word stands where the next line leaves room for it
+function anchor(instants, i, [low, high]) {
+  const share = (instants[i].at - low) / (high - low);
+  if (share < 0.2) return "left";
+  if (share > 0.8) return "right";
+  const next = i + 1 < instants.length ? (instants[i + 1].at - instants[i].at) / (high - low) : 1;
+  return next < 0.3 ? "right" : "left";
+}
+
+function layout(figure) {
+  const range = extent(figure);
+  const quiet = colour("quiet");
+  const axis = {
+    gridcolor: colour("faint"), linecolor: colour("edge"), zeroline: false, automargin: true,
+    tickfont: { ...FONT, color: quiet }, fixedrange: coarse, ticks: "outside",
+    tickcolor: colour("edge"), ticklen: 4, exponentformat: "none", separatethousands: true,
+  };
+  const vertical = figure.y.log
+    ? { type: "log", dtick: 1, ...(figure.y.span && { range: figure.y.span.map(Math.log10) }) }
+    : { nticks: 7, ...(figure.y.span && { range: figure.y.span }) };
+  const word = { showarrow: false, font: { ...FONT, color: quiet }, borderpad: 1 };
+  return {
+    font: { ...FONT, color: colour("ink") },
+    paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
+    margin: { l: 44, r: 10, t: 22, b: 26 }, showlegend: false,
+    dragmode: coarse ? false : "zoom",
+    hovermode: innerWidth > 700 ? "x unified" : "closest",
+    hoverlabel: {
+      bgcolor: colour("panel"), bordercolor: colour("edge"), font: { ...FONT, color: colour("ink") },
+      namelength: -1,
+    },
+    xaxis: { ...axis, range, showgrid: false, nticks: innerWidth > 700 ? 8 : 6, hoverformat: ".2f" },
+    yaxis: { ...axis, ...vertical },
+    shapes: [
+      ...figure.instants.map((instant) => ({
+        type: "line", x0: instant.at, x1: instant.at, yref: "paper", y0: 0, y1: 1, layer: "below",
+        line: { color: quiet, width: 1, dash: "2px,3px" },
+      })),
+      ...figure.levels.map((level) => ({
+        type: "line", y0: level.at, y1: level.at, xref: "paper", x0: 0, x1: 1, layer: "below",
+        line: { color: quiet, width: 1.2, dash: "6px,4px" },
+      })),
+    ],
+    annotations: [
+      ...figure.instants.map((instant, i) => ({
+        ...word, text: instant.text, x: instant.at, yref: "paper", y: 1, yanchor: "bottom",
+        xanchor: anchor(figure.instants, i, range),
+      })),
+      ...figure.levels.map((level) => ({
+        ...word, text: level.text, xref: "paper", x: 1, xanchor: "right", yanchor: "bottom",
+        y: figure.y.log ? Math.log10(level.at) : level.at, bgcolor: colour("panel"), opacity: 0.9,
+      })),
+    ],
+  };
+}
+
+function draw(plot) {
+  const figure = figures[plot.dataset.key];
+  const data = figure.series.map((series) => trace(series, figure.y.unit));
+  const buttons = [...plot.closest(".item").querySelectorAll(".legend button")];
+  buttons.forEach((button, i) => {
+    data[i].visible = button.getAttribute("aria-pressed") === "true";
+  });
+  return Plotly.react(plot, data, layout(figure), { displayModeBar: false, responsive: true });
+}
+
+async function drawAll() {
+  for (const plot of plots) {
+    await draw(plot);
+    await new Promise((resume) => setTimeout(resume));
+  }
+  document.documentElement.dataset.drawn = String(plots.length);
+}
+
+document.querySelectorAll(".legend button").forEach((button) => {
+  button.addEventListener("click", () => {
+    button.setAttribute("aria-pressed", String(button.getAttribute("aria-pressed") !== "true"));
+    draw(button.closest(".item").querySelector(".plot"));
+  });
+});
+
+// theme: that of the system until the button is pressed
+const toggle = document.querySelector(".theme");
+const isDark = () => (document.documentElement.dataset.theme || (dark.matches ? "dark" : "light")) === "dark";
+const label = () => { toggle.textContent = isDark() ? "Light" : "Dark"; };
+toggle.hidden = false;
+toggle.addEventListener("click", () => {
+  document.documentElement.dataset.theme = isDark() ? "light" : "dark";
+  label();
+  drawAll();
+});
+dark.addEventListener("change", () => { label(); drawAll(); });
+label();
+
+// the contents: closed after a choice on a small screen, and marked where the reader is
+const contents = document.querySelector(".toc details");
+const wide = matchMedia("(min-width: 68.01rem)");
+const unfold = () => { contents.open = wide.matches; };
+wide.addEventListener("change", unfold);
+unfold();
+contents.addEventListener("click", (event) => {
+  if (event.target.closest("a") && !wide.matches) contents.open = false;
+});
+const links = new Map(
+  [...document.querySelectorAll(".toc .places a")].map((link) => [link.hash.slice(1), link]),
+);
+const watcher = new IntersectionObserver(
+  (entries) => entries.forEach((entry) => {
+    const link = links.get(entry.target.id);
+    if (link) link.classList.toggle("here", entry.isIntersecting);
+  }),
+  { rootMargin: "-20% 0px -60% 0px" },
+);
+document.querySelectorAll(".item").forEach((item) => watcher.observe(item));
+
+drawAll();

@@ -1,0 +1,68 @@
+"""All tables and figures of the thesis, computed in the order of the page."""
+
+from collections.abc import Callable
+from typing import Any, Literal
+
+from ares_studies.reproduce import printed
+from ares_studies.reproduce.figures import FIGURES
+from ares_studies.reproduce.headline import headline, masses
+from ares_studies.reproduce.model import Chapter, Erratum, Item, Report
+from ares_studies.reproduce.sources import Sources
+from ares_studies.reproduce.tables import TABLES
+
+Progress = Callable[[str], None]
+
+
+def make_report(progress: Progress) -> Report:
+    """Compute everything.
+
+    Args:
+        progress: told the name of each part before its turn.
+
+    Raises:
+        OptimizerError: a solution did not converge.
+    """
+    sources = Sources()
+    chapters = tuple(
+        Chapter(
+            chapter["number"],
+            chapter["title"],
+            chapter["text"],
+            tuple(_item(item, sources, progress) for item in chapter["items"]),
+        )
+        for chapter in printed.contents()
+    )
+    progress("Errata")
+    errata = tuple(
+        Erratum(**{name: text.format_map(sources.facts) for name, text in entry.items()})
+        for entry in printed.errata()
+    )
+    progress("In short")
+    mission = {"name": sources.mission.name, "title": sources.mission.title}
+    return Report(mission, headline(sources), masses(sources), chapters, errata)
+
+
+def parts() -> list[str]:
+    """Names of all parts, in the order in which they are computed."""
+    items = [item["key"] for chapter in printed.contents() for item in chapter["items"]]
+    return [*(_name(key) for key in items), "Errata", "In short"]
+
+
+def _name(key: str) -> str:
+    return key.replace("-", " ").capitalize()
+
+
+def _item(item: dict[str, Any], sources: Sources, progress: Progress) -> Item:
+    key = item["key"]
+    progress(_name(key))
+    kind: Literal["table", "figure"] = "table" if key in TABLES else "figure"
+    make = TABLES[key] if key in TABLES else FIGURES[key]
+    return Item(
+        key,
+        kind,
+        _name(key),
+        item["title"],
+        item["see"],
+        make(sources),
+        item.get("wide", False),
+    )

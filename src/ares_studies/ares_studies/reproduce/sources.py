@@ -1,0 +1,156 @@
+"""Every solution and flight that the report shows, each computed once, when first asked for."""
+
+import math
+from functools import cached_property
+
+from ares_guidance.law import Law
+from ares_models.arrays import HEATING_LIMIT, MissionArrays
+from ares_models.mission import Mission, load_mission
+from ares_models.orbits import Insertion
+from ares_optimizer.solution import OptimizerError, Solution
+from ares_optimizer.solve import solve, start_of
+from ares_studies.history import History, Profile, profile_of, record_flight
+from ares_studies.reproduce import printed
+
+MISSION = "ares_v"
+
+
+class Sources:
+    """The thesis' mission, solved and flown.
+
+    A solution that does not converge raises OptimizerError with its reason: a report with a
+    failed result in it would be worth nothing.
+    """
+
+    @cached_property
+    def mission(self) -> Mission:
+        """Tables 2.1 and 2.2 as the mission file has them."""
+        return load_mission(MISSION)
+
+    @cached_property
+    def arrays(self) -> MissionArrays:
+        """The same for kernels."""
+        return self.mission.arrays()
+
+    @cached_property
+    def start(self) -> Insertion:
+        """Radius, speed and angles of the initial state."""
+        start = self.mission.start()
+        return Insertion.from_state(start.position, start.velocity)
+
+    @cached_property
+    def staging_s(self) -> float:
+        """Mission elapsed time of the staging."""
+        return self.mission.ignition_times()[1]
+
+    @cached_property
+    def heating_limit_w_m2(self) -> float:
+        """Heating at which the fairing may go."""
+        jettisons = self.arrays.jettisons
+        return float(jettisons["value"][jettisons["criterion"] == HEATING_LIMIT][0])
+
+    def _solved(self, mission: Mission, method: str, **options: object) -> Solution:
+        solution = solve(mission, method, **options)  # type: ignore[arg-type]
+        if not solution.converged:
+            raise OptimizerError(f"{method} on {mission.name}: {solution.reason}")
+        return solution
+
+    @cached_property
+    def optimum(self) -> Solution:
+        """The thesis' optimum: 11 parameters."""
+        return self._solved(self.mission, "direct11")
+
+    @cached_property
+    def optimum14(self) -> Solution:
+        """14 parameters."""
+        return self._solved(self.mission, "direct14")
+
+    @cached_property
+    def optimum20(self) -> Solution:
+        """20 parameters."""
+        return self._solved(self.mission, "direct20")
+
+    @cached_property
+    def jump(self) -> Solution:
+        """The steering rate after the jettison from the jump condition."""
+        return self._solved(self.mission, "jump")
+
+    @cached_property
+    def indirect(self) -> Solution:
+        """The two-point problem: free control."""
+        return self._solved(self.mission, "indirect")
+
+    @cached_property
+    def held(self) -> Solution:
+        """The optimum with the jettison at the thesis' time."""
+        at = printed.values("table-4.1")["thesis"]["jettison_s"]
+        return self._solved(self.mission, "direct11", jettison_times={0: at})
+
+    @cached_property
+    def unheated(self) -> Solution:
+        """The optimum with the heating ignored: the most that Table 2.2 can lift."""
+        return self._solved(self.mission, "direct11", heating="ignored")
+
+    @cached_property
+    def spherical(self) -> Solution:
+        """The optimum with altitudes above a sphere."""
+        environment = self.mission.environment.model_copy(update={"altitude": "spherical"})
+        mission = self.mission.model_copy(update={"environment": environment})
+        return self._solved(mission, "direct11")
+
+    @cached_property
+    def optimum_profile(self) -> Profile:
+        """Columns of the optimum."""
+        return profile_of(self.mission, self.optimum)
+
+    @cached_property
+    def optimum14_profile(self) -> Profile:
+        """Columns of the optimum with 14 parameters."""
+        return profile_of(self.mission, self.optimum14)
+
+    @cached_property
+    def optimum20_profile(self) -> Profile:
+        """Columns of the optimum with 20 parameters."""
+        return profile_of(self.mission, self.optimum20)
+
+    @cached_property
+    def held_profile(self) -> Profile:
+        """Columns of the optimum with the jettison at the thesis' time."""
+        return profile_of(self.mission, self.held)
+
+    @cached_property
+    def peg(self) -> History:
+        """Multi-stage PEG, closed loop, from the navigation state alone."""
+        return record_flight(self.mission, Law(self.arrays))
+
+    @cached_property
+    def first_solution(self) -> int:
+        """Iterations in which PEG starts from the navigation state alone."""
+        law = Law(self.arrays)
+        law.step(start_of(self.mission)[0])
+        return int(law.state["iterations"])
+
+    def mass_after_full_flow(self, cutoff_s: float) -> float:
+        """Mass at a cut-off time if the upper stage burns at full flow from staging on, kg."""
+        upper = self.arrays.arcs[-1]
+        burnt = float(upper["mass_flow"]) * (cutoff_s - self.staging_s)
+        return float(upper["stack_mass"]) - float(self.arrays.jettisons["mass"].sum()) - burnt
+
+    @cached_property
+    def facts(self) -> dict[str, float]:
+        """Numbers that sentences quote, by the name in their braces."""
+        table = printed.values("table-4.1")
+        otis = table["otis"]
+        peg = printed.values("table-6.7")
+        full_otis = self.mass_after_full_flow(otis["cutoff_s"])
+        full_peg = self.mass_after_full_flow(peg["cutoff_s"])
+        return {
+            "start_gamma_deg": math.degrees(self.start.flight_path_angle),
+            "start_inclination_deg": math.degrees(self.start.inclination),
+            "gain_held_kg": self.held.m_f_kg - table["thesis"]["final_mass_kg"],
+            "otis_full_flow_kg": full_otis,
+            "otis_gap_kg": full_otis - otis["final_mass_kg"],
+            "peg_full_flow_kg": full_peg,
+            "peg_gap_kg": full_peg - peg["final_mass_kg"],
+            "jump_loss_kg": self.indirect.m_f_kg - self.jump.m_f_kg,
+        }
