@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from ares_models.arrays import TARGET_KEPLERIAN, MissionArrays, Record
 from ares_models.kernels.environment import altitude, heating_rate
-from ares_optimizer.direct import LIFTED, Deadline, Found, eased, run, solve_base, tighten
+from ares_optimizer.deadline import Deadline
+from ares_optimizer.direct import LIFTED, Found, eased, run, solve_base, tighten
 from ares_optimizer.kernels.evaluate import evaluate, make_point, make_scratch
 from ares_optimizer.kernels.problem import D_LOG_LIMIT, HEATING_FROM_JETTISON, MINIMISE_HEATING
 from ares_optimizer.kernels.shooting import N_POSITION, drop_column
@@ -120,7 +121,7 @@ def terminal_miss(found: Found) -> float:
     return float(np.abs(point.equations).max())
 
 
-def no_flight_line(arrays: MissionArrays, found: Found, deadline: Deadline) -> str:
+def no_flight_line(arrays: MissionArrays, found: Found) -> str:
     """Why a search ended without a solution, as far as its last flight tells."""
     if terminal_miss(found) > _NEAR:
         return f"no flight to the target found, the nearest: {miss_line(arrays, found)}"
@@ -129,8 +130,6 @@ def no_flight_line(arrays: MissionArrays, found: Found, deadline: Deadline) -> s
         return obstacle
     if found.transcription.problem.heating == HEATING_FROM_JETTISON:
         return path_obstacle(found)
-    if deadline.passed:
-        return "the time limit passed before the search ended"
     return "flights to the target exist, but the search for the best one did not end"
 
 
@@ -183,7 +182,7 @@ def rescue(
         found.iterations += lifted.iterations
         found.restarts += lifted.restarts + 1
     if not lifted.converged:
-        return found, no_flight_line(arrays, lifted, deadline)
+        return found, no_flight_line(arrays, lifted)
     obstacle = ground_obstacle(lifted)
     if obstacle:
         return found, obstacle
@@ -219,7 +218,7 @@ def rescue(
         again.restarts = found.restarts + 1
         if again.converged:
             return again, ""
-        return found, no_flight_line(arrays, again, deadline)
+        return found, no_flight_line(arrays, again)
     j = base.heating_jettisons[-1]
     if not math.isfinite(best):
         return found, (

@@ -8,7 +8,6 @@ step (``tighten``).
 """
 
 import math
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import MissionArrays, Record
+from ares_optimizer.deadline import Deadline
 from ares_optimizer.kernels.evaluate import evaluate, make_point, make_scratch
 from ares_optimizer.kernels.problem import (
     AT_DROP,
@@ -143,24 +143,6 @@ class Found:
             float(problem.start_time + TIME_SCALE * self.variables[drop_column(problem, d)])
             for d in range(len(problem.drops))
         )
-
-
-class Deadline:
-    """A wall-clock limit that searches ask between their steps."""
-
-    def __init__(self, seconds: float | None) -> None:
-        self.end = math.inf if seconds is None else time.perf_counter() + seconds
-
-    def within(self, seconds: float) -> "Deadline":
-        """A deadline that is no later than this one and no further off than given."""
-        sooner = Deadline(seconds)
-        sooner.end = min(sooner.end, self.end)
-        return sooner
-
-    @property
-    def passed(self) -> bool:
-        """Whether the time is over."""
-        return time.perf_counter() > self.end
 
 
 def run(transcription: Transcription, guess: Array, goal: float) -> Found:
@@ -456,7 +438,7 @@ def solve_direct(
     Raises:
         OptimizerError: no flight can be laid out, or the guess has no sense.
     """
-    deadline = deadline or Deadline(None)
+    deadline = deadline or Deadline()
     first = Heating.AT_JETTISON if heating is Heating.FROM_JETTISON else heating
     found = solve_base(transcribe(arrays, start, "direct11", first), guess, deadline)
     found.base_converged = found.converged
@@ -644,11 +626,15 @@ def steering_arcs(found: Found) -> tuple[SteeringArc, ...]:
         law = [law for law in laws if law.time <= begin + _SIDE][-1]
         vector = law.at(begin)
         size = float(np.linalg.norm(vector))
-        half = 0.5 * (end - begin)
-        gain = 0.0
-        for x, w in zip(*_GAUSS, strict=True):
-            thrust, mass = _profile_at(problem, cutoff, begin + half * (1.0 + x), True)
-            gain += half * w * thrust / (mass - gone)
+        thrust, mass = _profile_at(problem, cutoff, begin, True)
+        last_thrust, last_mass = _profile_at(problem, cutoff, end, False)
+        if thrust != last_thrust:
+            gain = _ramp_gain(problem, cutoff, begin, end, gone)
+        elif mass > last_mass:
+            exhaust_velocity = thrust * (end - begin) / (mass - last_mass)
+            gain = exhaust_velocity * math.log((mass - gone) / (last_mass - gone))
+        else:
+            gain = 0.0
         arcs.append(
             SteeringArc(
                 begin,
@@ -656,12 +642,22 @@ def steering_arcs(found: Found) -> tuple[SteeringArc, ...]:
                 begin,
                 _triple(vector / size),
                 _triple(law.rate / size),
-                _profile_at(problem, cutoff, begin, True)[1] - gone,
-                _profile_at(problem, cutoff, end, False)[1] - gone,
-                float(gain),
+                mass - gone,
+                last_mass - gone,
+                gain,
             )
         )
     return tuple(arcs)
+
+
+def _ramp_gain(problem: Problem, cutoff: float, begin: float, end: float, gone: float) -> float:
+    """Integral of thrust acceleration under a thrust that is not constant, m/s."""
+    half = 0.5 * (end - begin)
+    gain = 0.0
+    for x, w in zip(*_GAUSS, strict=True):
+        thrust, mass = _profile_at(problem, cutoff, begin + half * (1.0 + x), True)
+        gain += float(half * w * thrust / (mass - gone))
+    return gain
 
 
 def _triple(x: Array) -> tuple[float, float, float]:

@@ -25,6 +25,7 @@ from ares_models.arrays import (
     MissionArrays,
 )
 from ares_optimizer.closed_form import flight_errors
+from ares_optimizer.deadline import TIME_LIMIT_PASSED, Deadline
 from ares_optimizer.diagnose import check_obstacle, target_obstacle
 from ares_optimizer.kernels import closed_form, costates, newton, sample, search, timetable
 from ares_optimizer.kernels import two_point as kernels
@@ -72,6 +73,7 @@ _SAMPLE_S = 2.0
 _NODE_STRIDE = 10  # of the samples that the verification compares
 _SHORT_KG = 0.1  # of propellant, to count
 _SEARCH_STEP_S = 40.0
+_LEAST_STEPS = 16  # of a flight, however short
 # continuation: first part of the whole, most parts, factor on the limits to begin with
 _FIRST_PART = 0.1
 _MOST_PARTS = 60
@@ -210,6 +212,8 @@ class TwoPointSolver:
     """Solver of one mission's two-point problem, with its memory laid out once.
 
     Attributes:
+        arrays: the mission.
+        deadline: after which no continuation begins or goes on.
         options: shape (1,), dtype ``kernels.two_point.OPTIONS``.
         work: shape (1,), dtype ``kernels.two_point.WORK``.
     """
@@ -227,6 +231,7 @@ class TwoPointSolver:
         correction: bool = True,
         tolerance: float = _TOLERANCE,
         max_iterations: int = _MAX_ITERATIONS,
+        deadline: Deadline | None = None,
     ) -> None:
         """Check the choices and lay out the memory.
 
@@ -246,6 +251,7 @@ class TwoPointSolver:
                 linear within each arc, and Eqs. 3.20, 3.21 leave out part of its gradient.
             tolerance: of the last Newton step, in scaled unknowns.
             max_iterations: of one start.
+            deadline: after which no continuation begins or goes on; None: no limit.
 
         Raises:
             OptimizerError: a choice that is not there, or a mission that the method cannot take.
@@ -266,6 +272,7 @@ class TwoPointSolver:
         if arrays.arcs[-1]["kind"] != BURN:
             raise OptimizerError("the last arc is a coast; the two-point problem ends with a burn")
         self.arrays = arrays
+        self.deadline = deadline or Deadline()
         self.options = np.zeros(1, kernels.OPTIONS)
         self.options["gravity"] = _GRAVITY[gravity]
         closed = propagator == "closed_form"
@@ -444,6 +451,7 @@ def solve_indirect(
     rule: Rule = "milne",
     correction: bool = True,
     finish: bool = True,
+    deadline: Deadline | None = None,
     verify: bool = True,
 ) -> Solution:
     """The optimal ascent by the indirect method.
@@ -463,6 +471,7 @@ def solve_indirect(
         correction: see :class:`TwoPointSolver`.
         finish: under inverse-square gravity, lead the closed form's root to the exact one by
             Runge-Kutta; what the closed form came to is in ``notes``.
+        deadline: after which no further start is tried; None: no limit.
         verify: fly the solution again and fill ``verification``, ``constraints``,
             ``trajectory`` and ``costates``. Without it ``converged`` is the solver's word.
 
@@ -483,24 +492,29 @@ def solve_indirect(
         arc_length_s=arc_length_s,
         rule=rule,
         correction=correction,
+        deadline=deadline,
     )
     unknowns = _as_unknowns(guess, solver.drops(start))
     began = time.perf_counter()
     obstacle = target_obstacle(arrays)
     if obstacle:
         return failed(method, obstacle, solve_ms=_since(began))
+    if solver.deadline.passed:
+        return failed(method, TIME_LIMIT_PASSED, solve_ms=_since(began))
     root = _find(solver, start, unknowns)
     notes: dict[str, float] = {}
     if root.converged and propagator == "closed_form" and gravity == "inverse_square":
-        exact = TwoPointSolver(arrays, heating=heating, step_s=step_s)
+        exact = TwoPointSolver(arrays, heating=heating, step_s=_fine(step_s, start, root))
         notes = _closed_form_notes(solver, start, root, arc_length_s, rule)
         if finish:
             solver = exact
             root = _added(exact.solve(start, root.unknowns), root, 0)
     elapsed = _since(began)
     if not root.converged:
+        late = solver.deadline.passed
+        reason = TIME_LIMIT_PASSED if late else _why_not(solver, start, root)
         return replace(
-            failed(method, _why_not(solver, start, root), iterations=root.iterations),
+            failed(method, reason, iterations=root.iterations),
             solve_ms=elapsed,
             parameters=root.unknowns,
             restarts=root.restarts,
@@ -541,6 +555,8 @@ def _find(solver: TwoPointSolver, start: NDArray[np.void], guess: Array | None) 
     root = solver.solve(start, guess, thorough=True)
     if not root.converged:
         for ladder in (_from_linear_gravity, _from_light_drops, _from_high_limits):
+            if solver.deadline.passed:
+                break
             further = ladder(solver, start)
             if further is not None and further.converged:
                 root = _added(further, root, 1)
@@ -548,7 +564,14 @@ def _find(solver: TwoPointSolver, start: NDArray[np.void], guess: Array | None) 
     solver.options["step"] = fine
     if not root.converged:
         return root
+    if solver.options["propagator"][0] == kernels.RUNGE_KUTTA:
+        solver.options["step"] = _fine(fine, start, root)
     return _added(solver.solve(start, root.unknowns, restart=False), root, 0)
+
+
+def _fine(step_s: float, start: NDArray[np.void], root: Root) -> float:
+    """Step of the final grid, s: a short flight may turn as much as a long one."""
+    return min(step_s, float(root.unknowns[6] - start["time"][0]) / _LEAST_STEPS)
 
 
 def _added(root: Root, before: Root, starts: int) -> Root:
@@ -612,6 +635,8 @@ def _continue(
             return None
         done = step
         for _ in range(_MOST_PARTS):
+            if solver.deadline.passed:
+                return None
             trial = min(1.0, done + step)
             part(trial)
             further = _added(solver.solve(start, root.unknowns, restart=False), root, 0)

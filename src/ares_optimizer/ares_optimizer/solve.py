@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ares_models.arrays import HEATING_LIMIT, MISSION_TIME, NAVIGATION, MissionArrays
 from ares_models.mission import Mission
+from ares_optimizer.deadline import TIME_LIMIT_PASSED, Deadline
 from ares_optimizer.diagnose import (
     check_obstacle,
     held_by_heating,
@@ -20,7 +21,6 @@ from ares_optimizer.diagnose import (
     target_obstacle,
 )
 from ares_optimizer.direct import (
-    Deadline,
     Found,
     Guess,
     continue_to,
@@ -199,19 +199,20 @@ def solve(
     if state is None:
         raise OptimizerError("state is missing; a mission given as arrays has no start of its own")
     check_state(arrays, state)
+    if time_limit_s is not None and not time_limit_s >= 0.0:
+        raise OptimizerError(f"time_limit_s is {time_limit_s} s; expected 0 or more")
+    deadline = Deadline(time_limit_s)
     if jettison_times:
         arrays = hold_jettisons(arrays, jettison_times)
     if method in INDIRECT_METHODS:
-        return _solve_indirect(arrays, state, method, guess, heating, verify)
+        return _solve_indirect(arrays, state, method, guess, heating, deadline, verify)
     if isinstance(guess, Solution):
         guess = guess_from(guess)
     if guess is not None and not isinstance(guess, Guess):
         raise OptimizerError(
             f"guess is a {type(guess).__name__}; expected a Guess or a Solution for {method}"
         )
-    return _solve_direct(
-        arrays, state, method, guess, Heating(heating), Deadline(time_limit_s), verify
-    )
+    return _solve_direct(arrays, state, method, guess, Heating(heating), deadline, verify)
 
 
 def _solve_direct(
@@ -226,6 +227,8 @@ def _solve_direct(
     obstacle = target_obstacle(arrays)
     if obstacle:
         return failed(method, obstacle)
+    if deadline.passed:
+        return failed(method, TIME_LIMIT_PASSED)
     start = state[0]
     began = time.perf_counter()
     found = solve_direct(arrays, start, method, heating, guess, deadline)
@@ -238,10 +241,12 @@ def _solve_direct(
     if found.converged:
         reason = reason or propellant_obstacle(found)
     converged = found.converged and not reason
-    if not converged and not reason:
-        reason = no_flight_line(arrays, found, deadline)
+    if not found.converged and deadline.passed:
+        reason = TIME_LIMIT_PASSED
+    elif not converged and not reason:
+        reason = no_flight_line(arrays, found)
     reason = reason or "optimal"
-    if not math.isfinite(found.miss) or found.miss > _FLIES:
+    if not found.miss <= _FLIES or found.cutoff_s <= start["time"]:
         solution = failed(method, reason, iterations=found.iterations, solve_ms=elapsed)
         return replace(solution, restarts=found.restarts)
     solution = Solution(
@@ -323,10 +328,12 @@ def _solve_indirect(
     method: str,
     guess: Any,
     heating: HeatingName,
+    deadline: Deadline,
     verify: bool,
 ) -> Solution:
     # the two halves of the package meet here only
     from ares_optimizer.indirect import IndirectGuess, solve_indirect
+    from ares_optimizer.rival import beside_rival, detour_line
 
     if heating == "from_jettison":
         raise OptimizerError(f"heating is 'from_jettison'; {method} takes at_jettison or ignored")
@@ -346,11 +353,19 @@ def _solve_indirect(
             tuple(at for _, at in free),
             tuple(pi * limit for pi, (limit, _) in zip(guess.costates.jump_pi, free, strict=False)),
         )
-    return solve_indirect(
-        arrays,
-        state,
-        propagator="closed_form" if method == "closed_form" else "runge_kutta",
-        guess=guess,
-        heating=heating,
-        verify=verify,
-    )
+
+    def extremal(guess: Any) -> Solution:
+        return solve_indirect(
+            arrays,
+            state,
+            propagator="closed_form" if method == "closed_form" else "runge_kutta",
+            guess=guess,
+            heating=heating,
+            deadline=deadline,
+            verify=verify,
+        )
+
+    solution = extremal(guess)
+    if solution.converged and not verify and not detour_line(arrays, state, solution):
+        return solution
+    return beside_rival(arrays, state, Heating(heating), solution, extremal, deadline)

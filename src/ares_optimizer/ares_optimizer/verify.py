@@ -178,6 +178,20 @@ def _burnout(
     return float(brentq(lambda t: _burnt(arcs, engines, begin, t) - left, low, high, xtol=1e-12))
 
 
+def _left_running(arcs: NDArray[np.void], present: int, begin: float, now: float) -> list[Engine]:
+    """The tail-off that is not over when a flight starts in the coast after it."""
+    for k in range(present, 0, -1):
+        if arcs[k]["begins_stage"] == 1:
+            break
+        if arcs[k - 1]["kind"] == BURN:
+            times, _ = _curve(arcs[k - 1], "tail")
+            if len(times) and begin + times[-1] > now:
+                return [Engine(k - 1, begin, begin + float(times[-1]), True)]
+            break
+        begin -= float(arcs[k - 1]["duration"])
+    return []
+
+
 def plan_flight(arrays: MissionArrays, start: Record, t_meco: float) -> Plan:
     """Lay the mission's arcs out in time, from the start to the end of the tail-off.
 
@@ -201,7 +215,10 @@ def plan_flight(arrays: MissionArrays, start: Record, t_meco: float) -> Plan:
         elif gone and jettison["stage"] >= stage:
             full -= float(jettison["mass"])
     used = max(0.0, full - mass)
-    running: list[Engine] = []  # of this stage, for its propellant
+    running = _left_running(arcs, k, begin, now)  # of this stage, for its propellant
+    for tail in running:
+        plan.engines.append(tail)
+        plan.breaks.update(tail.begin + _curve(arcs[tail.arc], "tail")[0])
     stage_begin = now
     last = len(arcs) - 1
     while True:

@@ -256,8 +256,8 @@ def solve_two_point(
             return iteration, residual_norm, CONVERGED
         for i in range(COLUMN_JETTISON, n, 2):
             index = (i - COLUMN_JETTISON) // 2
-            near = unknowns[i] < work.floor[i] + _NEAR_FLOOR and work.step[i] < 0.0
-            if near and work.pinned[index] == 0:
+            near = unknowns[i] < work.floor[i] + _NEAR_FLOOR
+            if near and unknowns[i] + work.step[i] < work.floor[i] and work.pinned[index] == 0:
                 work.stuck = index
                 return iteration, residual_norm, AT_FLOOR
         fraction = _step_limit(n, unknowns, work)

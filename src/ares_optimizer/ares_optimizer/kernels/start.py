@@ -9,10 +9,11 @@ import math
 
 import numpy as np
 
-from ares_models.arrays import TARGET_KEPLERIAN, TARGET_RADIUS_SPEED_ANGLE_INCLINATION
+from ares_models.arrays import TARGET_RADIUS_SPEED_ANGLE_INCLINATION
 from ares_models.jit import kernel
 from ares_models.kernels.vectors import Vector, add, axpy, cross, load, norm, scale, unit
 from ares_optimizer.kernels.evaluate import Point, Scratch, evaluate
+from ares_optimizer.kernels.guess import wanted_state
 from ares_optimizer.kernels.heating import heating_at_node
 from ares_optimizer.kernels.problem import (
     AT_DROP,
@@ -159,19 +160,14 @@ def sweep(problem: Problem, scratch: Scratch, point: Point, starts: Array, misse
             math.cos(target.inclination),
         )
     along = unit(cross(normal, up))
-    speed = target.speed
-    slope = target.flight_path_angle
-    if target.kind == TARGET_KEPLERIAN:
-        speed = math.sqrt(max(mu * (2.0 / radius - 1.0 / target.semi_major_axis), 0.0))
-        slope = 0.0
-    wanted = add(scale(speed * math.cos(slope), along), scale(speed * math.sin(slope), up))
+    _, wanted, _ = wanted_state(target, mu, normal, r)
     needed = norm(axpy(-1.0, v, wanted))
     found = 0
     p = np.zeros(n)
     for a in range(4):
         cutoff = cutoff_for(problem, needed * (1.05 + 0.1 * a))
         time = cutoff - problem.start_time
-        angle = 0.5 * (norm(v) + speed) * time / radius
+        angle = 0.5 * (norm(v) + norm(wanted)) * time / radius
         up_end = add(scale(math.cos(angle), up), scale(math.sin(angle), along))
         along_end = add(scale(-math.sin(angle), up), scale(math.cos(angle), along))
         for b in range(6):

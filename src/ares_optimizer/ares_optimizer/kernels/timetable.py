@@ -124,6 +124,23 @@ def propellant_used(
 
 
 @kernel
+def last_tail(start: Record, arcs: NDArray[Any]) -> tuple[int, float]:
+    """Burn whose tail-off may still run in the coast after it, and its cut-off time, s.
+
+    Returns:
+        index of the arc, -1 if there is none, and the time.
+    """
+    end = start.arc_start_time
+    for k in range(start.arc, 0, -1):
+        if arcs[k].begins_stage == 1:
+            break
+        if arcs[k - 1].kind == BURN:
+            return (k - 1 if arcs[k - 1].tail_knots > 0 else -1), end
+        end -= arcs[k - 1].duration
+    return -1, end
+
+
+@kernel
 def build_timetable(
     start: Record,
     arcs: NDArray[Any],
@@ -170,8 +187,7 @@ def build_timetable(
             ignition = back
 
     column = -1
-    tail = -1
-    tail_start = 0.0
+    tail, tail_start = last_tail(start, arcs)
     inserted = False
     tail_mass_rate = 0.0
     count = 0

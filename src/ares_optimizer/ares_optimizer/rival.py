@@ -1,0 +1,153 @@
+"""An extremal set beside a direct solution: necessary conditions alone do not make an optimum.
+
+Close to cut-off the two-point problem has a root that leaves the target, flies a loop of
+several hundred seconds and comes back. It meets every condition of Pontryagin and every
+constraint, and is no optimum.
+"""
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models.arrays import MissionArrays, Record
+from ares_models.kernels.vectors import cross, load, norm, sub
+from ares_optimizer.deadline import Deadline
+from ares_optimizer.direct import Found, solve_direct, steering_laws
+from ares_optimizer.indirect import IndirectGuess
+from ares_optimizer.kernels.guess import target_normal, wanted_state
+from ares_optimizer.solution import OptimizerError, Solution
+from ares_optimizer.transcription import Heating
+
+_SAME_KG = 1.0
+#: Of the velocity that takes a vehicle to its target in two manoeuvres, one after the other.
+_DETOUR = 2.0
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A direct solution of the same flight.
+
+    Attributes:
+        found: as the direct method ended.
+    """
+
+    found: Found
+
+    def beats(self, solution: Solution) -> bool:
+        """Whether it cuts off earlier than a solution, or there is no other solution."""
+        margin = _SAME_KG / self.found.transcription.flow_kg_s
+        return self.found.converged and not solution.t_meco_s <= self.found.cutoff_s + margin
+
+    @property
+    def m_f_kg(self) -> float:
+        """Final mass."""
+        return float(self.found.final[7])
+
+    def guess(self) -> IndirectGuess:
+        """Its steering as costates at the start: lambda_v = B, lambda_r = -A (Eq. 3.34)."""
+        law = steering_laws(self.found.transcription, self.found.variables)[0]
+        drops = dict(
+            zip(self.found.transcription.heating_jettisons, self.found.drop_times_s, strict=True)
+        )
+        return IndirectGuess(
+            (float(law.direction[0]), float(law.direction[1]), float(law.direction[2])),
+            (-float(law.rate[0]), -float(law.rate[1]), -float(law.rate[2])),
+            self.found.cutoff_s,
+            tuple(drops[j] for j in sorted(drops)),
+        )
+
+
+def find_rival(
+    arrays: MissionArrays, start: Record, heating: Heating, deadline: Deadline
+) -> Rival | None:
+    """Solve by ``direct11`` from its own start; None where it cannot even begin."""
+    try:
+        return Rival(solve_direct(arrays, start, "direct11", heating, None, deadline))
+    except OptimizerError:
+        return None
+
+
+def ample_delta_v(arrays: MissionArrays, start: NDArray[np.void]) -> float:
+    """Velocity that surely does: the change of velocity first, then the change of place, m/s.
+
+    The target is taken where it stands on the ray of the present position; a displacement d
+    takes 2 sqrt(a d) from rest to rest at thrust acceleration a.
+
+    Args:
+        arrays: the mission.
+        start: shape (1,), dtype NAVIGATION.
+    """
+    r = load(start[0]["position"])
+    v = load(start[0]["velocity"])
+    target = arrays.target[0]
+    mu = float(arrays.environment[0]["mu"])
+    normal = target_normal(target, r, cross(r, v), 1.0)
+    wanted_r, wanted_v, _ = wanted_state(target, mu, normal, r)
+    last = arrays.arcs[-1]
+    mass = float(last["stack_mass"])
+    if start[0]["mass"] > 0.0:
+        mass = min(mass, float(start[0]["mass"]))
+    acceleration = float(last["thrust"]) / mass
+    distance = norm(sub(wanted_r, r))
+    return norm(sub(wanted_v, v)) + 2.0 * math.sqrt(acceleration * distance)
+
+
+def detour_line(arrays: MissionArrays, start: NDArray[np.void], solution: Solution) -> str:
+    """A line when a solution spends far more than its target is away; empty otherwise."""
+    spent = sum(arc.delta_v_m_s for arc in solution.arcs)
+    ample = ample_delta_v(arrays, start)
+    if spent <= _DETOUR * ample:
+        return ""
+    return (
+        f"no optimum found: the extremal that was found spends {spent:,.0f} m/s on a detour to a "
+        f"target that {ample:,.0f} m/s should reach"
+    )
+
+
+def beside_rival(
+    arrays: MissionArrays,
+    start: NDArray[np.void],
+    heating: Heating,
+    solution: Solution,
+    extremal: Callable[[IndirectGuess], Solution],
+    deadline: Deadline,
+) -> Solution:
+    """Set what the indirect method came to beside a direct solution.
+
+    A better direct solution is the next guess; what it still beats is no optimum. Where there
+    is no direct solution, an extremal that makes a detour is not believed.
+
+    Args:
+        arrays: the mission.
+        start: shape (1,), dtype NAVIGATION.
+        heating: what the heating limit asks.
+        solution: of the indirect method, converged or not.
+        extremal: the indirect method from another guess.
+        deadline: when to give up.
+    """
+    began = time.perf_counter()
+    rival = None if deadline.passed else find_rival(arrays, start[0], heating, deadline)
+    if rival is None or not rival.found.converged:
+        detour = detour_line(arrays, start, solution) if solution.converged else ""
+        return replace(solution, converged=False, reason=detour) if detour else solution
+    if rival.beats(solution):
+        again = extremal(rival.guess())
+        better = again.converged and not rival.beats(again)
+        solution = replace(
+            again if better else solution,
+            iterations=solution.iterations + rival.found.iterations + again.iterations,
+            restarts=solution.restarts + again.restarts + 1,
+            solve_ms=solution.solve_ms + 1e3 * (time.perf_counter() - began),
+        )
+        if solution.converged and not better:
+            solution = replace(
+                solution,
+                converged=False,
+                reason=f"no optimum found: the extremal that was found reaches "
+                f"{solution.m_f_kg:,.1f} kg, direct11 {rival.m_f_kg:,.1f} kg",
+            )
+    return replace(solution, notes={**solution.notes, "direct11_m_f_kg": rival.m_f_kg})
