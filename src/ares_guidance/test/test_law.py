@@ -13,25 +13,8 @@ from ares_guidance.arrays import (
     PHASE_TRACKING,
 )
 from ares_guidance.law import Law, LawSettings
-from ares_models.arrays import NAVIGATION
-from ares_models.kernels.environment import heating_rate
-from ares_models.kernels.vectors import load
+from ares_guidance.testing import first_navigation
 from ares_models.mission import list_missions, load_mission
-
-
-def first_navigation(mission, **changes):
-    """The navigation state at the mission's start."""
-    start = mission.start()
-    arrays = mission.arrays()
-    nav = np.zeros(1, NAVIGATION)
-    nav["time"] = nav["arc_start_time"] = start.time_s
-    nav["position"], nav["velocity"], nav["mass"] = start.position, start.velocity, start.mass_kg
-    nav["heating_rate"] = heating_rate(
-        load(start.position), load(start.velocity), arrays.environment[0], arrays.atmosphere
-    )
-    for name, value in changes.items():
-        nav[name] = value
-    return nav[0]
 
 
 @pytest.fixture(scope="module")

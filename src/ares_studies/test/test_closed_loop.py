@@ -7,8 +7,9 @@ import pytest
 
 from ares_guidance.law import LawSettings
 from ares_models.mission import load_mission
-from ares_models.orbits import Elements, Insertion
+from ares_models.orbits import Elements
 from ares_studies.closed_loop import fly_compiled, fly_stepwise
+from ares_studies.testing import assert_within, errors
 from ares_vehicle_sim.arrays import CUTOFF, JETTISON_DONE
 from ares_vehicle_sim.dispersions import Dispersions, NavigationErrors
 from ares_vehicle_sim.simulator import SimulatorOptions
@@ -17,24 +18,6 @@ from ares_vehicle_sim.simulator import SimulatorOptions
 @pytest.fixture(scope="module")
 def ares_v():
     return load_mission("ares_v")
-
-
-def errors(mission, flight):
-    """Radius m, speed m/s, flight-path angle deg, inclination deg: flown minus target."""
-    flown = Insertion.from_state(flight.plant["position"], flight.plant["velocity"])
-    target = mission.arrays().target[0]
-    return np.array(
-        [
-            flown.radius - target["radius"],
-            flown.speed - target["speed"],
-            math.degrees(flown.flight_path_angle - target["flight_path_angle"]),
-            math.degrees(flown.inclination - target["inclination"]),
-        ]
-    )
-
-
-def assert_within(found, limits):
-    assert np.all(np.abs(found) <= limits), found
 
 
 def test_default_mission(ares_v):
