@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ares_guidance.arrays import GUIDANCE_STATE
 from ares_guidance.kernels.cycle import guidance_step
-from ares_guidance.law import Law, LawSettings
+from ares_guidance.law import CODES, Law, LawSettings
 from ares_models.arrays import NAVIGATION, STEERING, Record
 from ares_models.jit import kernel
 from ares_models.mission import load_mission
@@ -52,10 +52,10 @@ def cycles(
     return state.total_iterations
 
 
-def record_navigation(mission: Any, settings: LawSettings) -> NDArray[np.void]:
+def record_navigation(mission: Any, settings: LawSettings, name: str) -> NDArray[np.void]:
     """Navigation states of a nominal flight, one a second."""
     simulator = Simulator(mission, SimulatorOptions(navigation_period_s=1.0))
-    law = Law(mission.arrays(), settings)
+    law = Law(mission.arrays(), settings, name)
     states = []
     while not simulator.complete:
         states.append(simulator.navigation.copy())
@@ -69,12 +69,13 @@ def main() -> None:
     """Print medians over repeats."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--mission", default="ares_v")
+    parser.add_argument("--law", default="peg", choices=CODES)
     parser.add_argument("--repeats", type=int, default=51)
     options = parser.parse_args()
     mission = load_mission(options.mission)
     settings = LawSettings()
     arrays = mission.arrays()
-    navs = record_navigation(mission, settings)
+    navs = record_navigation(mission, settings, options.law)
     times = []
     iterations = 0
     for _ in range(options.repeats + 1):
@@ -88,7 +89,7 @@ def main() -> None:
             arrays.arcs,
             arrays.jettisons,
             arrays.target[0],
-            settings.record()[0],
+            settings.record(options.law)[0],
             state[0],
             saved[0],
             steering[0],
@@ -102,7 +103,12 @@ def main() -> None:
         flights = []
         for _ in range(options.repeats + 1):
             begun = time.perf_counter()
-            fly_compiled(mission, settings, SimulatorOptions(navigation_period_s=period))
+            fly_compiled(
+                mission,
+                settings,
+                SimulatorOptions(navigation_period_s=period),
+                law=options.law,
+            )
             flights.append(time.perf_counter() - begun)
         median = statistics.median(flights[1:])
         print(f"one flight, navigation every {period:g} s: {median * 1e3:.2f} ms median")
