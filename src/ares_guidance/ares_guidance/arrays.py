@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ares_models.arrays import JETTISON, MAX_JETTISONS
+from ares_models.arrays import ARC, JETTISON, MAX_JETTISONS
 from ares_optimizer.kernels.two_point import MAX_UNKNOWNS, OPTIONS, WORK
 
 MAX_SEGMENTS = 32
@@ -67,8 +67,25 @@ OPTIMAL_MEMORY = np.dtype(
         ("jettisoned", np.int64),
         ("unknowns", np.float64, (MAX_UNKNOWNS,)),
         ("jettisons", JETTISON, (MAX_JETTISONS,)),  # with the limits in on-board units
+        ("arcs", ARC, (MAX_SEGMENTS,)),  # with the engines as measured
+        ("arcs_of_stage", np.int64),  # the stage that they were copied for, + 1
+        ("thrust_ratio", np.float64),
+        ("flow_ratio", np.float64),
         ("options", OPTIONS),
         ("work", WORK),
+    ],
+    align=True,
+)
+
+ENGINE_WATCH = np.dtype(
+    [  # the navigation state at the last measurement
+        ("time", np.float64),
+        ("mass", np.float64),  # 0: none yet
+        ("sensed_delta_v", np.float64, (3,)),
+        ("arc", np.int64),
+        ("stage", np.int64),
+        ("jettisoned", np.int64),
+        ("jumped", np.int64),  # 1: the engine is another than in the last cycle
     ],
     align=True,
 )
@@ -107,6 +124,10 @@ GUIDANCE_STATE = np.dtype(
         # heating jettisons
         ("jettison_time", np.float64, (8,)),  # MET; inf: beyond cut-off, planned without
         ("density_ratio", np.float64),  # measured over modelled heating; nan: unknown
+        # engines of the present stage, measured over the mission's; 0: not yet
+        ("thrust_ratio", np.float64),
+        ("flow_ratio", np.float64),
+        ("engines", ENGINE_WATCH),
         ("segments", SEGMENT, (MAX_SEGMENTS,)),
         ("segment_count", np.int64),
         ("optimal", OPTIMAL_MEMORY),

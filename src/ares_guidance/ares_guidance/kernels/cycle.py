@@ -22,6 +22,7 @@ from ares_guidance.arrays import (
     PHASE_TRACKING,
 )
 from ares_guidance.kernels import igm, peg
+from ares_guidance.kernels.engines import present_engine, watch_engines
 from ares_guidance.kernels.jettison import predict_jettisons
 from ares_guidance.kernels.optimal import solve_optimal
 from ares_guidance.kernels.segments import (
@@ -68,8 +69,8 @@ def held_cutoff(
     direction = load(state.direction)
     rate = load(state.direction_rate)
     reference = state.reference_time - nav.time
-    tau = nav.mass / arc.mass_flow
-    ve = arc.exhaust_velocity
+    ve, mass_flow = present_engine(arc, arc.stage, state)
+    tau = nav.mass / mass_flow
     # thrust that comes after the command is counted with the burn
     t = max(state.time_to_go, 0.0)
     for _ in range(CUTOFF_SEARCH_STEPS):
@@ -218,8 +219,9 @@ def solve(
     state.total_iterations += state.iterations
     if error == ERROR_NONE and not reachable:
         error = ERROR_TARGET_UNREACHABLE
-    if error == ERROR_NONE and not cold and state.stale_cycles < settings.max_stale_cycles:
-        # a good solution moves little from one cycle to the next
+    first = cold or state.engines.jumped == 1
+    if error == ERROR_NONE and not first and state.stale_cycles < settings.max_stale_cycles:
+        # a good solution moves little from one cycle to the next, unless an engine fails
         ahead = nav.time + settings.cycle_period
         jump = angle_between(
             axpy(ahead - state.reference_time, load(state.direction_rate), load(state.direction)),
@@ -340,6 +342,7 @@ def guidance_step(
     due = nav.time >= state.next_cycle_time - 1e-9
     if due:
         state.cycle += 1
+        watch_engines(nav, arcs, state)
         while state.next_cycle_time <= nav.time + 1e-9:
             state.next_cycle_time += settings.cycle_period
         if state.phase == PHASE_CONVERGING or state.phase == PHASE_TRACKING:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ares_guidance.arrays import ERROR_NONE, ERROR_NOT_CONVERGED, HEATING_MEASURED, LAW_OPTIMAL
 from ares_guidance.kernels.segments import note_tail_off, plan_segments, thrust_integrals
-from ares_models.arrays import HEATING_LIMIT, Record
+from ares_models.arrays import BURN, HEATING_LIMIT, Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import log_heating_gradient
 from ares_models.kernels.vectors import axpy, load, norm, scale, store, unit
@@ -39,6 +39,8 @@ TOLERANCE = 1e-6
 #: Cycles on one Jacobian, and the scaled correction up to which it is trusted.
 REFRESH = 20
 SMALL = 3e-3
+#: Change of an engine up to which that Jacobian is kept.
+SAME_ENGINE = 0.01
 _ROUNDING = 1e-6
 
 
@@ -54,6 +56,34 @@ def on_board_limits(
         memory.jettisons[j] = jettisons[j]
         if jettisons[j].criterion == HEATING_LIMIT:
             memory.jettisons[j].value *= (1.0 - settings.heating_margin) / ratio
+
+
+@kernel
+def on_board_arcs(nav: Record, arcs: NDArray[Any], state: Record) -> None:
+    """The mission's arcs, those of the present stage with its engines as measured."""
+    memory = state.optimal
+    stage = arcs[nav.arc].stage
+    if (
+        memory.arcs_of_stage == stage + 1
+        and memory.thrust_ratio == state.thrust_ratio
+        and memory.flow_ratio == state.flow_ratio
+    ):
+        return
+    for k in range(arcs.shape[0]):
+        memory.arcs[k] = arcs[k]
+        if arcs[k].stage == stage and arcs[k].kind == BURN and state.thrust_ratio > 0.0:
+            memory.arcs[k].thrust *= state.thrust_ratio
+            memory.arcs[k].mass_flow *= state.flow_ratio
+            memory.arcs[k].exhaust_velocity *= state.thrust_ratio / state.flow_ratio
+    # another engine, another problem: the old Jacobian is left only for small changes
+    if (
+        abs(memory.thrust_ratio - state.thrust_ratio) > SAME_ENGINE
+        or abs(memory.flow_ratio - state.flow_ratio) > SAME_ENGINE
+    ):
+        memory.age = REFRESH
+    memory.arcs_of_stage = stage + 1
+    memory.thrust_ratio = state.thrust_ratio
+    memory.flow_ratio = state.flow_ratio
 
 
 @kernel
@@ -195,8 +225,10 @@ def tell(
     """Write the solution where the guidance cycle looks for it."""
     memory = state.optimal
     u = memory.unknowns
-    store(state.direction, (u[0], u[1], u[2]))
-    store(state.direction_rate, (-u[3], -u[4], -u[5]))
+    lambda_v = (u[0], u[1], u[2])
+    size = 1.0 / norm(lambda_v)
+    store(state.direction, scale(size, lambda_v))
+    store(state.direction_rate, (-size * u[3], -size * u[4], -size * u[5]))
     state.reference_time = nav.time
     note_tail_off(arcs[arcs.shape[0] - 1], state)
     state.time_to_go = u[COLUMN_CUTOFF] - nav.time + state.tail_gain
@@ -251,14 +283,16 @@ def solve_optimal(
     options.tolerance = TOLERANCE
     count = jettisons.shape[0]
     on_board_limits(jettisons, settings, state, memory)
+    on_board_arcs(nav, arcs, state)
     believed = memory.jettisons[:count]
+    engines = memory.arcs[: arcs.shape[0]]
     iterations = 1
     found = False
     if memory.solved == 1:
         carry(nav, environment, atmosphere, count, memory)
         memory.age += 1
         if memory.age < REFRESH:
-            found = correct(nav, environment, atmosphere, arcs, believed, target, memory)
+            found = correct(nav, environment, atmosphere, engines, believed, target, memory)
     elif guessed:
         first_guess(nav, jettisons, state, memory)
     else:
@@ -266,7 +300,7 @@ def solve_optimal(
         memory.jettisoned = nav.jettisoned
     if not found:
         iterations, found = search(
-            nav, environment, atmosphere, arcs, believed, target, guessed, restart, memory
+            nav, environment, atmosphere, engines, believed, target, guessed, restart, memory
         )
     memory.solved = 1 if found else 0
     state.iterations += iterations

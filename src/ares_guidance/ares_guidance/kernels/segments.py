@@ -10,6 +10,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from ares_guidance.arrays import MAX_SEGMENTS
+from ares_guidance.kernels.engines import present_engine
 from ares_models.arrays import BURN, HEATING_LIMIT, MISSION_TIME, Record
 from ares_models.jit import kernel
 
@@ -71,8 +72,10 @@ def plan_segments(nav: Record, arcs: NDArray[Any], jettisons: NDArray[Any], stat
                 stage_ignited = arcs[k].stage
             if stage_ignited == arcs[k].stage:
                 ignition_time -= arcs[k].duration
+    present = arcs[nav.arc].stage
     for k in range(nav.arc, arcs.shape[0]):
         arc = arcs[k]
+        exhaust_velocity, mass_flow = present_engine(arc, present, state)
         begin = nav.arc_start_time if k == nav.arc else cursor
         if k > nav.arc and arc.begins_stage == 1:
             mass = arc.stack_mass
@@ -88,6 +91,9 @@ def plan_segments(nav: Record, arcs: NDArray[Any], jettisons: NDArray[Any], stat
         thrust_begin = max(cursor, begin + arc.start_loss)
         end = begin + arc.duration + arc.tail_gain
         cursor = thrust_begin
+        if mass_flow > arc.mass_flow and math.isfinite(end):
+            floor = stage_floor_mass(arc.stage, arcs, jettisons, dropped)
+            end = min(end, cursor + (mass - floor) / mass_flow)
         while True:
             # the next drop within this burn
             drop = -1
@@ -109,15 +115,15 @@ def plan_segments(nav: Record, arcs: NDArray[Any], jettisons: NDArray[Any], stat
                 segment = state.segments[count]
                 segment.start = cursor - now
                 segment.duration = segment_end - cursor
-                segment.exhaust_velocity = arc.exhaust_velocity
-                segment.tau = mass / arc.mass_flow
+                segment.exhaust_velocity = exhaust_velocity
+                segment.tau = mass / mass_flow
                 segment.arc = k
                 segment.capacity = (
                     mass - stage_floor_mass(arc.stage, arcs, jettisons, dropped)
-                ) / arc.mass_flow
+                ) / mass_flow
                 count += 1
                 if math.isfinite(segment_end):
-                    mass -= arc.mass_flow * (segment_end - cursor)
+                    mass -= mass_flow * (segment_end - cursor)
             cursor = segment_end
             if drop < 0:
                 break

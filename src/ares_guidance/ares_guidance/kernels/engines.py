@@ -1,0 +1,99 @@
+"""What the engines give, against what the mission says: measured between two cycles."""
+
+import math
+from typing import Any
+
+from numpy.typing import NDArray
+
+from ares_models.arrays import BURN, Record
+from ares_models.jit import kernel
+from ares_models.kernels.vectors import load, norm, store, sub
+
+#: s; shorter spans measure noise.
+SHORTEST = 0.5
+#: A ratio closer to 1 than this is the mission's own engine, seen through rounding.
+SAME = 2e-5
+#: A change beyond this is a failure and taken at once; a smaller one is smoothed.
+STEP = 0.03
+GAIN = 0.3
+LOWEST, HIGHEST = 0.2, 2.0
+
+
+@kernel
+def steady(nav: Record, since: float, arcs: NDArray[Any]) -> bool:
+    """Whether the present arc has burnt at full thrust, alone, since a time."""
+    arc = arcs[nav.arc]
+    begun = nav.arc_start_time
+    if arc.kind != BURN or since < begun:
+        return False
+    if arc.start_knots > 0 and since < begun + arc.start_time[arc.start_knots - 1]:
+        return False
+    if nav.arc > 0:
+        before = arcs[nav.arc - 1]
+        if before.tail_knots > 0 and since < begun + before.tail_time[before.tail_knots - 1]:
+            return False
+    return True
+
+
+@kernel
+def follow(before: float, measured: float) -> float:
+    """A ratio after a new measurement."""
+    if not LOWEST <= measured <= HIGHEST:
+        return before
+    if abs(measured - 1.0) < SAME:
+        measured = 1.0
+    if abs(measured - before) > STEP or measured == 1.0:
+        return measured
+    return before + GAIN * (measured - before)
+
+
+@kernel
+def watch_engines(nav: Record, arcs: NDArray[Any], state: Record) -> None:
+    """Measure thrust and mass flow of the present burn against the mission's.
+
+    From the mass and the sensed velocity at both ends: thrust = gain flow / ln(m0 / m1).
+
+    Args:
+        nav: record NAVIGATION.
+        arcs: dtype ARC.
+        state: record GUIDANCE_STATE; ``thrust_ratio``, ``flow_ratio`` and
+            ``engines`` are updated.
+    """
+    engines = state.engines
+    span = nav.time - engines.time
+    if engines.mass > 0.0 and 0.0 <= span < SHORTEST:
+        return
+    engines.jumped = 0
+    if state.thrust_ratio == 0.0 or arcs[nav.arc].stage != engines.stage:
+        state.thrust_ratio = 1.0
+        state.flow_ratio = 1.0
+    if (
+        engines.mass > 0.0
+        and nav.jettisoned == engines.jettisoned
+        and nav.arc == engines.arc
+        and 0.0 < nav.mass < engines.mass
+        and steady(nav, engines.time, arcs)
+    ):
+        arc = arcs[nav.arc]
+        flow = (engines.mass - nav.mass) / span
+        gain = norm(sub(load(nav.sensed_delta_v), load(engines.sensed_delta_v)))
+        thrust = gain * flow / math.log(engines.mass / nav.mass)
+        before = state.thrust_ratio
+        state.thrust_ratio = follow(before, thrust / arc.thrust)
+        engines.jumped = 1 if abs(state.thrust_ratio - before) > STEP else 0
+        state.flow_ratio = follow(state.flow_ratio, flow / arc.mass_flow)
+    engines.time = nav.time
+    engines.mass = nav.mass
+    engines.arc = nav.arc
+    engines.stage = arcs[nav.arc].stage
+    engines.jettisoned = nav.jettisoned
+    store(engines.sensed_delta_v, load(nav.sensed_delta_v))
+
+
+@kernel
+def present_engine(arc: Record, stage: int, state: Record) -> tuple[float, float]:
+    """Exhaust velocity m/s and mass flow kg/s of an arc, as measured if of this stage."""
+    if arc.stage != stage or state.thrust_ratio == 0.0:
+        return arc.exhaust_velocity, arc.mass_flow
+    ratio = state.thrust_ratio / state.flow_ratio
+    return ratio * arc.exhaust_velocity, state.flow_ratio * arc.mass_flow
