@@ -177,11 +177,12 @@ def optimize(
     ] = "ares_v",
     method: Annotated[Method, typer.Option(help="How to solve.")] = Method.DIRECT11,
     heating: Annotated[
-        Heating,
+        Heating | None,
         typer.Option(
-            help="Where the heating limit holds: when the fairing goes, from then on, nowhere."
+            help="Where the heating limit holds: when the fairing goes, from then on, nowhere; "
+            "default: as the mission says."
         ),
-    ] = Heating.AT_JETTISON,
+    ] = None,
     hold_jettison: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=SECONDS", help="Drop a part at this time whatever the heating."),
@@ -191,7 +192,13 @@ def optimize(
     """Find the optimal ascent off line, with its proof. Exit status 1: no optimum."""
     from ares_bringup.optimize import optimize as solve
 
-    status = solve(mission, method.value, as_json, heating.value, tuple(hold_jettison or ()))
+    status = solve(
+        mission,
+        method.value,
+        as_json,
+        heating.value if heating is not None else None,
+        tuple(hold_jettison or ()),
+    )
     raise typer.Exit(status)
 
 

@@ -32,7 +32,7 @@ def optimize(
     mission_name: str,
     method: str,
     as_json: bool,
-    heating: HeatingName,
+    heating: HeatingName | None,
     held: Sequence[str],
 ) -> int:
     """Solve, print, say by the exit status whether the optimum was found.
@@ -41,7 +41,7 @@ def optimize(
         mission_name: shipped name or path.
         method: one of `ares_optimizer.solve.METHODS`.
         as_json: one JSON object instead of the tables.
-        heating: where the heating limit holds.
+        heating: where the heating limit holds; None: as the mission says.
         held: jettisons held at a time, `NAME=SECONDS` each.
 
     Returns:

@@ -21,6 +21,7 @@ from ares_models.mission_checks import MAX_STAGES, check_mission
 from ares_models.mission_parts import (
     BurnArc,
     EnvironmentPart,
+    HeatingLimitHolds,
     InitialState,
     Jettison,
     Moment,
@@ -96,6 +97,12 @@ class Mission(Part):
     def jettison_names(self) -> tuple[str, ...]:
         """Names in the order of the file; the bits of ``jettisoned``."""
         return tuple(jettison.name for jettison in self.jettisons)
+
+    @property
+    def heating_limit_holds(self) -> HeatingLimitHolds:
+        """Whether the heating limit of the fairing is one of its jettison or of what follows."""
+        held = any(part.heating_limit_holds == "from_jettison" for part in self.jettisons)
+        return "from_jettison" if held else "at_jettison"
 
     def jettison_mass(self, stage: int) -> float:
         """Mass of the jettisons that belong to a stage, kg."""

@@ -38,6 +38,7 @@ def check_mission(mission: "Mission") -> None:
     _check_curves_fit(mission)
     _check_masses(mission)
     _check_jettison_times(mission)
+    _check_heating_limits(mission)
     _check_initial_state(mission)
     _check_target(mission)
 
@@ -166,6 +167,23 @@ def _check_jettison_times(mission: "Mission") -> None:
                 ("jettisons", k, "time_s"),
                 jettison.time_s,
                 f"at least {earliest:g} s, when stage {jettison.stage} ignites",
+            )
+
+
+def _check_heating_limits(mission: "Mission") -> None:
+    limits = [
+        jettison.heating_limit_w_m2
+        for jettison in mission.jettisons
+        if jettison.heating_limit_w_m2 is not None
+    ]
+    for k, jettison in enumerate(mission.jettisons):
+        # the lowest limit is met last: it governs the rest of the flight
+        lowest = jettison.heating_limit_w_m2 == min(limits, default=None)
+        if jettison.heating_limit_holds == "from_jettison" and not lowest:
+            fail(
+                ("jettisons", k, "heating_limit_holds"),
+                jettison.heating_limit_holds,
+                f"at_jettison, for all but the lowest limit, {min(limits):g} W/m2",
             )
 
 

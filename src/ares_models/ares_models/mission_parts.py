@@ -400,6 +400,9 @@ class Stage(Part):
         return tuple(arc for arc in self.flight_arcs if isinstance(arc, BurnArc))
 
 
+HeatingLimitHolds = Literal["at_jettison", "from_jettison"]
+
+
 class Jettison(Part):
     """Something dropped on the way, and when."""
 
@@ -407,6 +410,7 @@ class Jettison(Part):
     mass_kg: Positive
     stage: Name
     heating_limit_w_m2: Positive | None = None
+    heating_limit_holds: HeatingLimitHolds = "at_jettison"
     time_s: Number | None = None
     time_after_ignition_s: NonNegative | None = None
 
@@ -418,6 +422,12 @@ class Jettison(Part):
             fail((keys[0],), None, "one of heating_limit_w_m2, time_s, time_after_ignition_s")
         if len(given) > 1:
             fail((given[1],), getattr(self, given[1]), f"no such key beside {given[0]}")
+        if self.heating_limit_w_m2 is None and "heating_limit_holds" in self.model_fields_set:
+            fail(
+                ("heating_limit_holds",),
+                self.heating_limit_holds,
+                "no such key without heating_limit_w_m2",
+            )
         return self
 
 

@@ -211,6 +211,18 @@ def test_jettison_after_ignition(tmp_path):
     assert ring["stage"] == 0
 
 
+def test_heating_limit_of_the_jettison_or_from_it_on(tmp_path):
+    def change(data):
+        data["jettisons"][0]["heating_limit_holds"] = "from_jettison"
+
+    assert load_mission("ares_v").heating_limit_holds == "at_jettison"
+    assert load_mission("delta_iii").heating_limit_holds == "at_jettison"
+    held = load_mission(variant(tmp_path, change))
+    assert held.heating_limit_holds == "from_jettison"
+    # the kernels of guidance and plant know nothing of it
+    assert np.array_equal(held.arrays().jettisons, load_mission("ares_v").arrays().jettisons)
+
+
 def test_curves_and_their_areas(tmp_path):
     def change(data):
         data["stages"][1]["start"] = [[0, 0], [1.0, 0], [3.2, 1]]

@@ -280,6 +280,26 @@ BROKEN = {
         "jettisons[0].time_s",
         "is 400.0; expected no such key beside heating_limit_w_m2",
     ),
+    "heating limit that holds nowhere": (
+        "heating_limit_w_m2: 1135.0",
+        "heating_limit_w_m2: 1135.0\n    heating_limit_holds: never",
+        "jettisons[0].heating_limit_holds",
+        "is 'never'; expected one of 'at_jettison' or 'from_jettison'",
+    ),
+    "where no heating limit holds": (
+        "heating_limit_w_m2: 1135.0",
+        "time_s: 400.0\n    heating_limit_holds: at_jettison",
+        "jettisons[0].heating_limit_holds",
+        "is 'at_jettison'; expected no such key without heating_limit_w_m2",
+    ),
+    "higher heating limit that holds on": (
+        "heating_limit_w_m2: 1135.0",
+        """heating_limit_w_m2: 1135.0
+    heating_limit_holds: from_jettison
+  - {name: ring, mass_kg: 10.0, stage: core, heating_limit_w_m2: 1000.0}""",
+        "jettisons[0].heating_limit_holds",
+        "expected at_jettison, for all but the lowest limit, 1000 W/m2",
+    ),
     "jettison before its stage burns": (
         "heating_limit_w_m2: 1135.0",
         "time_s: 300.0",

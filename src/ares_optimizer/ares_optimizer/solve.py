@@ -157,7 +157,7 @@ def solve(
     *,
     guess: Any = None,
     state: NDArray[np.void] | None = None,
-    heating: HeatingName = "at_jettison",
+    heating: HeatingName | None = None,
     jettison_times: Mapping[int, float] | None = None,
     time_limit_s: float | None = None,
     verify: bool = True,
@@ -172,7 +172,8 @@ def solve(
             solution of any method with costates. None: the solver's own start.
         state: where the flight is, shape (1,), dtype NAVIGATION; None: the mission's start.
         heating: ``at_jettison``: the limit holds when the fairing goes (the thesis);
-            ``from_jettison``: from then on; ``ignored``: the fairing goes at ignition.
+            ``from_jettison``: from then on; ``ignored``: the fairing goes at ignition. None:
+            as the mission says; ``at_jettison`` for a mission given as arrays.
         jettison_times: jettisons held at a time (s), by index: their limits are ignored.
         time_limit_s: wall clock after which no further start is tried.
         verify: fly the solution again and fill ``verification``, ``constraints``,
@@ -187,6 +188,8 @@ def solve(
     """
     if method not in METHODS:
         raise OptimizerError(f"method is {method!r}; expected one of {', '.join(METHODS)}")
+    if heating is None:
+        heating = mission.heating_limit_holds if isinstance(mission, Mission) else "at_jettison"
     if heating not in [choice.value for choice in Heating]:
         raise OptimizerError(
             f"heating is {heating!r}; expected at_jettison, from_jettison or ignored"

@@ -10,6 +10,7 @@ from ares_optimizer.direct import own_starts
 from ares_optimizer.kernels.evaluate import MAX_NODES, evaluate, make_point, make_scratch
 from ares_optimizer.kernels.heating import between_nodes, heating_peaks
 from ares_optimizer.kernels.shooting import N_COLUMNS, N_TIME
+from ares_optimizer.solution import OptimizerError
 from ares_optimizer.solve import solve, start_of
 from ares_optimizer.transcription import transcribe
 
@@ -48,6 +49,23 @@ def test_density_factors(ares_v, method, factor, peak, price):
     assert held.verification.peak_fmhr_after_jettison_w_m2 <= LIMIT + 0.1
     assert by_name(held, "heating from the jettison on").satisfied
     assert at_jettison.m_f_kg - held.m_f_kg == pytest.approx(price, abs=10.0)
+
+
+def test_the_mission_says_where_its_limit_holds(ares_v):
+    dense_air = ares_v.environment.atmosphere.model_copy(update={"density_factor": 2.2})
+    environment = ares_v.environment.model_copy(update={"atmosphere": dense_air})
+    (fairing,) = ares_v.jettisons
+    held = fairing.model_copy(update={"heating_limit_holds": "from_jettison"})
+    mission = ares_v.model_copy(update={"environment": environment, "jettisons": (held,)})
+    solution = solve(mission)
+    assert solution.verification.peak_fmhr_after_jettison_w_m2 <= LIMIT + 0.1
+    # and the caller otherwise
+    other = solve(mission, heating="at_jettison")
+    assert other.verification.peak_fmhr_after_jettison_w_m2 > 1.1 * LIMIT
+    for method in ("indirect", "closed_form"):
+        with pytest.raises(OptimizerError, match=r"^heating is 'from_jettison'; .* ignored$"):
+            solve(mission, method)
+        assert solve(mission, method, heating="at_jettison").converged
 
 
 def test_a_touch_is_cheaper_than_keeping_the_fairing(ares_v):
