@@ -154,8 +154,8 @@ def test_the_table_of_a_keplerian_mission(domain, bags):
 
 def test_a_flight_that_misses_is_exit_1(domain, bags, tmp_path):
     weak = tmp_path / "weak.yaml"
-    weak.write_text("thrust: 0.2\n")
-    argv = ("--json", "--no-record", "--in-process", "--dispersions", str(weak), "--seed", "3")
+    weak.write_text("thrust: {mean: -0.5}\n")
+    argv = ("--json", "--no-record", "--in-process", "--dispersions", str(weak))
     done = fly(domain, bags, *argv)
     assert done.returncode == 1, done.stderr
     flight = json.loads(done.stdout)

@@ -105,7 +105,12 @@ def fly(
         int, typer.Option(min=0, help="Seed of dispersions and navigation errors.")
     ] = 0,
     dispersions: Annotated[
-        Path | None, typer.Option(help="Dispersions file; default: flown exactly.")
+        str | None,
+        typer.Option(help="Shipped dispersions' name, or path of a file; default: flown exactly."),
+    ] = None,
+    flight: Annotated[
+        int | None,
+        typer.Option(min=0, help="Number of a campaign's flight: fly it again, stepped as there."),
     ] = None,
     pace: Annotated[
         float, typer.Option(min=0.0, help="Real-time factor; 0: as fast as possible.")
@@ -150,6 +155,7 @@ def fly(
             bag=bag,
             seed=seed,
             dispersions=dispersions,
+            flight=flight,
             pace=pace,
             navigation_period_s=nav_period,
             cycle_period_s=cycle_period,

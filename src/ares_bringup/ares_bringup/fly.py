@@ -108,7 +108,15 @@ def node_parameters(options: FlyOptions, bag: str | None) -> dict[str, dict[str,
         "expected_recorders": recorders,
     }
     if options.dispersions is not None:
-        simulator["dispersions"] = str(options.dispersions)
+        simulator["dispersions"] = options.dispersions
+    if options.flight is not None:
+        from ares_vehicle_sim.dispersions import STANDARD
+        from ares_vehicle_sim.simulator import CAMPAIGN
+
+        simulator.setdefault("dispersions", STANDARD)
+        simulator["flight"] = options.flight
+        simulator["navigation_period_s"] = CAMPAIGN.navigation_period_s
+        simulator["integration_step_s"] = CAMPAIGN.integration_step_s
     if options.navigation_period_s is not None:
         simulator["navigation_period_s"] = float(options.navigation_period_s)
     guidance: dict[str, Any] = {

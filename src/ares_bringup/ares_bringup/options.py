@@ -65,7 +65,10 @@ class FlyOptions:
         record: write a bag.
         bag: folder of the bag; None takes a new name in the project's bags folder.
         seed: seed of dispersions and navigation errors.
-        dispersions: path of a dispersions file; None flies the mission exactly.
+        dispersions: name of shipped dispersions or path of a file; None flies the mission
+            exactly, or as a campaign would if a flight is named.
+        flight: number of a campaign's flight, stepped as there; None: flight 0 of the seed,
+            stepped as any flight.
         pace: real-time factor; 0 flies as fast as guidance answers.
         navigation_period_s: flight time between navigation states; None: the node's default.
         cycle_period_s: flight time between guidance cycles; None: the node's default.
@@ -82,7 +85,8 @@ class FlyOptions:
     record: bool = True
     bag: Path | None = None
     seed: int = 0
-    dispersions: Path | None = None
+    dispersions: str | None = None
+    flight: int | None = None
     pace: float = 0.0
     navigation_period_s: float | None = None
     cycle_period_s: float | None = None

@@ -79,7 +79,9 @@ def arguments() -> list[DeclareLaunchArgument]:
             "seed", default_value="", description="Seed of dispersions and navigation errors."
         ),
         DeclareLaunchArgument(
-            "dispersions", default_value="", description="Absolute path of a dispersions file."
+            "dispersions",
+            default_value="",
+            description="Shipped dispersions' name, or absolute path of a file.",
         ),
         DeclareLaunchArgument(
             "record", default_value="true", choices=SWITCH, description="Record a bag."

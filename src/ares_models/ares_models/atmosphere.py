@@ -448,9 +448,16 @@ def nrlmsis(
         AtmosphereError: the package ``pymsis`` is not installed.
     """
     moment = np.array([epoch.replace(tzinfo=None)], dtype="datetime64[s]")
-    indices = (np.array([x]) for x in (f107, f107a, ap))
-    tables = nrlmsis_tables(moment, latitude_deg, longitude_deg, *indices, _NRLMSIS_KM)
-    return Atmosphere("nrlmsis", tables[0])
+    table = nrlmsis_tables(
+        moment,
+        latitude_deg,
+        longitude_deg,
+        np.array([f107]),
+        np.array([f107a]),
+        np.array([ap]),
+        _NRLMSIS_KM,
+    )[0]
+    return Atmosphere("nrlmsis", table)
 
 
 def nrlmsis_tables(

@@ -13,10 +13,8 @@ from ares_guidance.laws import make_law
 from ares_models.arrays import NAVIGATION, STEERING
 from ares_models.mission import Mission
 from ares_studies.kernels import fly
-from ares_vehicle_sim.arrays import OPTIONS, PLANT
-from ares_vehicle_sim.dispersions import NO_ERRORS, Dispersions, disperse
-from ares_vehicle_sim.kernels import begin_flight
-from ares_vehicle_sim.simulator import Simulator, SimulatorOptions
+from ares_vehicle_sim.dispersions import Dispersions
+from ares_vehicle_sim.simulator import Simulator, SimulatorOptions, true_vehicle
 
 
 @dataclass(frozen=True)
@@ -43,47 +41,34 @@ def fly_compiled(
     options: SimulatorOptions | None = None,
     dispersions: Dispersions | None = None,
     seed: int = 0,
+    flight: int = 0,
     law: str = "peg",
 ) -> Flight:
-    """Fly a mission with perfect navigation in one compiled loop.
+    """Fly a mission in one compiled loop.
 
     Args:
         mission: what is flown.
         settings: cycle and gates of the law.
         options: how the plant is stepped.
-        dispersions: one-sigma values of the vehicle; navigation errors are not modelled here.
-        seed: seed of the dispersions.
+        dispersions: how the truth differs from the mission file; None: nowhere.
+        seed: master seed of what is drawn.
+        flight: number of the flight among those of the seed.
         law: one of `ares_guidance.law.CODES`.
-
-    Raises:
-        ValueError: the dispersions hold navigation errors.
     """
     options = options or SimulatorOptions()
-    dispersions = dispersions or Dispersions()
-    if dispersions.navigation != NO_ERRORS:
-        raise ValueError("navigation errors need fly_stepwise; the compiled loop has none")
     believed = mission.arrays()
-    start = mission.start()
-    vehicle = disperse(believed, start.position, start.velocity, dispersions, seed)
-    true = vehicle.arrays
-    plant = np.zeros(1, PLANT)
-    plant["time"] = start.time_s
-    plant["position"] = vehicle.position
-    plant["velocity"] = vehicle.velocity
-    plant_options = np.zeros(1, OPTIONS)
-    plant_options["max_step"] = options.integration_step_s
-    plant_options["attitude_rate_limit"] = options.attitude_rate_limit_rad_s
+    vehicle = true_vehicle(mission, dispersions or Dispersions(), seed, flight)
+    true, plant = vehicle.arrays, vehicle.plant
     state = np.zeros(1, GUIDANCE_STATE)
     steering = np.zeros(1, STEERING)
     steering["cutoff_time"] = math.nan
-    begin_flight(plant[0], true.environment[0], true.atmosphere, true.arcs, true.jettisons)
     fly(
         plant[0],
         true.environment[0],
         true.atmosphere,
         true.arcs,
         true.jettisons,
-        plant_options[0],
+        options.record()[0],
         believed.environment[0],
         believed.atmosphere,
         believed.arcs,
@@ -105,13 +90,14 @@ def fly_stepwise(
     options: SimulatorOptions | None = None,
     dispersions: Dispersions | None = None,
     seed: int = 0,
+    flight: int = 0,
     law: str = "peg",
 ) -> Flight:
-    """Fly a mission through the objects that the nodes hold, navigation errors included.
+    """Fly a mission through the objects that the nodes hold.
 
     Args: as :func:`fly_compiled`; `law` one of `ares_guidance.laws.LAWS`.
     """
-    simulator = Simulator(mission, options, dispersions, seed)
+    simulator = Simulator(mission, options, dispersions, seed, flight)
     guide = make_law(law, mission.arrays(), settings)
     while not simulator.complete:
         guide.step(simulator.navigation)

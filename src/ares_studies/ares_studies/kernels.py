@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from ares_guidance.kernels.cycle import guidance_step
 from ares_models.arrays import Record
 from ares_models.jit import kernel
-from ares_vehicle_sim.kernels import accept_command, flight_step, measure
+from ares_vehicle_sim.kernels.navigation import measure
+from ares_vehicle_sim.kernels.plant import accept_command, flight_step
 
 
 @kernel
@@ -51,7 +52,7 @@ def fly(
             saved,
             steering,
         )
-        accept_command(plant, steering, jettisons)
+        accept_command(plant, steering)
         tick += 1
         flight_step(
             plant,

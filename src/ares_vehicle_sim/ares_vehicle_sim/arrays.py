@@ -2,9 +2,12 @@
 
 import numpy as np
 
-from ares_models.arrays import STEERING
+from ares_models.arrays import MAX_JETTISONS, STEERING
 
 MAX_EVENTS = 64
+
+#: Stages and jettisons that a variation has room for.
+MAX_STAGES = 8
 
 FLIGHT_STARTED = 1
 IGNITION = 2
@@ -37,6 +40,46 @@ OPTIONS = np.dtype(
     align=True,
 )
 
+NAVIGATION_ERRORS = np.dtype(
+    [
+        ("active", np.int64),  # 0: navigation reports the truth
+        # constant in a flight
+        ("position_bias", np.float64, (3,)),  # m
+        ("velocity_bias", np.float64, (3,)),  # m/s
+        ("sensed_delta_v_scale", np.float64, (3,)),  # fraction
+        ("mass_scale", np.float64),  # fraction
+        ("heating_scale", np.float64),  # fraction
+        # one sigma, new at every state
+        ("position_noise", np.float64),  # m, per axis
+        ("velocity_noise", np.float64),  # m/s, per axis
+        ("heating_noise", np.float64),  # fraction
+        # the noise of a state is a function of seed, flight and the state's number
+        ("seed", np.uint64),
+        ("flight", np.uint64),
+    ],
+    align=True,
+)
+
+#: How the truth of one flight differs from the mission file. Fractions are added to 1.
+VARIATION = np.dtype(
+    [
+        ("position", np.float64, (3,)),  # m, added to the initial state
+        ("velocity", np.float64, (3,)),  # m/s
+        ("thrust", np.float64, (MAX_STAGES,)),  # fraction, per stage
+        ("specific_impulse", np.float64, (MAX_STAGES,)),
+        ("stage_mass", np.float64, (MAX_STAGES,)),  # fraction of the stage's own mass
+        ("propellant", np.float64, (MAX_STAGES,)),  # fraction of what is loaded
+        ("jettison_mass", np.float64, (MAX_JETTISONS,)),
+        ("jettison_limit", np.float64, (MAX_JETTISONS,)),  # fraction of the heating limit
+        ("log_density", np.float64),  # logarithm of a factor
+        ("start_delay", np.float64, (MAX_STAGES,)),  # s
+        ("start_scale", np.float64, (MAX_STAGES,)),  # fraction of the start's duration
+        ("latency", np.float64),  # s from navigation state to command in force
+        ("errors", NAVIGATION_ERRORS),
+    ],
+    align=True,
+)
+
 PLANT = np.dtype(
     [
         ("time", np.float64),
@@ -56,7 +99,12 @@ PLANT = np.dtype(
         ("complete", np.int64),
         ("inserted", np.int64),  # cut off by command, not by depletion
         ("direction", np.float64, (3,)),  # of the thrust, unit
-        ("command", STEERING),
+        ("command", STEERING),  # in force
+        ("latency", np.float64),  # s until a command is in force
+        ("coming", STEERING),  # the command that is under way
+        ("coming_time", np.float64),  # when it will be in force; inf: none is under way
+        ("errors", NAVIGATION_ERRORS),
+        ("measurements", np.uint64),  # navigation states so far
         ("peak_heating_after_jettison", np.float64),
         ("event_count", np.int64),
         ("events", EVENT, (MAX_EVENTS,)),

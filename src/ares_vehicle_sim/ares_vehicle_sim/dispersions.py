@@ -1,221 +1,259 @@
-"""What differs between the mission file, the true vehicle and what navigation reports.
+"""What a dispersions file says: how the truth of a flight may differ from the mission file.
 
-A dispersions file (YAML) gives one-sigma values; a quantity that it does not name is exact.
-Every quantity draws from a stream of its own, seeded by the flight's seed and the
-quantity's name: adding one to the file leaves the draws of the others as they were.
+The format is described key by key in ``docs/montecarlo.md``; ``draws`` draws from it.
 """
 
-import zlib
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
-from ares_models.arrays import BURN, MissionArrays
+from ares_models.input_file import InputError, InputKind, KeyPath, explain, read_input
+from ares_models.mission_parts import Latitude, Moment, Number, Part, Turn, fail
 
-Sigma = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-Fraction = Annotated[float, Field(ge=0.0, le=0.2, allow_inf_nan=False)]
-
-
-class DispersionsError(ValueError):
-    """A dispersions file is wrong; the text is one line."""
+#: How far beyond the largest sigma a mean or a bound may be.
+MAX_SIGMAS = 5.0
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=False)
+class DispersionsError(InputError):
+    """A dispersions file is wrong, or does not fit the mission; the text is one line."""
 
 
-class NavigationErrors(_Table):
-    """One-sigma errors of the navigation state, per axis where it is a vector."""
+DISPERSIONS = InputKind(
+    "dispersions", DispersionsError, "ares_vehicle_sim", "data", may_be_empty=True
+)
 
-    position_bias_m: Sigma = 0.0
-    position_noise_m: Sigma = 0.0
-    velocity_bias_m_s: Sigma = 0.0
-    velocity_noise_m_s: Sigma = 0.0
-    sensed_delta_v_scale: Fraction = 0.0
-    mass_scale: Fraction = 0.0
-    heating_scale: Fraction = 0.0
-    heating_noise: Fraction = 0.0
+#: What a campaign flies when it is given no file.
+STANDARD = "standard"
 
 
-NO_ERRORS = NavigationErrors()
-
-
-class Dispersions(_Table):
-    """One-sigma dispersions of the true vehicle and its navigation.
+@dataclass(frozen=True)
+class Spread:
+    """How one number is distributed: ``centre + size x``.
 
     Attributes:
+        centre: mean.
+        size: x is standard normal and this is one sigma; or x is even within +-1.
+        even: which of the two.
+    """
+
+    centre: float = 0.0
+    size: float = 0.0
+    even: bool = False
+
+    @property
+    def active(self) -> bool:
+        """Anything but zero for certain."""
+        return self.centre != 0.0 or self.size != 0.0
+
+
+#: One for all components, or one for each.
+Spreads = tuple[Spread, ...]
+
+NOTHING: Spreads = (Spread(),)
+
+_FORMS = ({"mean", "sigma"}, {"sigma"}, {"mean"}, {"low", "high"})
+_EXPECTED = "one sigma, or a mapping with mean and sigma or low and high"
+
+
+def _number(path: KeyPath, value: object, low: float, high: float) -> float:
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if not is_number or not low <= float(value) <= high:  # type: ignore[arg-type]
+        if math.isinf(high):
+            fail(path, value, "a number" if math.isinf(low) else f"a number of at least {low:g}")
+        fail(path, value, f"a number of {low:g} to {high:g}")
+    return float(value)  # type: ignore[arg-type]
+
+
+def _spread(path: KeyPath, value: object, limit: float, least: float) -> Spread:
+    """One distribution, or a complaint."""
+    if isinstance(value, Spread):
+        return value
+    if not isinstance(value, dict):
+        if isinstance(value, (str, bool)) or value is None:
+            fail(path, value, _EXPECTED)
+        return Spread(size=_number(path, value, 0.0, limit))
+    if set(value) not in _FORMS:
+        fail(path, ", ".join(map(str, value)), "mean and sigma, or low and high")
+    reach = MAX_SIGMAS * limit
+    bounds = {
+        key: _number((*path, key), number, 0.0 if key == "sigma" else max(least, -reach), reach)
+        for key, number in value.items()
+    }
+    if "low" not in bounds:
+        return Spread(bounds.get("mean", 0.0), bounds.get("sigma", 0.0))
+    low, high = bounds["low"], bounds["high"]
+    if high < low:
+        fail((*path, "high"), high, f"at least low, {low:g}")
+    return Spread(0.5 * (low + high), 0.5 * (high - low), even=True)
+
+
+def _spreads(limit: float, least: float, components: int | None) -> Callable[[Any], Spreads]:
+    def parse(value: Any) -> Spreads:
+        if not isinstance(value, (list, tuple)):
+            return (_spread((), value, limit, least),)
+        if components == 1 or not value:
+            fail((), value, _EXPECTED)
+        if components not in (None, len(value)) and len(value) != 1:
+            fail((), value, f"a list of {components}, or {_EXPECTED}")
+        return tuple(_spread((k,), item, limit, least) for k, item in enumerate(value))
+
+    return parse
+
+
+def _spreads_of(
+    limit: float = math.inf, least: float = -math.inf, components: int | None = None
+) -> Any:
+    return BeforeValidator(_spreads(limit, least, components))
+
+
+Lengths = Annotated[Spreads, _spreads_of(components=3)]
+Fractions = Annotated[Spreads, _spreads_of(0.2)]
+Fractions3 = Annotated[Spreads, _spreads_of(0.2, components=3)]
+Fraction = Annotated[Spreads, _spreads_of(0.2, components=1)]
+LogFactor = Annotated[Spreads, _spreads_of(3.0, components=1)]
+Times = Annotated[Spreads, _spreads_of(10.0, least=0.0)]
+Time = Annotated[Spreads, _spreads_of(10.0, least=0.0, components=1)]
+Index = Annotated[Spreads, _spreads_of(components=1)]
+Sigma = Annotated[float, Field(strict=True, ge=0.0)]
+SmallSigma = Annotated[float, Field(strict=True, ge=0.0, le=0.2)]
+Row = tuple[Number, Number, Number, Number, Number, Number]
+
+
+class NavigationErrors(Part):
+    """Errors of the navigation state, per axis where it is a vector.
+
+    Biases and scales are drawn once a flight; noise is one sigma, new at every state.
+    """
+
+    position_bias_m: Lengths = NOTHING
+    position_noise_m: Sigma = 0.0
+    velocity_bias_m_s: Lengths = NOTHING
+    velocity_noise_m_s: Sigma = 0.0
+    sensed_delta_v_scale: Fractions3 = NOTHING
+    mass_scale: Fraction = NOTHING
+    heating_scale: Fraction = NOTHING
+    heating_noise: SmallSigma = 0.0
+
+
+class Nrlmsis(Part):
+    """The true atmosphere is NRLMSIS 2.1 over one place, at a date and an activity drawn."""
+
+    first_date: Moment
+    last_date: Moment
+    f107a: Index
+    f107_deviation: Index = NOTHING
+    ap: Index
+    latitude_deg: Latitude
+    longitude_deg: Turn
+
+    @model_validator(mode="after")
+    def _in_order(self) -> "Nrlmsis":
+        if self.last_date < self.first_date:
+            fail(("last_date",), str(self.last_date), f"not before first_date, {self.first_date}")
+        return self
+
+
+class Dispersions(Part):
+    """How the truth differs from the mission file, and navigation from the truth.
+
+    Attributes:
+        draws: pseudo-random numbers, or the points of a Sobol sequence.
+        initial_frame: axes of the initial state: ECI x, y, z; or local up, downrange and
+            crossrange (along the angular momentum) of the nominal state.
         initial_position_m: per axis.
         initial_velocity_m_s: per axis.
-        thrust: fraction, one draw per stage.
-        specific_impulse: fraction, one draw per stage.
+        initial_covariance: of position and velocity, 6 by 6, in m and m/s; instead of the two.
+        thrust: fraction, per stage.
+        specific_impulse: fraction, per stage.
         stage_mass: fraction of a stage's own mass without what it jettisons, per stage.
-        jettison_mass: fraction, one draw per jettison.
+        propellant: fraction of what is loaded, per stage.
+        jettison_mass: fraction, per jettison.
+        jettison_limit: fraction by which the true heating limit is above the mission's,
+            which guidance holds; per jettison.
         log_density: of the natural logarithm of a factor on the density.
+        nrlmsis: the true atmosphere instead of the mission's.
+        start_delay_s: from ignition command to the begin of the thrust's rise, per stage.
+        start_scale: fraction by which the start takes longer, per stage.
+        latency_s: from a navigation state until the command that answers it is in force.
         j2: J2 of the true gravity field; no draw.
         navigation: errors of what navigation reports.
     """
 
-    initial_position_m: Sigma = 0.0
-    initial_velocity_m_s: Sigma = 0.0
-    thrust: Fraction = 0.0
-    specific_impulse: Fraction = 0.0
-    stage_mass: Fraction = 0.0
-    jettison_mass: Fraction = 0.0
-    log_density: Annotated[float, Field(ge=0.0, le=3.0, allow_inf_nan=False)] = 0.0
-    j2: Annotated[float, Field(ge=0.0, le=0.01, allow_inf_nan=False)] | None = None
-    navigation: NavigationErrors = NO_ERRORS
+    draws: Literal["random", "sobol"] = "random"
+    initial_frame: Literal["eci", "local"] = "eci"
+    initial_position_m: Lengths = NOTHING
+    initial_velocity_m_s: Lengths = NOTHING
+    initial_covariance: tuple[Row, Row, Row, Row, Row, Row] | None = None
+    thrust: Fractions = NOTHING
+    specific_impulse: Fractions = NOTHING
+    stage_mass: Fractions = NOTHING
+    propellant: Fractions = NOTHING
+    jettison_mass: Fractions = NOTHING
+    jettison_limit: Fractions = NOTHING
+    log_density: LogFactor = NOTHING
+    nrlmsis: Nrlmsis | None = None
+    start_delay_s: Times = NOTHING
+    start_scale: Fractions = NOTHING
+    latency_s: Time = NOTHING
+    j2: Annotated[float, Field(strict=True, ge=0.0, le=0.01)] | None = None
+    navigation: NavigationErrors = NavigationErrors()
+
+    @model_validator(mode="after")
+    def _covariance(self) -> "Dispersions":
+        if self.initial_covariance is None:
+            return self
+        for key in ("initial_position_m", "initial_velocity_m_s"):
+            if getattr(self, key) != NOTHING:
+                fail((key,), "a value", "no such key beside initial_covariance")
+        self.initial_root()
+        return self
+
+    def initial_root(self) -> NDArray[np.float64] | None:
+        """Lower triangle L with L L^T the covariance, shape (6, 6); None if none is given."""
+        if self.initial_covariance is None:
+            return None
+        covariance = np.array(self.initial_covariance)
+        path = ("initial_covariance",)
+        if not np.allclose(covariance, covariance.T, rtol=1e-9, atol=0.0):
+            fail(path, "not symmetric", "a symmetric matrix")
+        sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        used = np.flatnonzero(sigma > 0.0)
+        rest = np.setdiff1d(np.arange(6), used)
+        root = np.zeros((6, 6))
+        correlation = covariance[np.ix_(used, used)] / np.outer(sigma[used], sigma[used])
+        try:
+            root[np.ix_(used, used)] = np.linalg.cholesky(correlation) * sigma[used, None]
+        except np.linalg.LinAlgError:
+            fail(path, "not positive definite", "variances and correlations that can be")
+        if np.any(covariance[rest] != 0.0):
+            fail(path, "not positive definite", "no covariance where the variance is 0")
+        return root
 
 
-def load_dispersions(path: str | Path) -> Dispersions:
+def _siblings(location: KeyPath) -> list[str]:
+    parts: dict[Any, type[Part]] = {"navigation": NavigationErrors, "nrlmsis": Nrlmsis}
+    return list(parts.get(location[0] if len(location) > 1 else "", Dispersions).model_fields)
+
+
+def load_dispersions(name_or_path: str | Path) -> Dispersions:
     """Read a dispersions file.
+
+    Args:
+        name_or_path: name of a shipped one, or path of a file.
 
     Raises:
         DispersionsError: one line with the file, the key, its value and what was expected.
     """
+    path = DISPERSIONS.find(name_or_path)
+    data, lines = read_input(path, DISPERSIONS)
     try:
-        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not a text file"
-        raise DispersionsError(f"{path}: {reason}") from error
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f" line {mark.line + 1}" if mark else ""
-        raise DispersionsError(f"{path}{where}: not valid YAML") from error
-    if content is None:
-        content = {}
-    if not isinstance(content, dict):
-        raise DispersionsError(f"{path}: expected keys and values, found {content!r}")
-    try:
-        return Dispersions.model_validate(content)
+        return Dispersions.model_validate(data)
     except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
-        if first["type"] == "extra_forbidden":
-            known = NavigationErrors if len(first["loc"]) > 1 else Dispersions
-            raise DispersionsError(
-                f"{path}: {key}: unknown key; expected one of {', '.join(known.model_fields)}"
-            ) from error
-        raise DispersionsError(
-            f"{path}: {key}: {first['input']!r}; {first['msg'].lower()}"
-        ) from error
-
-
-def stream(seed: int, name: str) -> np.random.Generator:
-    """The random stream of one quantity of one flight."""
-    return np.random.default_rng([seed, zlib.crc32(name.encode())])
-
-
-@dataclass(frozen=True)
-class DispersedVehicle:
-    """The true vehicle of one flight.
-
-    Attributes:
-        arrays: the mission as the plant flies it.
-        position: shape (3,), m.
-        velocity: shape (3,), m/s.
-    """
-
-    arrays: MissionArrays
-    position: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-
-
-def disperse(
-    arrays: MissionArrays,
-    position: NDArray[np.float64],
-    velocity: NDArray[np.float64],
-    dispersions: Dispersions,
-    seed: int,
-) -> DispersedVehicle:
-    """Draw the true vehicle of one flight.
-
-    Args:
-        arrays: the mission; unchanged.
-        position: nominal, shape (3,), m.
-        velocity: nominal, shape (3,), m/s.
-        dispersions: one-sigma values.
-        seed: seed of the flight.
-    """
-    environment = arrays.environment.copy()
-    arcs = arrays.arcs.copy()
-    jettisons = arrays.jettisons.copy()
-    stages = int(arcs["stage"][-1]) + 1
-
-    thrust = 1.0 + dispersions.thrust * stream(seed, "thrust").standard_normal(stages)
-    impulse = 1.0 + dispersions.specific_impulse * stream(seed, "specific_impulse").standard_normal(
-        stages
-    )
-    burns = arcs["kind"] == BURN
-    stage = arcs["stage"][burns]
-    arcs["thrust"][burns] *= thrust[stage]
-    arcs["exhaust_velocity"][burns] *= impulse[stage]
-    arcs["mass_flow"][burns] *= (thrust / impulse)[stage]
-
-    jettisons["mass"] *= 1.0 + dispersions.jettison_mass * stream(
-        seed, "jettison_mass"
-    ).standard_normal(len(jettisons))
-
-    stacks = np.array([arcs["stack_mass"][arcs["stage"] == k][0] for k in range(stages)])
-    own = stacks - np.append(stacks[1:], 0.0)
-    for jettison in arrays.jettisons:
-        own[jettison["stage"]] -= jettison["mass"]
-    excess = dispersions.stage_mass * own * stream(seed, "stage_mass").standard_normal(stages)
-    arcs["stack_mass"] += np.cumsum(excess[::-1])[::-1][arcs["stage"]]
-
-    environment["density_factor"] *= np.exp(
-        dispersions.log_density * stream(seed, "log_density").standard_normal()
-    )
-    if dispersions.j2 is not None:
-        environment["j2"] = dispersions.j2
-    return DispersedVehicle(
-        arrays=MissionArrays(environment, arrays.atmosphere, arcs, jettisons, arrays.target),
-        position=position
-        + dispersions.initial_position_m * stream(seed, "initial_position_m").standard_normal(3),
-        velocity=velocity
-        + dispersions.initial_velocity_m_s
-        * stream(seed, "initial_velocity_m_s").standard_normal(3),
-    )
-
-
-class NavigationErrorModel:
-    """Biases drawn once, noise drawn at every navigation state."""
-
-    def __init__(self, errors: NavigationErrors, seed: int) -> None:
-        """Draw the biases of one flight."""
-        self._errors = errors
-        self._none = errors == NO_ERRORS
-
-        def constant(name: str, sigma: float, shape: int) -> NDArray[np.float64]:
-            return sigma * stream(seed, "navigation." + name).standard_normal(shape)
-
-        self._position_bias = constant("position_bias_m", errors.position_bias_m, 3)
-        self._velocity_bias = constant("velocity_bias_m_s", errors.velocity_bias_m_s, 3)
-        self._sensed_scale = constant("sensed_delta_v_scale", errors.sensed_delta_v_scale, 3)
-        self._mass_scale = float(constant("mass_scale", errors.mass_scale, 1)[0])
-        self._heating_scale = float(constant("heating_scale", errors.heating_scale, 1)[0])
-        self._position_noise = stream(seed, "navigation.position_noise_m")
-        self._velocity_noise = stream(seed, "navigation.velocity_noise_m_s")
-        self._heating_noise = stream(seed, "navigation.heating_noise")
-
-    def corrupt(self, nav: NDArray[np.void]) -> None:
-        """Turn the true state in ``nav``, shape (1,), dtype NAVIGATION, into the reported one."""
-        errors = self._errors
-        if self._none:
-            return
-        nav["position"] += self._position_bias
-        nav["velocity"] += self._velocity_bias
-        if errors.position_noise_m > 0.0:
-            nav["position"] += errors.position_noise_m * self._position_noise.standard_normal(3)
-        if errors.velocity_noise_m_s > 0.0:
-            nav["velocity"] += errors.velocity_noise_m_s * self._velocity_noise.standard_normal(3)
-        nav["sensed_delta_v"] *= 1.0 + self._sensed_scale
-        nav["mass"] *= 1.0 + self._mass_scale
-        heating = self._heating_scale
-        if errors.heating_noise > 0.0:
-            heating += errors.heating_noise * self._heating_noise.standard_normal()
-        nav["heating_rate"] *= 1.0 + heating
+        problems = [explain(dict(item), lines, _siblings) for item in error.errors()]
+        raise DispersionsError(str(path), problems) from None

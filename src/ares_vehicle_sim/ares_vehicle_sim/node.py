@@ -61,8 +61,21 @@ PARAMETERS = (
         "Real-time factor; 0 flies as fast as guidance answers. The trajectory is the same.",
         minimum=0.0,
     ),
+    Parameter(
+        "integration_step_s",
+        0.1,
+        "Longest step of the integrator.",
+        unit="s",
+        minimum=0.001,
+        maximum=10.0,
+    ),
     Parameter("seed", 0, "Seed of dispersions and navigation errors.", minimum=0),
-    Parameter("dispersions", "", "Path of a dispersions file; empty flies the mission exactly."),
+    Parameter("flight", 0, "Number of the flight among those of the seed.", minimum=0),
+    Parameter(
+        "dispersions",
+        "",
+        "Shipped dispersions' name, or path of a file; empty flies the mission exactly.",
+    ),
     Parameter(
         "attitude_rate_limit_deg_s",
         0.0,
@@ -122,10 +135,12 @@ class VehicleSimNode(FlightNode):
             load_mission(values["mission"]),
             SimulatorOptions(
                 navigation_period_s=values["navigation_period_s"],
+                integration_step_s=values["integration_step_s"],
                 attitude_rate_limit_rad_s=limit,
             ),
             dispersions,
             values["seed"],
+            values["flight"],
         )
         # one step of a flight that nobody sees: the plant is compiled before guidance waits
         rehearsal = Simulator(*flight)

@@ -10,16 +10,18 @@ from numpy.typing import NDArray
 from ares_models.arrays import NAVIGATION, MissionArrays
 from ares_models.mission import Mission
 from ares_vehicle_sim.arrays import OPTIONS, PLANT, TRUTH
-from ares_vehicle_sim.dispersions import Dispersions, NavigationErrorModel, disperse
-from ares_vehicle_sim.kernels import (
+from ares_vehicle_sim.dispersions import Dispersions
+from ares_vehicle_sim.draws import Sampler
+from ares_vehicle_sim.kernels.navigation import measure
+from ares_vehicle_sim.kernels.plant import (
     UNIT_TOLERANCE,
     accept_command,
     begin_flight,
     command_is_sound,
     describe,
     flight_step,
-    measure,
 )
+from ares_vehicle_sim.kernels.variation import vary
 
 NANOSECONDS = 1_000_000_000
 
@@ -42,6 +44,81 @@ class SimulatorOptions:
     integration_step_s: float = 0.1
     attitude_rate_limit_rad_s: float = math.inf
 
+    def record(self) -> NDArray[np.void]:
+        """The options as the plant's kernel reads them, shape (1,), dtype OPTIONS."""
+        record = np.zeros(1, OPTIONS)
+        record["max_step"] = self.integration_step_s
+        record["attitude_rate_limit"] = self.attitude_rate_limit_rad_s
+        return record
+
+
+#: How campaigns fly, and a flight of theirs that is flown again alone. Steps of 1 s end within
+#: 1e-5 kg of steps of 0.1 s.
+CAMPAIGN = SimulatorOptions(navigation_period_s=1.0, integration_step_s=1.0)
+
+
+@dataclass(frozen=True)
+class TrueVehicle:
+    """The vehicle as it is in one flight, at the begin of it.
+
+    Attributes:
+        arrays: the mission as the plant flies it.
+        plant: shape (1,), dtype PLANT.
+    """
+
+    arrays: MissionArrays
+    plant: NDArray[np.void]
+
+
+def true_environment(mission: Mission, dispersions: Dispersions) -> NDArray[np.void]:
+    """The mission's environment with the gravity field of the truth, shape (1,)."""
+    environment = mission.arrays().environment
+    if dispersions.j2 is not None:
+        environment["j2"] = dispersions.j2
+    return environment
+
+
+def true_vehicle(
+    mission: Mission, dispersions: Dispersions, seed: int, flight: int = 0
+) -> TrueVehicle:
+    """Draw the vehicle of one flight.
+
+    Args:
+        mission: what is flown.
+        dispersions: how it differs.
+        seed: master seed.
+        flight: number of the flight among those of the seed.
+
+    Raises:
+        DispersionsError: the dispersions do not fit the mission; one line.
+    """
+    draws = Sampler(mission, dispersions, seed).draw(flight, 1)
+    start = mission.start()
+    nominal = mission.arrays()
+    true = MissionArrays(
+        nominal.environment.copy(),
+        draws.atmospheres[0],
+        nominal.arcs.copy(),
+        nominal.jettisons.copy(),
+        nominal.target,
+    )
+    plant = np.zeros(1, PLANT)
+    plant["time"] = start.time_s
+    vary(
+        draws.variations[0],
+        tuple(start.position.tolist()),
+        tuple(start.velocity.tolist()),
+        true_environment(mission, dispersions),
+        nominal.arcs,
+        nominal.jettisons,
+        true.environment,
+        true.arcs,
+        true.jettisons,
+        plant[0],
+    )
+    begin_flight(plant[0], true.environment[0], true.atmosphere, true.arcs, true.jettisons)
+    return TrueVehicle(true, plant)
+
 
 class Simulator:
     """One flight of one vehicle, stepped from navigation state to navigation state."""
@@ -52,42 +129,31 @@ class Simulator:
         options: SimulatorOptions | None = None,
         dispersions: Dispersions | None = None,
         seed: int = 0,
+        flight: int = 0,
     ) -> None:
         """Put the vehicle at the mission's initial state.
 
         Args:
             mission: what is flown.
             options: how it is stepped.
-            dispersions: one-sigma values; None flies the mission file exactly.
-            seed: seed of the flight's random streams.
+            dispersions: how the truth differs; None flies the mission file exactly.
+            seed: master seed of what is drawn.
+            flight: number of the flight among those of the seed.
+
+        Raises:
+            DispersionsError: the dispersions do not fit the mission; one line.
         """
         options = options or SimulatorOptions()
-        dispersions = dispersions or Dispersions()
-        start = mission.start()
-        vehicle = disperse(mission.arrays(), start.position, start.velocity, dispersions, seed)
-        self._arrays: MissionArrays = vehicle.arrays
-        self._errors = NavigationErrorModel(dispersions.navigation, seed)
-        self._options = np.zeros(1, OPTIONS)
-        self._options["max_step"] = options.integration_step_s
-        self._options["attitude_rate_limit"] = options.attitude_rate_limit_rad_s
-        self._plant = np.zeros(1, PLANT)
-        self._plant["time"] = start.time_s
-        self._plant["position"] = vehicle.position
-        self._plant["velocity"] = vehicle.velocity
+        vehicle = true_vehicle(mission, dispersions or Dispersions(), seed, flight)
+        self._arrays = vehicle.arrays
+        self._plant = vehicle.plant
+        self._options = options.record()
         self._nav = np.zeros(1, NAVIGATION)
         self._truth = np.zeros(1, TRUTH)
-        self._start_ns = round(start.time_s * NANOSECONDS)
+        self._start_ns = round(float(self.plant["time"]) * NANOSECONDS)
         self._period_ns = round(options.navigation_period_s * NANOSECONDS)
         self._tick = 0
         self._events_read = 0
-        arrays = self._arrays
-        begin_flight(
-            self._plant[0],
-            arrays.environment[0],
-            arrays.atmosphere,
-            arrays.arcs,
-            arrays.jettisons,
-        )
         self._measure()
 
     @property
@@ -133,7 +199,7 @@ class Simulator:
         """
         if not command_is_sound(steering[0], self._arrays.jettisons):
             raise CommandRefused(_complaint(steering[0], len(self._arrays.jettisons)))
-        accept_command(self._plant[0], steering[0], self._arrays.jettisons)
+        accept_command(self._plant[0], steering[0])
 
     def advance(self) -> None:
         """Fly to the next navigation state, or to the end of the flight."""
@@ -172,7 +238,6 @@ class Simulator:
     def _measure(self) -> None:
         arrays = self._arrays
         measure(self._plant[0], arrays.environment[0], arrays.atmosphere, self._nav[0])
-        self._errors.corrupt(self._nav)
 
 
 def _complaint(command: Any, jettisons: int) -> str:

@@ -1,152 +1,143 @@
-"""Dispersions: off by default, seeded, one stream per quantity, clear about a bad file."""
+"""The dispersions file: what it may say, and one clear line when it is wrong."""
 
 import numpy as np
 import pytest
 
-from ares_models.arrays import NAVIGATION
-from ares_models.mission import load_mission
 from ares_vehicle_sim.dispersions import (
+    DISPERSIONS,
     Dispersions,
     DispersionsError,
-    NavigationErrorModel,
     NavigationErrors,
-    disperse,
+    Spread,
     load_dispersions,
 )
-from ares_vehicle_sim.simulator import Simulator
 
-EVERYTHING = Dispersions(
-    initial_position_m=1000.0,
-    initial_velocity_m_s=10.0,
-    thrust=0.01,
-    specific_impulse=0.005,
-    stage_mass=0.01,
-    jettison_mass=0.05,
-    log_density=0.3,
-    j2=1.0826e-3,
+COVARIANCE = """
+initial_covariance:
+  - [1.0e6, 0, 0, 0, 0, 0]
+  - [0, 1.0e6, 0, 0, 0, 0]
+  - [0, 0, 1.0e6, 0, 0, 0]
+  - [0, 0, 0, 100.0, 0, 0]
+  - [0, 0, 0, 0, 100.0, {}]
+  - [0, 0, 0, 0, {}, 100.0]
+"""
+MSIS = (
+    "nrlmsis: {{first_date: 2010-01-01, last_date: {}, f107a: {{low: 70, high: 200}}, "
+    "ap: {}, latitude_deg: 28, longitude_deg: -80}}"
 )
 
 
-@pytest.fixture(scope="module")
-def ares_v():
-    return load_mission("ares_v")
-
-
-def draw(mission, dispersions, seed=0):
-    start = mission.start()
-    return disperse(mission.arrays(), start.position, start.velocity, dispersions, seed)
-
-
-def test_nothing_differs_by_default(ares_v):
-    vehicle = draw(ares_v, Dispersions(), seed=5)
-    nominal = ares_v.arrays()
-    for name in ("environment", "arcs", "jettisons", "target"):
-        assert getattr(vehicle.arrays, name).tobytes() == getattr(nominal, name).tobytes()
-    assert vehicle.position == pytest.approx(ares_v.start().position, abs=0.0)
-
-
-def test_the_same_seed_draws_the_same_vehicle(ares_v):
-    one, two = draw(ares_v, EVERYTHING, 11), draw(ares_v, EVERYTHING, 11)
-    other = draw(ares_v, EVERYTHING, 12)
-    assert one.arrays.arcs.tobytes() == two.arrays.arcs.tobytes()
-    assert one.position == pytest.approx(two.position, abs=0.0)
-    assert one.arrays.arcs.tobytes() != other.arrays.arcs.tobytes()
-
-
-def test_each_quantity_has_a_stream_of_its_own(ares_v):
-    alone = draw(ares_v, Dispersions(thrust=0.01), 3)
-    together = draw(ares_v, EVERYTHING, 3)
-    assert alone.arrays.arcs["thrust"] == pytest.approx(together.arrays.arcs["thrust"], abs=0.0)
-    assert alone.position == pytest.approx(ares_v.start().position, abs=0.0)
-
-
-def test_engines_keep_thrust_flow_and_exhaust_velocity_consistent(ares_v):
-    arcs = draw(ares_v, EVERYTHING, 4).arrays.arcs
-    assert arcs["thrust"] == pytest.approx(arcs["mass_flow"] * arcs["exhaust_velocity"])
-
-
-def test_sizes_are_one_sigma(ares_v):
-    nominal = ares_v.arrays()
-    vehicles = [draw(ares_v, EVERYTHING, seed) for seed in range(400)]
-
-    def spread(values):
-        return np.std(np.array(values), axis=0)
-
-    thrust = spread([v.arrays.arcs["thrust"] / nominal.arcs["thrust"] for v in vehicles])
-    assert thrust == pytest.approx([0.01, 0.01], rel=0.12)
-    density = spread([np.log(v.arrays.environment["density_factor"]) for v in vehicles])
-    assert density == pytest.approx([0.3], rel=0.12)
-    position = spread([v.position for v in vehicles])
-    assert position == pytest.approx([1000.0] * 3, rel=0.12)
-    # the upper stack: 1 % of what it weighs without the fairing
-    stack = spread([v.arrays.arcs["stack_mass"][1] for v in vehicles])
-    assert stack == pytest.approx(0.01 * (307_837.0 - 5_837.0), rel=0.12)
-
-
-def test_stage_masses_add_up_to_the_stack(ares_v):
-    nominal = ares_v.arrays().arcs["stack_mass"]
-    excess = draw(ares_v, Dispersions(stage_mass=0.01), 2).arrays.arcs["stack_mass"] - nominal
-    core, upper = float(excess[0]), float(excess[1])
-    assert upper != 0.0
-    assert core != pytest.approx(upper)
-    assert abs(core - upper) < 0.05 * (nominal[0] - nominal[1])
-
-
-def test_navigation_errors_leave_the_truth_alone(ares_v):
-    errors = NavigationErrors(position_bias_m=100.0, velocity_noise_m_s=1.0, heating_scale=0.1)
-    clean = Simulator(ares_v)
-    dirty = Simulator(ares_v, dispersions=Dispersions(navigation=errors), seed=1)
-    assert dirty.plant["position"] == pytest.approx(clean.plant["position"], abs=0.0)
-    assert dirty.navigation["position"] != pytest.approx(clean.navigation["position"], abs=1.0)
-    bias = dirty.navigation["position"] - clean.navigation["position"]
-    for simulator in (clean, dirty):
-        simulator.advance()
-    later = dirty.navigation["position"] - clean.navigation["position"]
-    assert later == pytest.approx(bias, abs=1e-6)
-    assert dirty.navigation["heating_rate"] != clean.navigation["heating_rate"]
-
-
-def test_noise_has_its_size():
-    model = NavigationErrorModel(NavigationErrors(velocity_noise_m_s=2.0), seed=0)
-    drawn = []
-    for _ in range(2000):
-        nav = np.zeros(1, NAVIGATION)
-        model.corrupt(nav)
-        drawn.append(nav["velocity"][0].copy())
-    assert np.std(drawn) == pytest.approx(2.0, rel=0.05)
-
-
-@pytest.mark.parametrize(
-    ("text", "complaint"),
-    [
-        ("thrusts: 0.01", "thrusts: unknown key; expected one of initial_position_m,"),
-        ("thrust: -0.01", "thrust: -0.01; input should be greater than or equal to 0"),
-        ("thrust: .nan", "thrust: nan; input should be a finite number"),
-        ("thrust: fast", "thrust: 'fast'; input should be a valid number"),
-        ("thrust: 3", "thrust: 3; input should be less than or equal to 0.2"),
-        ("navigation: {bias: 1}", "navigation.bias: unknown key; expected one of position_bias_m"),
-        ("- thrust", "expected keys and values, found ['thrust']"),
-        ("thrust: [", "line 2: not valid YAML"),
-    ],
-)
-def test_a_wrong_file_is_told_in_one_line(tmp_path, text, complaint):
+def complaint(tmp_path, text):
     file = tmp_path / "d.yaml"
     file.write_text(text + "\n")
     with pytest.raises(DispersionsError) as caught:
         load_dispersions(file)
-    assert complaint in str(caught.value)
-    assert str(file) in str(caught.value)
-    assert "\n" not in str(caught.value)
+    message = str(caught.value)
+    assert message.startswith(f"{file}: ")
+    assert "\n" not in message
+    return message.removeprefix(f"{file}: ")
+
+
+ONE_SIGMA = "one sigma, or a mapping with mean and sigma or low and high"
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("thrusts: 0.01", "line 1: thrusts is not a known key (its value is 0.01); did you mean"),
+        ("thrust: -0.01", "line 1: thrust is -0.01; expected a number of 0 to 0.2"),
+        ("thrust: .nan", "line 1: thrust is nan; expected a number of 0 to 0.2"),
+        ("thrust: fast", f"line 1: thrust is 'fast'; expected {ONE_SIGMA}"),
+        ("thrust: true", f"line 1: thrust is true; expected {ONE_SIGMA}"),
+        ("thrust: []", f"line 1: thrust is an empty list; expected {ONE_SIGMA}"),
+        ("thrust: 3", "line 1: thrust is 3; expected a number of 0 to 0.2"),
+        ("thrust:\n  - 0.01\n  - 7", "line 3: thrust[1] is 7; expected a number of 0 to 0.2"),
+        ("thrust: {mean: 3}", "line 1: thrust.mean is 3; expected a number of -1 to 1"),
+        ("thrust: {sigma: -1}", "line 1: thrust.sigma is -1; expected a number of 0 to 1"),
+        ("thrust: {low: 0.1, high: 0}", "line 1: thrust.high is 0.0; expected at least low, 0.1"),
+        ("thrust: {low: 0, hi: 1}", "line 1: thrust is 'low, hi'; expected mean and sigma, or low"),
+        ("latency_s: [1, 2]", f"line 1: latency_s is a list of 2; expected {ONE_SIGMA}"),
+        ("latency_s: {low: -1, high: 1}", "line 1: latency_s.low is -1; expected a number of 0 to"),
+        ("initial_position_m: [1, 2]", "line 1: initial_position_m is a list of 2; expected a lis"),
+        ("initial_position_m: -1", "line 1: initial_position_m is -1; expected a number of at lea"),
+        ("initial_covariance: 3", "line 1: initial_covariance is 3; expected a list"),
+        (COVARIANCE.format(5, 6), "line 2: initial_covariance is 'not symmetric'; expected a symm"),
+        (COVARIANCE.format(200, 200), "line 2: initial_covariance is 'not positive definite'; exp"),
+        (
+            "initial_position_m: 3" + COVARIANCE.format(0, 0),
+            "line 1: initial_position_m is 'a value'; expected no such key beside initial_covari",
+        ),
+        ("navigation: {bias: 1}", "line 1: navigation.bias is not a known key (its value is 1); k"),
+        ("navigation: {heating_noise: 3}", "line 1: navigation.heating_noise is 3; expected a num"),
+        ("draws: dice", "line 1: draws is 'dice'; expected one of 'random' or 'sobol'"),
+        ("j2: true", "line 1: j2 is true; expected a number"),
+        (MSIS.format("2009-01-01", 4), "line 1: nrlmsis.last_date is '2009-01-01 00:00:00+00:00';"),
+        (MSIS.format("later", 4), "line 1: nrlmsis.last_date is 'later'; expected a date and time"),
+        ("nrlmsis: {}", "line 1: nrlmsis.first_date is missing; expected a value (and 5 more)"),
+        ("- thrust", "is a list of 1; expected a mapping with the keys of a dispersions file"),
+        ("thrust: [", "line 2: not valid YAML"),
+        ("j2: 0\nj2: 0", "line 2: j2 is given twice (first in line 1); expected it once"),
+    ],
+)
+def test_a_wrong_file_is_told_in_one_line(tmp_path, text, expected):
+    assert complaint(tmp_path, text).startswith(expected)
 
 
 def test_a_missing_or_binary_file(tmp_path):
-    with pytest.raises(DispersionsError, match="No such file"):
+    with pytest.raises(DispersionsError, match="no such file; expected a YAML dispersions file"):
         load_dispersions(tmp_path / "none.yaml")
     (tmp_path / "b.yaml").write_bytes(bytes(range(128, 256)))
-    with pytest.raises(DispersionsError, match="not a text file"):
+    with pytest.raises(DispersionsError, match="is not text"):
         load_dispersions(tmp_path / "b.yaml")
+    with pytest.raises(DispersionsError, match="did you mean standard"):
+        load_dispersions("standart")
 
 
 def test_an_empty_file_disperses_nothing(tmp_path):
     (tmp_path / "e.yaml").write_text("# nothing\n")
     assert load_dispersions(tmp_path / "e.yaml") == Dispersions()
+
+
+def test_the_shipped_files():
+    standard, wide = load_dispersions("standard"), load_dispersions("wide_start")
+    assert set(DISPERSIONS.shipped()) >= {"standard", "wide_start"}
+    assert standard == Dispersions(
+        initial_position_m=1000.0,
+        initial_velocity_m_s=10.0,
+        thrust=0.01,
+        specific_impulse=0.005,
+        log_density=0.3,
+        j2=1.0826e-3,
+    )
+    assert wide.initial_position_m == (Spread(size=10_000.0),)
+    assert wide.initial_velocity_m_s == (Spread(size=100.0),)
+    assert wide.thrust == standard.thrust
+
+
+def test_the_ways_to_say_a_spread(tmp_path):
+    file = tmp_path / "d.yaml"
+    file.write_text(
+        "thrust: [0.01, {mean: -0.15, sigma: 0.02}]\n"
+        "latency_s: {low: 0.1, high: 0.3}\n"
+        "navigation: {position_noise_m: 5.0, mass_scale: {mean: 0.001}}\n"
+        + MSIS.format("2020-06-01T12:00:00", 4)
+    )
+    read = load_dispersions(file)
+    assert read.thrust == (Spread(size=0.01), Spread(-0.15, 0.02))
+    assert read.latency_s[0].centre == pytest.approx(0.2)
+    assert read.latency_s[0].size == pytest.approx(0.1)
+    assert read.latency_s[0].even
+    assert read.navigation == NavigationErrors(
+        position_noise_m=5.0, mass_scale={"mean": 0.001, "sigma": 0.0}
+    )
+    assert read.nrlmsis.f107a == (Spread(135.0, 65.0, even=True),)
+
+
+def test_a_covariance_may_leave_some_of_the_state_exact():
+    covariance = np.zeros((6, 6))
+    covariance[:3, :3] = [[4.0, 1.0, 0.0], [1.0, 9.0, 0.0], [0.0, 0.0, 0.0]]
+    root = Dispersions(initial_covariance=covariance.tolist()).initial_root()
+    assert root @ root.T == pytest.approx(covariance, abs=1e-12)
+    covariance[0, 5] = covariance[5, 0] = 1.0
+    with pytest.raises(ValueError, match="no covariance where the variance is 0"):
+        Dispersions(initial_covariance=covariance.tolist())

@@ -19,7 +19,12 @@ from ares_models.arrays import (
 )
 from ares_vehicle_sim import arrays as names
 from ares_vehicle_sim.arrays import OPTIONS, PLANT
-from ares_vehicle_sim.kernels import accept_command, begin_flight, curve_area, flight_step
+from ares_vehicle_sim.kernels.plant import (
+    accept_command,
+    begin_flight,
+    curve_area,
+    flight_step,
+)
 
 MU = 3.986e14
 VACUUM = np.array([[0.0, -100.0, -1e-5, 0.0, 0.0], [1e6, -110.0, -1e-5, 0.0, 0.0]])
@@ -66,7 +71,7 @@ class Vehicle:
     def fly(self, until, period=0.1):
         plant = self.plant[0]
         begin_flight(plant, self.environment[0], VACUUM, self.arcs, self.jettisons)
-        accept_command(plant, self.steering[0], self.jettisons)
+        accept_command(plant, self.steering[0])
         ticks = round((until - 50.0) / period)
         for k in range(1, ticks + 1):
             flight_step(
@@ -218,3 +223,27 @@ def test_the_ground_ends_a_flight():
     assert len(vehicle.events(names.IMPACT)) == 1
     assert plant["complete"] == 1
     assert plant["inserted"] == 0
+
+
+def test_a_command_is_in_force_after_its_latency():
+    vehicle = Vehicle(mu=0.0)
+    vehicle.plant["latency"] = 0.25
+    vehicle.plant["velocity"] = [1000.0, 0.0, 0.0]
+    plant = vehicle.fly(50.4)
+    # along the velocity at first, then along y
+    flow = vehicle.arcs["mass_flow"][0]
+    expected = 4000.0 * np.log([300e3 / (300e3 - 0.25 * flow), 1.0])
+    expected[1] = 4000.0 * math.log((300e3 - 0.25 * flow) / (300e3 - 0.4 * flow))
+    assert plant["velocity"][:2] == pytest.approx([1000.0 + expected[0], expected[1]], abs=1e-9)
+
+
+def test_no_command_is_taken_while_one_is_under_way():
+    vehicle = Vehicle()
+    plant = vehicle.plant[0]
+    plant["latency"] = 0.25
+    begin_flight(plant, vehicle.environment[0], VACUUM, vehicle.arcs, vehicle.jettisons)
+    accept_command(plant, vehicle.steering[0])
+    vehicle.steering["direction"] = [0.0, 0.0, 1.0]
+    accept_command(plant, vehicle.steering[0])
+    assert plant["coming"]["direction"] == pytest.approx([0.0, 1.0, 0.0])
+    assert plant["coming_time"] == pytest.approx(50.25)

@@ -221,6 +221,40 @@ def jettison_due(plant: Record, jettisons: NDArray[Any], j: int) -> float:
 
 
 @kernel
+def copy_command(source: Record, destination: Record) -> None:
+    """Copy a record STEERING."""
+    destination.reference_time = source.reference_time
+    store(destination.direction, load(source.direction))
+    store(destination.direction_rate, load(source.direction_rate))
+    destination.cutoff_time = source.cutoff_time
+    destination.jettison = source.jettison
+    destination.jettison_time = source.jettison_time
+
+
+@kernel
+def put_in_force(plant: Record, command: Record) -> None:
+    """Fly by a command from now on."""
+    copy_command(command, plant.command)
+    for j in range(plant.jettison_time.shape[0]):
+        plant.jettison_time[j] = math.nan
+    if 0 <= command.jettison < plant.jettison_time.shape[0]:
+        plant.jettison_time[command.jettison] = command.jettison_time
+
+
+@kernel
+def accept_command(plant: Record, steering: Record) -> None:
+    """Take a checked command: in force at once, or after the flight's latency.
+
+    While one is under way the guidance computer is busy, and no other is taken.
+    """
+    if not plant.latency > 0.0:
+        put_in_force(plant, steering)
+    elif plant.coming_time == math.inf:
+        copy_command(steering, plant.coming)
+        plant.coming_time = plant.time + plant.latency
+
+
+@kernel
 def process_due_events(
     plant: Record,
     environment: Record,
@@ -230,6 +264,9 @@ def process_due_events(
 ) -> None:
     """Carry out everything that falls on the present instant."""
     now = plant.time + SAME_TIME
+    if plant.coming_time <= now:
+        plant.coming_time = math.inf
+        put_in_force(plant, plant.coming)
     changed = True
     while changed and plant.complete == 0:
         changed = False
@@ -277,8 +314,8 @@ def process_due_events(
 @kernel
 def next_break(plant: Record, arcs: NDArray[Any], jettisons: NDArray[Any], until: float) -> float:
     """Next instant at which the right-hand side changes its form, at most ``until``."""
-    at = until
     floor = plant.time + SAME_TIME
+    at = min(until, plant.coming_time)
     for j in range(jettisons.shape[0]):
         due = jettison_due(plant, jettisons, j)
         if floor < due < at:
@@ -393,6 +430,7 @@ def begin_flight(
     plant.command.reference_time = plant.time
     plant.command.cutoff_time = math.nan
     plant.command.jettison = -1
+    plant.coming_time = math.inf
     log_event(plant, FLIGHT_STARTED, 0, environment, atmosphere)
     begin_arc(plant, 0, environment, atmosphere, arcs, jettisons)
 
@@ -410,22 +448,6 @@ def command_is_sound(steering: Record, jettisons: NDArray[Any]) -> bool:
         and not math.isinf(steering.jettison_time)
         and -1 <= steering.jettison < jettisons.shape[0]
     )
-
-
-@kernel
-def accept_command(plant: Record, steering: Record, jettisons: NDArray[Any]) -> None:
-    """Put a checked command in force."""
-    command = plant.command
-    command.reference_time = steering.reference_time
-    store(command.direction, load(steering.direction))
-    store(command.direction_rate, load(steering.direction_rate))
-    command.cutoff_time = steering.cutoff_time
-    command.jettison = steering.jettison
-    command.jettison_time = steering.jettison_time
-    for j in range(jettisons.shape[0]):
-        plant.jettison_time[j] = math.nan
-    if 0 <= steering.jettison < jettisons.shape[0]:
-        plant.jettison_time[steering.jettison] = steering.jettison_time
 
 
 @kernel
@@ -470,22 +492,6 @@ def flight_step(
     if plant.complete == 0 and altitude(load(plant.position), environment) < 0.0:
         plant.complete = 1
         log_event(plant, IMPACT, plant.arc, environment, atmosphere)
-
-
-@kernel
-def measure(plant: Record, environment: Record, atmosphere: NDArray[Any], nav: Record) -> None:
-    """Perfect navigation: the truth, as a navigation state."""
-    nav.time = plant.time
-    r = load(plant.position)
-    v = load(plant.velocity)
-    store(nav.position, r)
-    store(nav.velocity, v)
-    store(nav.sensed_delta_v, load(plant.sensed_delta_v))
-    nav.mass = plant.mass
-    nav.heating_rate = heating_rate(r, v, environment, atmosphere)
-    nav.arc = plant.arc
-    nav.arc_start_time = plant.arc_start_time
-    nav.jettisoned = plant.jettisoned
 
 
 @kernel

@@ -1,0 +1,367 @@
+"""The draws of a flight: what differs, from the seed and the flight's number alone.
+
+Every quantity has a stream of its own, keyed by the seed and the quantity's name, and a flight
+has its place in it: adding a quantity to the file leaves the draws of the others as they were,
+and flight k is drawn the same alone or among a million. A uniform number becomes the
+quantity's value through the inverse of its distribution, whether it is pseudo-random (Philox)
+or of a Sobol sequence, which is shifted at random by the same streams.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+from ares_models.arrays import MAX_KNOTS
+from ares_models.atmosphere import nrlmsis_tables
+from ares_models.mission import Mission
+from ares_vehicle_sim.arrays import VARIATION
+from ares_vehicle_sim.dispersions import (
+    Dispersions,
+    DispersionsError,
+    NavigationErrors,
+    Spread,
+    Spreads,
+)
+from ares_vehicle_sim.kernels.navigation import SPARE_BITS, STEP, stream_number
+
+Array = NDArray[np.float64]
+Words = NDArray[np.uint64]
+
+POSITION = "initial_position_m"
+VELOCITY = "initial_velocity_m_s"
+
+#: Every quantity that is drawn, and its field in a VARIATION. The place here is the place in
+#: the Sobol sequence: new ones come last.
+FIELDS = {
+    POSITION: "position",
+    VELOCITY: "velocity",
+    "log_density": "log_density",
+    "thrust": "thrust",
+    "specific_impulse": "specific_impulse",
+    "jettison_limit": "jettison_limit",
+    "stage_mass": "stage_mass",
+    "propellant": "propellant",
+    "jettison_mass": "jettison_mass",
+    "latency_s": "latency",
+    "start_delay_s": "start_delay",
+    "start_scale": "start_scale",
+    "nrlmsis.date_days": "",
+    "nrlmsis.f107a": "",
+    "nrlmsis.f107_deviation": "",
+    "nrlmsis.ap": "",
+    "navigation.position_bias_m": "errors.position_bias",
+    "navigation.velocity_bias_m_s": "errors.velocity_bias",
+    "navigation.sensed_delta_v_scale": "errors.sensed_delta_v_scale",
+    "navigation.mass_scale": "errors.mass_scale",
+    "navigation.heating_scale": "errors.heating_scale",
+}
+PER_STAGE = (
+    "thrust",
+    "specific_impulse",
+    "stage_mass",
+    "propellant",
+    "start_delay_s",
+    "start_scale",
+)
+PER_JETTISON = ("jettison_mass", "jettison_limit")
+
+#: Room for quantities in the Sobol sequence: dimension = component x this + place.
+RESERVED = 32
+SOBOL_BITS = 32
+#: Words of a block of Philox; a flight takes whole blocks.
+BLOCK = 4
+
+#: Altitudes of a drawn atmosphere, km: within 0.12 % of the fine table from 70 to 200 km.
+ALTITUDE_KM = np.concatenate(
+    (
+        np.arange(0.0, 60.0, 20.0),
+        np.arange(60.0, 130.0, 2.0),
+        np.arange(130.0, 200.0, 5.0),
+        np.arange(200.0, 400.0, 20.0),
+        np.arange(400.0, 1001.0, 200.0),
+    )
+)
+LEAST_F107 = 50.0
+DAY_S = 86_400.0
+
+AXES = {"eci": ("x", "y", "z"), "local": ("up", "downrange", "crossrange")}
+
+
+@dataclass(frozen=True)
+class Draws:
+    """The draws of flights in a row.
+
+    Attributes:
+        inputs: shape (n, columns), as the dispersions file means them.
+        variations: shape (n,), dtype VARIATION.
+        atmospheres: shape (n, m, 5), tables as in MissionArrays; shape (1, m, 5) where all
+            fly in the same.
+    """
+
+    inputs: Array
+    variations: NDArray[np.void]
+    atmospheres: Array
+
+
+@dataclass(frozen=True)
+class _Quantity:
+    """Something that is drawn: one number for each component."""
+
+    name: str
+    spreads: Spreads
+    components: Sequence[str] = ("",)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        return tuple(
+            f"{self.name}.{component}" if component else self.name for component in self.components
+        )
+
+    @property
+    def size(self) -> int:
+        return len(self.components)
+
+    def values(self, words: Words) -> Array:
+        """What random words mean, both of shape (n, components)."""
+        uniform = ((words >> SPARE_BITS).astype(np.float64) + 0.5) * STEP
+        spreads = self.spreads * (self.size if len(self.spreads) == 1 else 1)
+        values = np.empty_like(uniform)
+        for k, spread in enumerate(spreads):
+            x = 2.0 * uniform[:, k] - 1.0 if spread.even else ndtri(uniform[:, k])
+            values[:, k] = spread.centre + spread.size * x
+        return values
+
+
+class Sampler:
+    """Draws the flights of one seed.
+
+    Attributes:
+        columns: what is drawn, one name for each column of `Draws.inputs`.
+    """
+
+    def __init__(self, mission: Mission, dispersions: Dispersions, seed: int) -> None:
+        """Prepare.
+
+        Args:
+            mission: what is flown.
+            dispersions: how it differs.
+            seed: master seed, not negative.
+
+        Raises:
+            DispersionsError: the dispersions do not fit the mission; one line.
+        """
+        self._dispersions = dispersions
+        self._seed = seed
+        self._atmosphere = mission.atmosphere().table[None]
+        self._axes = _axes(mission, dispersions.initial_frame)
+        self._root = dispersions.initial_root()
+        self._quantities = _quantities(mission, dispersions)
+        _check_starts(mission, dispersions)
+        self._sobol = _Sobol(self._quantities, seed) if dispersions.draws == "sobol" else None
+        self.columns = tuple(column for q in self._quantities for column in q.columns)
+
+    def draw(self, first: int, count: int) -> Draws:
+        """Draw the flights numbered ``first`` to ``first + count - 1``.
+
+        Raises:
+            AtmosphereError: NRLMSIS is asked for and not there.
+        """
+        source = self._sobol or self
+        drawn = {q.name: q.values(source.words(q, first, count)) for q in self._quantities}
+        if self._root is not None:
+            self._correlate(drawn, self._root)
+        return Draws(
+            np.concatenate([np.empty((count, 0)), *drawn.values()], axis=1),
+            self._variations(drawn, first, count),
+            self._atmospheres(drawn),
+        )
+
+    def words(self, quantity: _Quantity, first: int, count: int) -> Words:
+        """Random words of a quantity, shape (count, components)."""
+        return _philox_words(self._seed, quantity.name, quantity.size, first, count)
+
+    def _correlate(self, drawn: dict[str, Array], root: Array) -> None:
+        """Give the initial state, drawn as standard normal numbers, its covariance."""
+        independent = np.concatenate([drawn[POSITION], drawn[VELOCITY]], axis=1)
+        state = np.zeros_like(independent)
+        # term by term: a matrix product may round one flight otherwise than a thousand
+        for k in range(6):
+            state += independent[:, k : k + 1] * root[:, k]
+        drawn[POSITION], drawn[VELOCITY] = state[:, :3], state[:, 3:]
+
+    def _variations(self, drawn: dict[str, Array], first: int, count: int) -> NDArray[np.void]:
+        variations = np.zeros(count, VARIATION)
+        for name, values in drawn.items():
+            if not FIELDS[name]:
+                continue
+            field: Any = variations
+            for key in FIELDS[name].split("."):
+                field = field[key]
+            if name in (POSITION, VELOCITY):
+                for k in range(3):
+                    field += values[:, k : k + 1] * self._axes[k]
+            elif field.ndim == 1:
+                field[:] = values[:, 0]
+            else:
+                field[:, : values.shape[1]] = values
+        navigation = self._dispersions.navigation
+        errors = variations["errors"]
+        errors["active"] = navigation != NavigationErrors()
+        errors["position_noise"] = navigation.position_noise_m
+        errors["velocity_noise"] = navigation.velocity_noise_m_s
+        errors["heating_noise"] = navigation.heating_noise
+        errors["seed"] = self._seed
+        errors["flight"] = np.arange(first, first + count)
+        return variations
+
+    def _atmospheres(self, drawn: dict[str, Array]) -> Array:
+        part = self._dispersions.nrlmsis
+        if part is None:
+            return self._atmosphere
+        days, f107a, deviation, ap = (drawn[name][:, 0] for name in drawn if name[:8] == "nrlmsis.")
+        f107a = np.maximum(f107a, LEAST_F107)
+        begin = np.datetime64(part.first_date.replace(tzinfo=None), "s")
+        return nrlmsis_tables(
+            begin + (days * DAY_S).astype("timedelta64[s]"),
+            part.latitude_deg,
+            part.longitude_deg,
+            np.maximum(f107a + deviation, LEAST_F107),
+            f107a,
+            np.maximum(ap, 0.0),
+            ALTITUDE_KM,
+        )
+
+
+def _philox_words(seed: int, name: str, size: int, first: int, count: int) -> Words:
+    """Random words of a stream, shape (count, size), from the place of a flight on."""
+    blocks = -(-size // BLOCK)
+    key = np.array([seed, stream_number(name)], dtype=np.uint64)
+    generator = np.random.Philox(key=key, counter=first * blocks)
+    words = generator.random_raw(count * blocks * BLOCK).reshape(count, blocks * BLOCK)
+    return np.asarray(words[:, :size])
+
+
+class _Sobol:
+    """Points of a Sobol sequence, shifted at random, as words.
+
+    The shift is digital (exclusive or), which keeps the sequence a net.
+    """
+
+    def __init__(self, quantities: Sequence[_Quantity], seed: int) -> None:
+        places = list(FIELDS)
+        self._dimensions = {
+            q.name: places.index(q.name) + RESERVED * np.arange(q.size) for q in quantities
+        }
+        self._shifts = {
+            q.name: _philox_words(seed, f"{q.name}/shift", q.size, 0, 1) for q in quantities
+        }
+        self._total = 1 + max((int(d[-1]) for d in self._dimensions.values()), default=0)
+        self._next = 0
+        self._engine: Any = None
+        self._chunk: tuple[int, int] | None = None
+
+    def words(self, quantity: _Quantity, first: int, count: int) -> Words:
+        """As Sampler.words."""
+        points = self._points(first, count)[:, self._dimensions[quantity.name]]
+        shift = self._shifts[quantity.name]
+        return (points << np.uint64(64 - SOBOL_BITS)) ^ shift
+
+    def _points(self, first: int, count: int) -> Words:
+        """All dimensions of points in a row, as integers of SOBOL_BITS bits."""
+        if self._chunk != (first, count):
+            # the import takes long, and most campaigns do without
+            from scipy.stats.qmc import Sobol
+
+            if self._engine is None or self._next > first:
+                self._engine = Sobol(self._total, scramble=False, bits=SOBOL_BITS)
+                self._next = 0
+            if first > self._next:
+                self._engine.fast_forward(first - self._next)
+            # one point first: it complains of a first number that is no power of two
+            points = [self._engine.random(1), self._engine.random(count - 1)]
+            self._latest = np.ldexp(np.concatenate(points), SOBOL_BITS).astype(np.uint64)
+            self._next = first + count
+            self._chunk = (first, count)
+        return self._latest
+
+
+def _axes(mission: Mission, frame: str) -> Array:
+    """Unit vectors of the initial state's axes in ares_eci, shape (3, 3), in rows."""
+    if frame == "eci":
+        return np.eye(3)
+    start = mission.start()
+    up = start.position / np.linalg.norm(start.position)
+    momentum = np.cross(start.position, start.velocity)
+    crossrange = momentum / np.linalg.norm(momentum)
+    return np.array([up, np.cross(crossrange, up), crossrange])
+
+
+def _slugs(names: Sequence[str]) -> tuple[str, ...]:
+    """Names as parts of a column's name."""
+    return tuple(re.sub(r"\W+", "_", name) for name in names)
+
+
+def _quantities(mission: Mission, dispersions: Dispersions) -> list[_Quantity]:
+    """Everything that the file disperses, in the order of FIELDS.
+
+    Raises:
+        DispersionsError: a list that is not as long as there are stages or jettisons.
+    """
+    axes = AXES[dispersions.initial_frame]
+    components: dict[str, Sequence[str]] = {POSITION: axes, VELOCITY: axes}
+    components |= dict.fromkeys(PER_STAGE, _slugs(mission.stage_names))
+    components |= dict.fromkeys(PER_JETTISON, _slugs(mission.jettison_names))
+    components |= {
+        f"navigation.{key}": AXES["eci"]
+        for key in ("position_bias_m", "velocity_bias_m_s", "sensed_delta_v_scale")
+    }
+    given = _given(dispersions)
+    quantities = []
+    for name in FIELDS:
+        quantity = _Quantity(name, given[name], components.get(name, ("",)))
+        if len(quantity.spreads) not in (1, quantity.size):
+            names = ", ".join(quantity.components)
+            problem = (
+                f"{name} is a list of {len(quantity.spreads)}; expected {quantity.size}: {names}"
+            )
+            raise DispersionsError("dispersions", [problem])
+        active = any(spread.active for spread in quantity.spreads)
+        if quantity.size and (active or (name[:8] == "nrlmsis." and dispersions.nrlmsis)):
+            quantities.append(quantity)
+    return quantities
+
+
+def _given(dispersions: Dispersions) -> dict[str, Spreads]:
+    """Distribution of every quantity; those of an absent part are zero for certain."""
+    given: dict[str, Spreads] = {}
+    for name in FIELDS:
+        group, _, key = name.rpartition(".")
+        part: Any = getattr(dispersions, group) if group else dispersions
+        given[name] = getattr(part, key, (Spread(),))
+    if dispersions.nrlmsis is not None:
+        period = dispersions.nrlmsis.last_date - dispersions.nrlmsis.first_date
+        half = 0.5 * period.total_seconds() / DAY_S
+        given["nrlmsis.date_days"] = (Spread(half, half, even=True),)
+    if dispersions.initial_covariance is not None:
+        given[POSITION] = given[VELOCITY] = (Spread(size=1.0),)
+    return given
+
+
+def _check_starts(mission: Mission, dispersions: Dispersions) -> None:
+    """A start that is put off takes one knot more, if it does not begin at no thrust.
+
+    Raises:
+        DispersionsError: there is no room for it.
+    """
+    if not any(spread.active for spread in dispersions.start_delay_s):
+        return
+    for arc in mission.arrays().arcs:
+        if arc["start_knots"] == MAX_KNOTS and arc["start_fraction"][0] > 0.0:
+            stage = mission.stage_names[arc["stage"]]
+            problem = f"start_delay_s needs room for a knot in the start of {stage}, which is full"
+            raise DispersionsError("dispersions", [problem])

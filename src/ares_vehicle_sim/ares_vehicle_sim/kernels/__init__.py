@@ -1,0 +1,1 @@
+"""The truth as compiled functions: plant, measurement, variation of a flight."""

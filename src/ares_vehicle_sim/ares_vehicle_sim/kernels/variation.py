@@ -1,0 +1,133 @@
+"""The true vehicle of one flight, from the nominal one and the flight's variation."""
+
+import math
+from typing import Any
+
+from numpy.typing import NDArray
+
+from ares_models.arrays import BURN, HEATING_LIMIT, Record
+from ares_models.jit import kernel
+from ares_models.kernels.vectors import Vector, add, load, store
+
+#: Least factor on a thrust, an impulse, a mass: beyond five sigma nothing turns negative.
+LEAST_FACTOR = 0.05
+
+
+@kernel
+def factor(fraction: float) -> float:
+    """1 + fraction, kept positive."""
+    return max(LEAST_FACTOR, 1.0 + fraction)
+
+
+@kernel
+def vary_start(arc: Record, delay: float, scale: float) -> None:
+    """Stretch the start of a burn and put it off; it needs room for two knots more.
+
+    Args:
+        arc: record ARC. Changed.
+        delay: s from the ignition command to the first knot, not negative.
+        scale: factor on the times of the knots.
+    """
+    knots = arc.start_knots
+    for i in range(knots):
+        arc.start_time[i] *= scale
+    if delay > 0.0:
+        if knots == 0:
+            arc.start_fraction[0] = 1.0
+            knots = 1
+        if arc.start_fraction[0] > 0.0:
+            for i in range(knots, 0, -1):
+                arc.start_time[i] = arc.start_time[i - 1]
+                arc.start_fraction[i] = arc.start_fraction[i - 1]
+            arc.start_fraction[0] = 0.0
+            knots += 1
+        for i in range(knots):
+            arc.start_time[i] += delay
+        arc.start_knots = knots
+
+
+@kernel
+def vary_arcs(
+    variation: Record, nominal: NDArray[Any], jettisons: NDArray[Any], arcs: NDArray[Any]
+) -> None:
+    """Thrust, impulse, propellant, masses and starts of one flight.
+
+    Args:
+        variation: record VARIATION.
+        nominal: dtype ARC.
+        jettisons: dtype JETTISON, nominal.
+        arcs: dtype ARC. Changed.
+    """
+    heavier = 0.0
+    for k in range(nominal.shape[0] - 1, -1, -1):
+        arcs[k] = nominal[k]
+        arc = arcs[k]
+        stage = arc.stage
+        if k == nominal.shape[0] - 1 or nominal[k + 1].stage > stage:
+            # the stage from which the loop comes down: what it has more, all below carry
+            own = arc.stack_mass
+            if k < nominal.shape[0] - 1:
+                own -= nominal[k + 1].stack_mass
+            for j in range(jettisons.shape[0]):
+                if jettisons[j].stage == stage:
+                    own -= jettisons[j].mass
+                    heavier += (factor(variation.jettison_mass[j]) - 1.0) * jettisons[j].mass
+            heavier += variation.stage_mass[stage] * own
+            heavier += (factor(variation.propellant[stage]) - 1.0) * arc.propellant
+        arc.stack_mass = max(LEAST_FACTOR * arc.stack_mass, arc.stack_mass + heavier)
+        arc.propellant *= factor(variation.propellant[stage])
+        if arc.kind != BURN:
+            continue
+        thrust = factor(variation.thrust[stage])
+        impulse = factor(variation.specific_impulse[stage])
+        arc.thrust *= thrust
+        arc.exhaust_velocity *= impulse
+        arc.mass_flow *= thrust / impulse
+        ignited = k > 0 and (nominal[k - 1].kind != BURN or nominal[k - 1].stage < stage)
+        if ignited or arc.start_knots > 0:
+            vary_start(
+                arc,
+                max(0.0, variation.start_delay[stage]),
+                factor(variation.start_scale[stage]),
+            )
+
+
+@kernel
+def vary(
+    variation: Record,
+    position: Vector,
+    velocity: Vector,
+    nominal_environment: NDArray[Any],
+    nominal_arcs: NDArray[Any],
+    nominal_jettisons: NDArray[Any],
+    environment: NDArray[Any],
+    arcs: NDArray[Any],
+    jettisons: NDArray[Any],
+    plant: Record,
+) -> None:
+    """Make the true vehicle of one flight.
+
+    Args:
+        variation: record VARIATION.
+        position: nominal start, m.
+        velocity: nominal start, m/s.
+        nominal_environment: shape (1,), dtype ENVIRONMENT; its J2 is that of the truth.
+        nominal_arcs: dtype ARC.
+        nominal_jettisons: dtype JETTISON.
+        environment: shape (1,). Changed.
+        arcs: as many as the nominal ones. Changed.
+        jettisons: as many as the nominal ones. Changed.
+        plant: record PLANT, all zero but for its time. Changed: ready for `begin_flight`.
+    """
+    environment[0] = nominal_environment[0]
+    environment[0].density_factor *= math.exp(variation.log_density)
+    vary_arcs(variation, nominal_arcs, nominal_jettisons, arcs)
+    for j in range(nominal_jettisons.shape[0]):
+        jettisons[j] = nominal_jettisons[j]
+        jettisons[j].mass *= factor(variation.jettison_mass[j])
+        if jettisons[j].criterion == HEATING_LIMIT:
+            jettisons[j].value *= factor(variation.jettison_limit[j])
+    store(plant.position, add(position, load(variation.position)))
+    store(plant.velocity, add(velocity, load(variation.velocity)))
+    plant.latency = max(0.0, variation.latency)
+    plant.errors = variation.errors
