@@ -131,7 +131,7 @@ def test_a_hundred_dispersed_starts_all_arrive(name):
 
 @pytest.mark.parametrize("name", ["ares_v", "saturn_v_as506"])
 @pytest.mark.parametrize("factor", [0.9, 1.1])
-def test_a_thrust_known_to_a_tenth_still_arrives(name, factor):
+def test_a_thrust_a_tenth_off_the_mission_file_costs_no_accuracy(name, factor):
     mission = load_mission(name)
     believed = mission.arrays()
     believed.arcs["thrust"] *= factor
@@ -143,9 +143,7 @@ def test_a_thrust_known_to_a_tenth_still_arrives(name, factor):
         simulator.command(guide.steering)
         simulator.advance()
     assert simulator.plant["inserted"] == 1
-    # the ten seconds that are held are flown with the thrust that is believed
-    found = errors(mission, Flight(simulator.plant, guide.state))
-    assert_within(found, [200.0, 0.3, 0.03, 1e-3])
+    assert_within(errors(mission, Flight(simulator.plant, guide.state)), ASKED)
 
 
 def test_other_dispersions_and_noise_arrive_too(ares_v):
