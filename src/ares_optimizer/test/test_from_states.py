@@ -10,7 +10,7 @@ from ares_optimizer.deadline import TIME_LIMIT_PASSED, Deadline
 from ares_optimizer.indirect import TwoPointSolver, navigation
 from ares_optimizer.rival import ample_delta_v, beside_rival, find_rival
 from ares_optimizer.solution import OptimizerError, failed
-from ares_optimizer.solve import METHODS, solve, start_of
+from ares_optimizer.solve import DIRECT_METHODS, INDIRECT_METHODS, solve, start_of
 from ares_optimizer.transcription import Heating
 from ares_optimizer.verify import fly, steering_of
 
@@ -231,7 +231,7 @@ class TestRival:
 
 
 class TestTimeLimit:
-    @pytest.mark.parametrize("method", METHODS)
+    @pytest.mark.parametrize("method", DIRECT_METHODS + INDIRECT_METHODS)
     def test_no_time_at_all(self, ares_v, method):
         solution = solve(ares_v.mission, method, time_limit_s=0.0)
         assert not solution.converged
