@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ares_models.arrays import ARC, JETTISON, MAX_JETTISONS
+from ares_models.arrays import ARC, JETTISON, MAX_JETTISONS, TARGET
 from ares_optimizer.kernels.two_point import MAX_UNKNOWNS, OPTIONS, WORK
 
 MAX_SEGMENTS = 32
@@ -116,7 +116,8 @@ GUIDANCE_STATE = np.dtype(
         ("direction_rate", np.float64, (3,)),
         ("reference_time", np.float64),
         ("miss_speed", np.float64),  # m/s, change of velocity_to_go in the last iteration
-        ("propellant_short", np.int64),
+        ("lowered", np.float64),  # m/s that the propellant is short of the target
+        ("target", TARGET, (1,)),  # what is aimed at: the mission's, or the best within reach
         ("tail_gain", np.float64),  # s of full thrust that follow the cut-off command
         ("tail_drift", np.float64),  # s by which the tail outlasts them
         # where to start instead of the scalar impulse

@@ -9,6 +9,7 @@ from scipy.integrate import quad
 
 from ares_guidance.arrays import GUIDANCE_STATE
 from ares_guidance.kernels.segments import burn_time_to_go, plan_segments, thrust_integrals
+from ares_guidance.kernels.shortfall import lacking_speed
 from ares_models.arrays import (
     ARC,
     BURN,
@@ -127,13 +128,15 @@ def test_a_fairing_that_stays_on_rides_to_the_next_stage():
 @pytest.mark.parametrize("delta_v", [100.0, 2500.0, 5000.0, 9000.0])
 def test_burn_time_inverts_the_first_integral(delta_v):
     _, _, _, state = three_stage_plan()
-    t_go, _, _ = burn_time_to_go(state[0], delta_v)
+    t_go, _ = burn_time_to_go(state[0], delta_v)
     assert thrust_integrals(state[0], t_go, math.inf)[0] == pytest.approx(delta_v, rel=1e-12)
 
 
-def test_propellant_short_is_reported():
+def test_lacking_speed_is_what_the_propellant_cannot_give():
     _, _, _, state = three_stage_plan()
-    _, last, short = burn_time_to_go(state[0], 30e3)
-    assert short
-    assert last == state[0]["segment_count"] - 1
-    assert not burn_time_to_go(state[0], 6000.0)[2]
+    end = state[0]["segments"][int(state[0]["segment_count"]) - 1]
+    empty = end["start"] + end["capacity"]
+    reach = thrust_integrals(state[0], empty, math.inf)[0]
+    for beyond in (-300.0, 0.0, 250.0):
+        state[0]["time_to_go"], _ = burn_time_to_go(state[0], reach + beyond)
+        assert lacking_speed(state[0]) == pytest.approx(beyond, abs=1e-6)

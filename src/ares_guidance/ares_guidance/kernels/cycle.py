@@ -28,6 +28,7 @@ from ares_guidance.kernels.optimal import solve_optimal
 from ares_guidance.kernels.segments import (
     plan_segments,
 )
+from ares_guidance.kernels.shortfall import ROUNDS, SETTLED, lacking_speed, lower_target
 from ares_guidance.kernels.start import start_guess
 from ares_guidance.kernels.targets import (
     target_speed,
@@ -171,6 +172,89 @@ def converge(
 
 
 @kernel
+def seek(
+    nav: Record,
+    environment: Record,
+    atmosphere: NDArray[Any],
+    arcs: NDArray[Any],
+    jettisons: NDArray[Any],
+    target: Record,
+    settings: Record,
+    cold: bool,
+    state: Record,
+) -> tuple[int, bool]:
+    """A solution by the chosen law; by PEG where law optimal has none.
+
+    Args:
+        cold: there is no solution to go on from. The others as in :func:`guidance_step`.
+
+    Returns: as :func:`converge`.
+    """
+    error = ERROR_NOT_CONVERGED
+    if settings.law == LAW_OPTIMAL and state.optimal.solved == 1:
+        error = solve_optimal(
+            nav, environment, atmosphere, arcs, jettisons, target, settings, True, False, state
+        )
+    if error == ERROR_NONE:
+        return error, True
+    error, reachable = converge(
+        nav, environment, atmosphere, arcs, jettisons, target, settings, state
+    )
+    state.law = LAW_PEG if settings.law == LAW_OPTIMAL else settings.law
+    if settings.law == LAW_OPTIMAL and (cold or error == ERROR_NONE):
+        guessed = error == ERROR_NONE
+        found = solve_optimal(
+            nav, environment, atmosphere, arcs, jettisons, target, settings, guessed, cold, state
+        )
+        if found == ERROR_NONE:
+            return found, True
+    return error, reachable
+
+
+@kernel
+def seek_within_reach(
+    nav: Record,
+    environment: Record,
+    atmosphere: NDArray[Any],
+    arcs: NDArray[Any],
+    jettisons: NDArray[Any],
+    target: Record,
+    settings: Record,
+    cold: bool,
+    state: Record,
+) -> tuple[int, bool]:
+    """As :func:`seek`, for a target lowered as far as the propellant is short.
+
+    Args: as in :func:`seek`.
+
+    Returns: as :func:`converge`.
+    """
+    if state.cycle == 1 or state.lowered == 0.0:
+        state.target[0] = target
+        state.lowered = 0.0
+    aim = state.target[0]
+    error, reachable = seek(
+        nav, environment, atmosphere, arcs, jettisons, aim, settings, cold, state
+    )
+    for _ in range(ROUNDS):
+        lacking = lacking_speed(state)
+        if error != ERROR_NONE or not abs(lacking) > SETTLED:
+            break
+        if lacking < 0.0 and state.lowered == 0.0:
+            break
+        if lacking < -state.lowered:
+            # the target itself is within reach again
+            state.lowered = 0.0
+            state.target[0] = target
+        else:
+            state.lowered += lower_target(aim, environment.mu, lacking)
+        error, reachable = seek(
+            nav, environment, atmosphere, arcs, jettisons, aim, settings, False, state
+        )
+    return error, reachable
+
+
+@kernel
 def solve(
     nav: Record,
     environment: Record,
@@ -190,32 +274,9 @@ def solve(
     cold = state.phase != PHASE_TRACKING
     copy_solution(state, saved)
     state.iterations = 0
-    error = ERROR_NOT_CONVERGED
-    reachable = True
-    if settings.law == LAW_OPTIMAL and state.optimal.solved == 1:
-        error = solve_optimal(
-            nav, environment, atmosphere, arcs, jettisons, target, settings, True, False, state
-        )
-    if error != ERROR_NONE:
-        error, reachable = converge(
-            nav, environment, atmosphere, arcs, jettisons, target, settings, state
-        )
-        state.law = LAW_PEG if settings.law == LAW_OPTIMAL else settings.law
-        if settings.law == LAW_OPTIMAL and (cold or error == ERROR_NONE):
-            found = solve_optimal(
-                nav,
-                environment,
-                atmosphere,
-                arcs,
-                jettisons,
-                target,
-                settings,
-                error == ERROR_NONE,
-                cold,
-                state,
-            )
-            if found == ERROR_NONE:
-                error, reachable = found, True
+    error, reachable = seek_within_reach(
+        nav, environment, atmosphere, arcs, jettisons, target, settings, cold, state
+    )
     state.total_iterations += state.iterations
     if error == ERROR_NONE and not reachable:
         error = ERROR_TARGET_UNREACHABLE
@@ -243,7 +304,7 @@ def solve(
         state.phase = PHASE_TRACKING
         state.stale_cycles = 0
         accept(nav, state, steering)
-        if error == ERROR_NONE and state.propellant_short == 1:
+        if error == ERROR_NONE and state.lowered > 0.0:
             state.error = ERROR_PROPELLANT_SHORT
         return
     state.stale_cycles += 1
@@ -335,7 +396,7 @@ def guidance_step(
         adopt_steering(nav, state, steering)
         state.phase = PHASE_HOLD
     if state.phase == PHASE_HOLD:
-        state.time_to_go = held_cutoff(nav, environment, arcs, target, state)
+        state.time_to_go = held_cutoff(nav, environment, arcs, state.target[0], state)
         steering.cutoff_time = nav.time + state.time_to_go - state.tail_gain
         if steering.cutoff_time <= nav.time:
             state.phase = PHASE_CUTOFF

@@ -136,7 +136,7 @@ def iterate(
     r = load(nav.position)
     v = load(nav.velocity)
     before = load(state.velocity_to_go)
-    estimate, last, _ = burn_time_to_go(state, norm(before))
+    estimate, last = burn_time_to_go(state, norm(before))
     note_tail_off(arcs[state.segments[last].arc], state)
 
     # "rotation to terminal coordinates", at the cut-off point that the last pass predicted
@@ -150,10 +150,9 @@ def iterate(
 
     # "estimated time-to-go"
     v_go = axpy(-(estimate + state.tail_drift), mean_gravity, sub(wanted_v, v))
-    t_go, _, short = burn_time_to_go(state, norm(v_go))
+    t_go, _ = burn_time_to_go(state, norm(v_go))
     v_go = axpy(estimate - t_go, mean_gravity, v_go)
     state.time_to_go = t_go
-    state.propellant_short = 1 if short else 0
     horizon = t_go + state.tail_drift
     integrals = thrust_integrals(state, horizon, t_go)
     l_sum, j_sum, s_sum = integrals[0], integrals[1], integrals[2]

@@ -246,8 +246,6 @@ def tell(
     end = memory.work.state
     store(state.predicted_position, (end[0], end[1], end[2]))
     store(state.predicted_velocity, (end[3], end[4], end[5]))
-    segment = state.segments[state.segment_count - 1]
-    state.propellant_short = 1 if burn - segment.start > segment.capacity else 0
 
 
 @kernel

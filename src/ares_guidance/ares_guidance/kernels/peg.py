@@ -61,9 +61,8 @@ def iterate(
     v = load(nav.velocity)
     v_go = load(state.velocity_to_go)
 
-    t_go, last, short = burn_time_to_go(state, norm(v_go))
+    t_go, last = burn_time_to_go(state, norm(v_go))
     state.time_to_go = t_go
-    state.propellant_short = 1 if short else 0
     note_tail_off(arcs[state.segments[last].arc], state)
     horizon = t_go + state.tail_drift
     integrals = thrust_integrals(state, horizon, t_go)

@@ -194,7 +194,7 @@ def thrust_integrals(state: Record, until: float, cutoff: float) -> Integrals:
 
 
 @kernel
-def burn_time_to_go(state: Record, delta_v: float) -> tuple[float, int, bool]:
+def burn_time_to_go(state: Record, delta_v: float) -> tuple[float, int]:
     """Time at which the planned burn has given ``delta_v``.
 
     Args:
@@ -202,8 +202,7 @@ def burn_time_to_go(state: Record, delta_v: float) -> tuple[float, int, bool]:
         delta_v: m/s.
 
     Returns:
-        time from now in s, index of the segment in which it falls, and whether the
-        propellant of that segment's stage is spent before.
+        time from now in s, and index of the segment in which it falls.
     """
     left = delta_v
     last = state.segment_count - 1
@@ -215,8 +214,8 @@ def burn_time_to_go(state: Record, delta_v: float) -> tuple[float, int, bool]:
                 left -= gain
                 continue
         tb = -segment.tau * math.expm1(-max(left, 0.0) / segment.exhaust_velocity)
-        return segment.start + tb, i, tb > segment.capacity
-    return 0.0, last, False
+        return segment.start + tb, i
+    return 0.0, last
 
 
 @kernel

@@ -55,7 +55,7 @@ def start_guess(
         for j in range(state.jettison_time.shape[0]):
             state.jettison_time[j] = math.inf
     plan_segments(nav, arcs, jettisons, state)
-    t_go, _, _ = burn_time_to_go(state, norm(load(state.velocity_to_go)))
+    t_go, _ = burn_time_to_go(state, norm(load(state.velocity_to_go)))
     state.time_to_go = t_go
     state.gravity_time = t_go
     radius = norm(r)
