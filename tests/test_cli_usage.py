@@ -97,7 +97,7 @@ def test_a_bad_domain_in_the_environment(capfd, monkeypatch):
 def test_missions_are_listed_and_valid(capfd):
     status, out, err = run(capfd, "missions")
     assert (status, err) == (0, "")
-    for name in ("ares_v", "delta_iii", "saturn_v_as506"):
+    for name in ("ares_v", "ares_v_transients", "delta_iii", "saturn_v_as506"):
         assert re.search(rf"^{name}\s+valid", out, re.MULTILINE)
     assert max(len(line) for line in out.splitlines()) <= 80
 
