@@ -39,7 +39,7 @@ def fly(
     period_ns = round(navigation_period * 1e9)
     tick = 0
     while plant.complete == 0:
-        measure(plant, environment, atmosphere, nav)
+        measure(plant, nav)
         guidance_step(
             nav,
             believed_environment,

@@ -87,6 +87,8 @@ PLANT = np.dtype(
         ("velocity", np.float64, (3,)),
         ("mass", np.float64),
         ("sensed_delta_v", np.float64, (3,)),
+        ("altitude", np.float64),
+        ("heating_rate", np.float64),
         ("arc", np.int64),
         ("arc_start_time", np.float64),
         ("ignited_stage", np.int64),  # last stage that was lit; -1: none
@@ -105,6 +107,7 @@ PLANT = np.dtype(
         ("coming_time", np.float64),  # when it will be in force; inf: none is under way
         ("errors", NAVIGATION_ERRORS),
         ("measurements", np.uint64),  # navigation states so far
+        # from the drop of a part that waits for the heating; 0 before it
         ("peak_heating_after_jettison", np.float64),
         ("event_count", np.int64),
         ("events", EVENT, (MAX_EVENTS,)),

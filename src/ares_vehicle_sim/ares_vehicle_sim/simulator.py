@@ -236,8 +236,7 @@ class Simulator:
         return self._truth[0]
 
     def _measure(self) -> None:
-        arrays = self._arrays
-        measure(self._plant[0], arrays.environment[0], arrays.atmosphere, self._nav[0])
+        measure(self._plant[0], self._nav[0])
 
 
 def _complaint(command: Any, jettisons: int) -> str:

@@ -9,14 +9,11 @@ per flight.
 
 import math
 import zlib
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ares_models.arrays import Record
 from ares_models.jit import kernel
-from ares_models.kernels.environment import heating_rate
 from ares_models.kernels.vectors import Vector, add, axpy, load, store
 
 Word = np.uint64
@@ -122,16 +119,14 @@ def corrupt(errors: Record, state: Word, nav: Record) -> None:
 
 
 @kernel
-def measure(plant: Record, environment: Record, atmosphere: NDArray[Any], nav: Record) -> None:
+def measure(plant: Record, nav: Record) -> None:
     """Fill a record NAVIGATION with what navigation reports now."""
     nav.time = plant.time
-    r = load(plant.position)
-    v = load(plant.velocity)
-    store(nav.position, r)
-    store(nav.velocity, v)
+    store(nav.position, load(plant.position))
+    store(nav.velocity, load(plant.velocity))
     store(nav.sensed_delta_v, load(plant.sensed_delta_v))
     nav.mass = plant.mass
-    nav.heating_rate = heating_rate(r, v, environment, atmosphere)
+    nav.heating_rate = plant.heating_rate
     nav.arc = plant.arc
     nav.arc_start_time = plant.arc_start_time
     nav.jettisoned = plant.jettisoned

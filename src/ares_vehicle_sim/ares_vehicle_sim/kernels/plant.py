@@ -1,6 +1,6 @@
 """The plant: Eq. 2.1 with staging, jettisons and cut-off at their exact times.
 
-Between events the state is integrated by Runge-Kutta 4; every discontinuity of the
+Between events the state is integrated by Runge and Kutta's way; every discontinuity of the
 thrust, and every knot of a thrust-time curve, ends a step, so the impulse is exact.
 """
 
@@ -121,9 +121,18 @@ def commanded_direction(plant: Record, t: float) -> Vector:
 
 
 @kernel
-def log_event(
-    plant: Record, kind: int, index: int, environment: Record, atmosphere: NDArray[Any]
-) -> None:
+def sense(plant: Record, environment: Record, atmosphere: NDArray[Any]) -> None:
+    """Note what follows from the present place and speed: altitude and heating."""
+    r = load(plant.position)
+    plant.altitude = altitude(r, environment)
+    plant.heating_rate = heating_rate(r, load(plant.velocity), environment, atmosphere)
+    # from the jettison on; before it this is zero
+    if plant.heating_rate > plant.peak_heating_after_jettison > 0.0:
+        plant.peak_heating_after_jettison = plant.heating_rate
+
+
+@kernel
+def log_event(plant: Record, kind: int, index: int) -> None:
     """Append an event with the present state."""
     if plant.event_count >= MAX_EVENTS:
         return
@@ -133,22 +142,13 @@ def log_event(
     event.index = index
     event.time = plant.time
     event.mass = plant.mass
-    r = load(plant.position)
-    v = load(plant.velocity)
-    store(event.position, r)
-    store(event.velocity, v)
-    event.heating_rate = heating_rate(r, v, environment, atmosphere)
+    store(event.position, load(plant.position))
+    store(event.velocity, load(plant.velocity))
+    event.heating_rate = plant.heating_rate
 
 
 @kernel
-def begin_arc(
-    plant: Record,
-    k: int,
-    environment: Record,
-    atmosphere: NDArray[Any],
-    arcs: NDArray[Any],
-    jettisons: NDArray[Any],
-) -> None:
+def begin_arc(plant: Record, k: int, arcs: NDArray[Any], jettisons: NDArray[Any]) -> None:
     """Make arc ``k`` the present one: separation and ignition as it says."""
     arc = arcs[k]
     plant.arc = k
@@ -160,12 +160,12 @@ def begin_arc(
         for j in range(jettisons.shape[0]):
             if (plant.jettisoned >> j) & 1 == 0 and jettisons[j].stage < arc.stage:
                 plant.mass += jettisons[j].mass
-        log_event(plant, STAGING, arc.stage, environment, atmosphere)
+        log_event(plant, STAGING, arc.stage)
     if arc.kind == BURN:
         if plant.ignited_stage < arc.stage:
             plant.ignited_stage = arc.stage
             plant.ignition_time = plant.time
-        log_event(plant, IGNITION, k, environment, atmosphere)
+        log_event(plant, IGNITION, k)
 
 
 @kernel
@@ -255,13 +255,7 @@ def accept_command(plant: Record, steering: Record) -> None:
 
 
 @kernel
-def process_due_events(
-    plant: Record,
-    environment: Record,
-    atmosphere: NDArray[Any],
-    arcs: NDArray[Any],
-    jettisons: NDArray[Any],
-) -> None:
+def process_due_events(plant: Record, arcs: NDArray[Any], jettisons: NDArray[Any]) -> None:
     """Carry out everything that falls on the present instant."""
     now = plant.time + SAME_TIME
     if plant.coming_time <= now:
@@ -274,8 +268,9 @@ def process_due_events(
             if jettison_due(plant, jettisons, j) <= now:
                 plant.jettisoned |= 1 << j
                 plant.mass -= jettisons[j].mass
-                log_event(plant, JETTISON_DONE, j, environment, atmosphere)
-                plant.peak_heating_after_jettison = 0.0
+                log_event(plant, JETTISON_DONE, j)
+                if jettisons[j].criterion == HEATING_LIMIT:
+                    plant.peak_heating_after_jettison = plant.heating_rate
         if plant.tail_arc >= 0 and tail_end_time(plant, arcs) <= now:
             plant.tail_arc = -1
             changed = True
@@ -283,19 +278,19 @@ def process_due_events(
         if plant.inserted == 1:
             if plant.tail_arc < 0:
                 plant.complete = 1
-                log_event(plant, FLIGHT_COMPLETE, plant.arc, environment, atmosphere)
+                log_event(plant, FLIGHT_COMPLETE, plant.arc)
         elif arc.kind == BURN and plant.command.cutoff_time <= now:
             plant.inserted = 1
             end_thrust(plant, arcs)
-            log_event(plant, CUTOFF, plant.arc, environment, atmosphere)
+            log_event(plant, CUTOFF, plant.arc)
             changed = True
         elif plant.arc_start_time + arc.duration <= now:
             end_thrust(plant, arcs)
-            log_event(plant, ARC_ENDED, plant.arc, environment, atmosphere)
-            begin_arc(plant, plant.arc + 1, environment, atmosphere, arcs, jettisons)
+            log_event(plant, ARC_ENDED, plant.arc)
+            begin_arc(plant, plant.arc + 1, arcs, jettisons)
             changed = True
         elif burnout_time(plant, arcs) <= now:
-            log_event(plant, DEPLETION, arc.stage, environment, atmosphere)
+            log_event(plant, DEPLETION, arc.stage)
             following = plant.arc + 1
             while (
                 following < arcs.shape[0]
@@ -305,62 +300,67 @@ def process_due_events(
                 following += 1
             if following >= arcs.shape[0]:
                 plant.complete = 1
-                log_event(plant, FLIGHT_COMPLETE, plant.arc, environment, atmosphere)
+                log_event(plant, FLIGHT_COMPLETE, plant.arc)
             else:
-                begin_arc(plant, following, environment, atmosphere, arcs, jettisons)
+                begin_arc(plant, following, arcs, jettisons)
                 changed = True
 
 
 @kernel
-def next_break(plant: Record, arcs: NDArray[Any], jettisons: NDArray[Any], until: float) -> float:
-    """Next instant at which the right-hand side changes its form, at most ``until``."""
-    floor = plant.time + SAME_TIME
-    at = min(until, plant.coming_time)
+def next_event(plant: Record, arcs: NDArray[Any], jettisons: NDArray[Any]) -> float:
+    """Instant of the next thing that :func:`process_due_events` would do; now, if it is due."""
+    at = plant.coming_time
     for j in range(jettisons.shape[0]):
-        due = jettison_due(plant, jettisons, j)
-        if floor < due < at:
-            at = due
+        at = min(at, jettison_due(plant, jettisons, j))
+    if plant.tail_arc >= 0:
+        at = min(at, tail_end_time(plant, arcs))
+    if plant.inserted == 1:
+        return at
+    arc = arcs[plant.arc]
+    end = plant.arc_start_time + arc.duration
+    at = min(at, end)
+    if arc.kind == BURN:
+        cutoff = plant.command.cutoff_time
+        if cutoff < at:
+            at = cutoff
+        burnout = burnout_time(plant, arcs)
+        # a burn as long as its propellant ends by the clock
+        if burnout < at and burnout < end - SAME_BURNOUT:
+            at = burnout
+    return at
+
+
+@kernel
+def next_knot(plant: Record, arcs: NDArray[Any], limit: float) -> float:
+    """Next knot of a running thrust curve; ``limit`` if there is none before it."""
+    floor = plant.time + SAME_TIME
+    at = limit
     if plant.tail_arc >= 0:
         tail = arcs[plant.tail_arc]
         for i in range(tail.tail_knots):
             knot = plant.tail_start_time + tail.tail_time[i]
             if floor < knot < at:
                 at = knot
-    if plant.inserted == 1:
-        return at
     arc = arcs[plant.arc]
-    end = plant.arc_start_time + arc.duration
-    if floor < end < at:
-        at = end
-    if arc.kind == BURN:
+    if plant.inserted == 0 and arc.kind == BURN:
         for i in range(arc.start_knots):
             knot = plant.arc_start_time + arc.start_time[i]
             if floor < knot < at:
                 at = knot
-        cutoff = plant.command.cutoff_time
-        if floor < cutoff < at:
-            at = cutoff
-        burnout = burnout_time(plant, arcs)
-        # a burn as long as its propellant ends by the clock
-        if floor < burnout < at and burnout < end - SAME_BURNOUT:
-            at = burnout
     return at
-
-
-@kernel
-def acceleration(r: Vector, u: Vector, thrust: float, mass: float, environment: Record) -> Vector:
-    """Gravity plus thrust, m/s2."""
-    return axpy(thrust / mass, u, gravity(r, environment))
 
 
 @kernel
 def integrate(
     plant: Record, environment: Record, arcs: NDArray[Any], options: Record, end: float
 ) -> None:
-    """One Runge-Kutta 4 step to ``end``; the thrust curve is linear in between."""
+    """One Runge-Kutta-Nystroem step of order 4 to ``end``; the thrust curve is linear in between.
+
+    Thrust and mass are known functions of time and gravity is one of place, so three
+    accelerations do: at both ends and in the middle.
+    """
     t = plant.time
     h = end - t
-    middle = t + 0.5 * h
     # sampled just inside the step: a knot may be a jump
     inset = 1e-12 * h
     t0, f0 = thrust_now(plant, arcs, t + inset)
@@ -378,25 +378,23 @@ def integrate(
         um = unit(add(u0, u1))
     else:
         u0 = commanded_direction(plant, t)
-        um = commanded_direction(plant, middle)
+        um = commanded_direction(plant, t + 0.5 * h)
         u1 = commanded_direction(plant, end)
     r = load(plant.position)
     v = load(plant.velocity)
     m = plant.mass
-    m_middle = m - 0.25 * h * (f0 + fm)
     m_end = m - h * fm
-    a1 = acceleration(r, u0, t0, m, environment)
-    v2 = axpy(0.5 * h, a1, v)
-    a2 = acceleration(axpy(0.5 * h, v, r), um, tm, m_middle, environment)
-    v3 = axpy(0.5 * h, a2, v)
-    a3 = acceleration(axpy(0.5 * h, v2, r), um, tm, m_middle, environment)
-    v4 = axpy(h, a3, v)
-    a4 = acceleration(axpy(h, v3, r), u1, t1, m_end, environment)
+    s0 = scale(t0 / m, u0)
+    sm = scale(tm / (m - 0.25 * h * (f0 + fm)), um)
+    s1 = scale(t1 / m_end, u1)
+    a0 = add(s0, gravity(r, environment))
+    am = add(sm, gravity(axpy(0.5 * h, axpy(0.25 * h, a0, v), r), environment))
+    a1 = add(s1, gravity(axpy(h, axpy(0.5 * h, am, v), r), environment))
     sixth = h / 6.0
-    store(plant.position, axpy(sixth, add(add(v, v4), scale(2.0, add(v2, v3))), r))
-    store(plant.velocity, axpy(sixth, add(add(a1, a4), scale(2.0, add(a2, a3))), v))
-    # Simpson on the thrust acceleration: what an accelerometer integrates
-    sensed = add(scale(t0 / m, u0), add(scale(4.0 * tm / m_middle, um), scale(t1 / m_end, u1)))
+    store(plant.position, axpy(h, axpy(sixth, axpy(2.0, am, a0), v), r))
+    store(plant.velocity, axpy(sixth, add(a0, axpy(4.0, am, a1)), v))
+    # the same rule on the thrust acceleration: what an accelerometer integrates
+    sensed = add(s0, axpy(4.0, sm, s1))
     store(plant.sensed_delta_v, axpy(sixth, sensed, load(plant.sensed_delta_v)))
     store(plant.direction, u1)
     plant.mass = m_end
@@ -431,8 +429,9 @@ def begin_flight(
     plant.command.cutoff_time = math.nan
     plant.command.jettison = -1
     plant.coming_time = math.inf
-    log_event(plant, FLIGHT_STARTED, 0, environment, atmosphere)
-    begin_arc(plant, 0, environment, atmosphere, arcs, jettisons)
+    sense(plant, environment, atmosphere)
+    log_event(plant, FLIGHT_STARTED, 0)
+    begin_arc(plant, 0, arcs, jettisons)
 
 
 @kernel
@@ -471,27 +470,28 @@ def flight_step(
         options: record OPTIONS.
         until: mission elapsed time, s.
     """
-    process_due_events(plant, environment, atmosphere, arcs, jettisons)
     largest = options.max_step
     if math.isfinite(options.attitude_rate_limit):
         largest = min(largest, SLEW_STEP)
-    while plant.complete == 0 and plant.time < until:
-        end = next_break(plant, arcs, jettisons, until)
+    due = next_event(plant, arcs, jettisons)
+    while plant.complete == 0:
+        if due <= plant.time + SAME_TIME:
+            process_due_events(plant, arcs, jettisons)
+            due = next_event(plant, arcs, jettisons)
+            continue
+        if not plant.time < until:
+            break
+        end = next_knot(plant, arcs, min(until, due))
         steps = max(1, int(math.ceil((end - plant.time) / largest - 1e-9)))
         start = plant.time
         for i in range(1, steps + 1):
             at = end if i == steps else start + (end - start) * i / steps
             integrate(plant, environment, arcs, options, at)
-            if plant.jettisoned != 0:
-                heat = heating_rate(
-                    load(plant.position), load(plant.velocity), environment, atmosphere
-                )
-                if heat > plant.peak_heating_after_jettison:
-                    plant.peak_heating_after_jettison = heat
-        process_due_events(plant, environment, atmosphere, arcs, jettisons)
-    if plant.complete == 0 and altitude(load(plant.position), environment) < 0.0:
+            if i == steps or plant.peak_heating_after_jettison > 0.0:
+                sense(plant, environment, atmosphere)
+    if plant.complete == 0 and plant.altitude < 0.0:
         plant.complete = 1
-        log_event(plant, IMPACT, plant.arc, environment, atmosphere)
+        log_event(plant, IMPACT, plant.arc)
 
 
 @kernel
