@@ -506,6 +506,10 @@ class TestHeatingLimit:
         assert solution.costates.jump_pi == (0.0,)
         free = solve_indirect(arrays, start, heating="ignored")
         assert solution.m_f_kg == pytest.approx(free.m_f_kg, abs=1e-6)
+        worth = {check.name: check.multiplier for check in solution.constraints}
+        assert worth["heating at jettison 0"] == 0.0
+        for check in free.constraints[:4]:
+            assert worth[check.name] == pytest.approx(check.multiplier, rel=1e-6)
 
     def test_drop_held_at_its_earliest_time(self, ares):
         """A limit a little below what the free flight has there: no choice of time is left."""

@@ -133,7 +133,7 @@ def final_hamiltonian(
 
     It is what a second of burning is worth; on an optimum it is positive.
     """
-    if not shoot(
+    shoot(
         start,
         environment,
         atmosphere,
@@ -144,7 +144,9 @@ def final_hamiltonian(
         unknowns,
         False,
         work,
-    ):
+    )
+    # a drop that comes at once has no condition to meet, but it is flown
+    if work.segment_count == 0:
         return math.nan
     s = work.state
     last = work.segment_count - 1
