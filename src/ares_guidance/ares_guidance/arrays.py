@@ -68,7 +68,7 @@ OPTIMAL_MEMORY = np.dtype(
         ("unknowns", np.float64, (MAX_UNKNOWNS,)),
         ("jettisons", JETTISON, (MAX_JETTISONS,)),  # with the limits in on-board units
         ("arcs", ARC, (MAX_SEGMENTS,)),  # with the engines as measured
-        ("arcs_of_stage", np.int64),  # the stage that they were copied for, + 1
+        ("arcs_from", np.int64),  # the arc at which they were copied, + 1
         ("thrust_ratio", np.float64),
         ("flow_ratio", np.float64),
         ("options", OPTIONS),

@@ -98,7 +98,7 @@ class GuidanceNode(FlightNode):
         """Read the mission, compile the law, create the endpoints."""
         values = self.values
         mission = load_mission(values["mission"])
-        arrays = mission.arrays()
+        arrays = mission.arrays(foreseen=True)
         self._jettisons = arrays.jettisons
         self._heating_jettisons = int(np.sum(arrays.jettisons["criterion"] == HEATING_LIMIT))
         self._law = make_law(

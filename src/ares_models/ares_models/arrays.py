@@ -52,7 +52,10 @@ ARC = np.dtype(
         ("thrust", np.float64),  # N, full thrust; 0 for a coast
         ("exhaust_velocity", np.float64),  # m/s; 1 for a coast
         ("mass_flow", np.float64),  # kg/s at full thrust; 0 for a coast
-        ("duration", np.float64),  # s from ignition command to cut-off command; inf if free
+        (
+            "duration",
+            np.float64,
+        ),  # s to the cut-off command; inf: free; 0: to the last drop
         ("begins_stage", np.int64),  # 1: the mass is reset to stack_mass when the arc begins
         ("stack_mass", np.float64),  # kg, the stage and all above it, at the arc that begins it
         ("propellant", np.float64),  # kg usable by the whole stage

@@ -20,6 +20,7 @@ from ares_models.input_file import InputError, InputKind, KeyPath, explain, read
 from ares_models.mission_checks import MAX_STAGES, check_mission
 from ares_models.mission_parts import (
     BurnArc,
+    EngineOut,
     EnvironmentPart,
     HeatingLimitHolds,
     InitialState,
@@ -90,8 +91,17 @@ class Mission(Part):
 
     @property
     def arc_names(self) -> tuple[str, ...]:
-        """One name per arc in flight order: the arc's own, or the stage's."""
-        return tuple(arc.name or stage.name for stage in self.stages for arc in stage.flight_arcs)
+        """One name per arc in flight order: the arc's own, or the stage's.
+
+        A burn that loses engines is two arcs, before and after.
+        """
+        names = []
+        for stage in self.stages:
+            for arc in stage.flight_arcs:
+                names.append(arc.name or stage.name)
+                if isinstance(arc, BurnArc) and arc.engine_out:
+                    names.append(f"{names[-1]}, engine out")
+        return tuple(names)
 
     @property
     def jettison_names(self) -> tuple[str, ...]:
@@ -158,8 +168,12 @@ class Mission(Part):
         except AtmosphereError as error:
             raise MissionError(f"mission {self.name}", [str(error)]) from error
 
-    def arrays(self) -> MissionArrays:
+    def arrays(self, *, foreseen: bool = False) -> MissionArrays:
         """The mission as kernels take it; fresh arrays that the caller may change.
+
+        Args:
+            foreseen: as guidance expects it: no engine fails, and the burn after a failure
+                has no length until it has begun.
 
         Raises:
             MissionError: a package that the atmosphere needs is missing.
@@ -167,7 +181,7 @@ class Mission(Part):
         return MissionArrays(
             environment=self._environment_array(),
             atmosphere=self.atmosphere().table.copy(),
-            arcs=self._arc_array(),
+            arcs=self._arc_array(foreseen),
             jettisons=self._jettison_array(),
             target=self._target_array(),
         )
@@ -212,37 +226,40 @@ class Mission(Part):
         )
         return record
 
-    def _arc_array(self) -> NDArray[np.void]:
-        g0 = self.environment.g0_m_s2
-        records = np.zeros(sum(len(stage.flight_arcs) for stage in self.stages), layout.ARC)
-        n = 0
+    def _arc_array(self, foreseen: bool) -> NDArray[np.void]:
+        rows = []
         for i, stage in enumerate(self.stages):
             for k, arc in enumerate(stage.flight_arcs):
-                record = records[n]
-                n += 1
-                record["stage"] = i
-                record["duration"] = arc.duration_s
-                record["begins_stage"] = int(k == 0)
-                record["stack_mass"] = stage.ignition_mass_kg
-                record["propellant"] = self.propellant(i)
-                record["exhaust_velocity"] = 1.0
-                if not isinstance(arc, BurnArc):
-                    record["kind"] = layout.COAST
-                    continue
-                record["kind"] = layout.BURN
-                record["thrust"] = arc.thrust_n
-                record["exhaust_velocity"] = g0 * arc.isp_s
-                record["mass_flow"] = arc.mass_flow(g0)
-                for key, curve in (("start", arc.start), ("tail", arc.tail_off)):
-                    if curve is None:
-                        continue
-                    knots = len(curve)
-                    record[f"{key}_knots"] = knots
-                    record[f"{key}_time"][:knots] = [t for t, _ in curve]
-                    record[f"{key}_fraction"][:knots] = [fraction for _, fraction in curve]
-                record["start_loss"] = arc.start_loss_s
-                record["tail_gain"] = arc.tail_gain_s
-        return records
+                row = np.zeros(1, layout.ARC)
+                row["stage"] = i
+                row["duration"] = arc.duration_s
+                row["begins_stage"] = int(k == 0)
+                row["stack_mass"] = stage.ignition_mass_kg
+                row["propellant"] = self.propellant(i)
+                row["exhaust_velocity"] = 1.0
+                row["kind"] = layout.COAST
+                rows.append(row)
+                if isinstance(arc, BurnArc):
+                    self._write_burn(arc, row)
+                    if arc.engine_out:
+                        rows.append(_lose_engines(row, arc.engine_out, foreseen))
+        return np.concatenate(rows)
+
+    def _write_burn(self, arc: BurnArc, row: NDArray[np.void]) -> None:
+        g0 = self.environment.g0_m_s2
+        row["kind"] = layout.BURN
+        row["thrust"] = arc.thrust_n
+        row["exhaust_velocity"] = g0 * arc.isp_s
+        row["mass_flow"] = arc.mass_flow(g0)
+        for key, curve in (("start", arc.start), ("tail", arc.tail_off)):
+            if curve is None:
+                continue
+            knots = len(curve)
+            row[f"{key}_knots"] = knots
+            row[f"{key}_time"][0, :knots] = [t for t, _ in curve]
+            row[f"{key}_fraction"][0, :knots] = [fraction for _, fraction in curve]
+        row["start_loss"] = arc.start_loss_s
+        row["tail_gain"] = arc.tail_gain_s
 
     def _jettison_array(self) -> NDArray[np.void]:
         records = np.zeros(len(self.jettisons), layout.JETTISON)
@@ -281,6 +298,25 @@ class Mission(Part):
             record["eccentricity"] = target.eccentricity
             record["argument_of_perigee"] = math.radians(target.argument_of_perigee_deg)
         return record
+
+
+def _lose_engines(before: NDArray[np.void], failure: EngineOut, foreseen: bool) -> NDArray[np.void]:
+    """The arc after an engine failure; the burn before it is shortened, unless foreseen."""
+    after = before.copy()
+    after["begins_stage"] = 0
+    after["thrust"] *= failure.left
+    after["mass_flow"] *= failure.left
+    for name in ("start_knots", "start_loss"):
+        after[name] = 0
+    if foreseen:
+        after["duration"] = 0.0
+        return after
+    after["duration"] -= failure.time_after_ignition_s
+    after["duration"] /= failure.left
+    before["duration"] = failure.time_after_ignition_s
+    for name in ("tail_knots", "tail_gain"):
+        before[name] = 0
+    return after
 
 
 def list_missions() -> tuple[str, ...]:
@@ -335,4 +371,5 @@ _MODELS: dict[str, type[Part]] = {
     "atmosphere": parts.AtmospherePart,
     "stages": parts.Stage,
     "jettisons": parts.Jettison,
+    "engine_out": parts.EngineOut,
 }

@@ -57,7 +57,7 @@ def _check_names(mission: "Mission") -> None:
             )
     if len(mission.jettisons) > MAX_JETTISONS:
         fail(("jettisons",), list(mission.jettisons), f"at most {MAX_JETTISONS} jettisons")
-    arcs = sum(len(stage.flight_arcs) for stage in mission.stages)
+    arcs = len(mission.arc_names)
     if arcs > MAX_ARCS:
         fail(("stages",), arcs, f"at most {MAX_ARCS} arcs in all stages together")
     if mission.environment.atmosphere.model == "nrlmsis" and mission.epoch is None:

@@ -272,8 +272,27 @@ def curve_area(curve: tuple[tuple[float, float], ...]) -> float:
     return sum(0.5 * (t1 - t0) * (f0 + f1) for (t0, f0), (t1, f1) in pairwise(curve))
 
 
+class EngineOut(Part):
+    """Engines lost during a burn; the others burn what is left of its propellant."""
+
+    time_after_ignition_s: Positive
+    engines: Annotated[int, Field(strict=True, ge=2, le=100)]
+    lost: Annotated[int, Field(strict=True, ge=1)] = 1
+
+    @model_validator(mode="after")
+    def _some_are_left(self) -> "EngineOut":
+        if self.lost >= self.engines:
+            fail(("lost",), self.lost, f"fewer than the {self.engines} engines")
+        return self
+
+    @property
+    def left(self) -> float:
+        """Share of the thrust that is left."""
+        return (self.engines - self.lost) / self.engines
+
+
 class BurnArc(Part):
-    """A stretch of constant full thrust."""
+    """A stretch of constant full thrust, or of less once engines are lost."""
 
     name: Name | None = None
     thrust_n: Positive
@@ -281,6 +300,7 @@ class BurnArc(Part):
     burn_time_s: BurnTime
     start: Curve | None = None
     tail_off: Curve | None = None
+    engine_out: EngineOut | None = None
 
     @model_validator(mode="after")
     def _curves(self) -> "BurnArc":
@@ -296,6 +316,23 @@ class BurnArc(Part):
                 ("burn_time_s",),
                 self.burn_time_s,
                 f"at least the {self.start[-1][0]} s that the start takes",
+            )
+        if self.engine_out:
+            self._check_engine_out(self.engine_out)
+
+    def _check_engine_out(self, failure: EngineOut) -> None:
+        if self.burn_time_s == "free":
+            fail(
+                ("engine_out", "time_after_ignition_s"),
+                failure.time_after_ignition_s,
+                "no engine_out in a burn with burn_time_s: free",
+            )
+        earliest = 0.0 if self.start is None else self.start[-1][0]
+        if not earliest <= failure.time_after_ignition_s < self.burn_time_s:
+            fail(
+                ("engine_out", "time_after_ignition_s"),
+                failure.time_after_ignition_s,
+                f"a time from {earliest:g} s to the end of the burn at {self.burn_time_s:g} s",
             )
 
     @property
@@ -349,7 +386,7 @@ Arc = Annotated[
     Discriminator(by_keys({"<coast>": CoastArc, "<burn>": BurnArc}, "<burn>")),
 ]
 
-_SHORTHAND = ("thrust_n", "isp_s", "burn_time_s", "start", "tail_off")
+_SHORTHAND = ("thrust_n", "isp_s", "burn_time_s", "start", "tail_off", "engine_out")
 
 
 class Stage(Part):
@@ -367,6 +404,7 @@ class Stage(Part):
     burn_time_s: BurnTime | None = None
     start: Curve | None = None
     tail_off: Curve | None = None
+    engine_out: EngineOut | None = None
 
     @model_validator(mode="after")
     def _one_form(self) -> "Stage":

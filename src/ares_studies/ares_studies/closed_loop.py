@@ -56,7 +56,7 @@ def fly_compiled(
         law: one of `ares_guidance.law.CODES`.
     """
     options = options or SimulatorOptions()
-    believed = mission.arrays()
+    believed = mission.arrays(foreseen=True)
     vehicle = true_vehicle(mission, dispersions or Dispersions(), seed, flight)
     true, plant = vehicle.arrays, vehicle.plant
     state = np.zeros(1, GUIDANCE_STATE)
@@ -98,7 +98,7 @@ def fly_stepwise(
     Args: as :func:`fly_compiled`; `law` one of `ares_guidance.laws.LAWS`.
     """
     simulator = Simulator(mission, options, dispersions, seed, flight)
-    guide = make_law(law, mission.arrays(), settings)
+    guide = make_law(law, mission.arrays(foreseen=True), settings)
     while not simulator.complete:
         guide.step(simulator.navigation)
         simulator.command(guide.steering)

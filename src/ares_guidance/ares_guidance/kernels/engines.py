@@ -63,7 +63,9 @@ def watch_engines(nav: Record, arcs: NDArray[Any], state: Record) -> None:
     span = nav.time - engines.time
     if engines.mass > 0.0 and 0.0 <= span < SHORTEST:
         return
-    engines.jumped = 0
+    # a burn that nobody foresaw: engines have failed
+    unforeseen = arcs[nav.arc].kind == BURN and arcs[nav.arc].duration == 0.0
+    engines.jumped = 1 if unforeseen and nav.arc != engines.arc else 0
     if state.thrust_ratio == 0.0 or arcs[nav.arc].stage != engines.stage:
         state.thrust_ratio = 1.0
         state.flow_ratio = 1.0

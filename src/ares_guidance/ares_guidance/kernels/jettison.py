@@ -12,7 +12,7 @@ from ares_guidance.kernels.prediction import gravity_effect, steered_thrust
 from ares_guidance.kernels.segments import (
     thrust_integrals,
 )
-from ares_models.arrays import BURN, HEATING_LIMIT, Record
+from ares_models.arrays import HEATING_LIMIT, Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import gravity, log_heating
 from ares_models.kernels.vectors import (
@@ -126,18 +126,11 @@ def heating_crossing(
 
 
 @kernel
-def first_ignition(stage: int, nav: Record, arcs: NDArray[Any]) -> float:
-    """Time from now to the first ignition of a stage, s; 0 if it is past."""
-    if arcs[nav.arc].stage > stage:
-        return 0.0
-    for k in range(nav.arc):
-        if arcs[k].stage == stage and arcs[k].kind == BURN:
-            return 0.0
-    begin = nav.arc_start_time
-    for k in range(nav.arc, arcs.shape[0]):
-        if arcs[k].stage == stage and arcs[k].kind == BURN:
-            return max(0.0, begin - nav.time)
-        begin += arcs[k].duration
+def first_ignition(stage: int, arcs: NDArray[Any], state: Record) -> float:
+    """Time from now to the first thrust of a stage in the plan, s; 0 if it is past."""
+    for i in range(state.segment_count):
+        if arcs[state.segments[i].arc].stage >= stage:
+            return state.segments[i].start
     return math.inf
 
 
@@ -170,7 +163,7 @@ def predict_jettisons(
     for j in range(jettisons.shape[0]):
         if (nav.jettisoned >> j) & 1 == 1 or jettisons[j].criterion != HEATING_LIMIT:
             continue
-        earliest = first_ignition(jettisons[j].stage, nav, arcs)
+        earliest = first_ignition(jettisons[j].stage, arcs, state)
         before = state.jettison_time[j] - nav.time
         guess = before if math.isfinite(before) else earliest
         log_limit = math.log(jettisons[j].value * (1.0 - settings.heating_margin) / ratio)

@@ -10,7 +10,12 @@ from typing import Any
 from numpy.typing import NDArray
 
 from ares_guidance.arrays import ERROR_NONE, ERROR_NOT_CONVERGED, HEATING_MEASURED, LAW_OPTIMAL
-from ares_guidance.kernels.segments import note_tail_off, plan_segments, thrust_integrals
+from ares_guidance.kernels.segments import (
+    note_tail_off,
+    plan_segments,
+    stage_floor_mass,
+    thrust_integrals,
+)
 from ares_models.arrays import BURN, HEATING_LIMIT, Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import log_heating_gradient
@@ -59,12 +64,12 @@ def on_board_limits(
 
 
 @kernel
-def on_board_arcs(nav: Record, arcs: NDArray[Any], state: Record) -> None:
+def on_board_arcs(nav: Record, arcs: NDArray[Any], jettisons: NDArray[Any], state: Record) -> None:
     """The mission's arcs, those of the present stage with its engines as measured."""
     memory = state.optimal
     stage = arcs[nav.arc].stage
     if (
-        memory.arcs_of_stage == stage + 1
+        memory.arcs_from == nav.arc + 1
         and memory.thrust_ratio == state.thrust_ratio
         and memory.flow_ratio == state.flow_ratio
     ):
@@ -81,7 +86,13 @@ def on_board_arcs(nav: Record, arcs: NDArray[Any], state: Record) -> None:
         or abs(memory.flow_ratio - state.flow_ratio) > SAME_ENGINE
     ):
         memory.age = REFRESH
-    memory.arcs_of_stage = stage + 1
+    present = memory.arcs[nav.arc]
+    if present.duration == 0.0:
+        # engines have failed: the others burn what is left
+        left = nav.mass - stage_floor_mass(stage, arcs, jettisons, nav.jettisoned)
+        present.duration = nav.time - nav.arc_start_time + left / present.mass_flow
+        memory.age = REFRESH
+    memory.arcs_from = nav.arc + 1
     memory.thrust_ratio = state.thrust_ratio
     memory.flow_ratio = state.flow_ratio
 
@@ -281,7 +292,7 @@ def solve_optimal(
     options.tolerance = TOLERANCE
     count = jettisons.shape[0]
     on_board_limits(jettisons, settings, state, memory)
-    on_board_arcs(nav, arcs, state)
+    on_board_arcs(nav, arcs, jettisons, state)
     believed = memory.jettisons[:count]
     engines = memory.arcs[: arcs.shape[0]]
     iterations = 1

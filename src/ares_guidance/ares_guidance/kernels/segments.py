@@ -91,9 +91,11 @@ def plan_segments(nav: Record, arcs: NDArray[Any], jettisons: NDArray[Any], stat
         thrust_begin = max(cursor, begin + arc.start_loss)
         end = begin + arc.duration + arc.tail_gain
         cursor = thrust_begin
-        if mass_flow > arc.mass_flow and math.isfinite(end):
+        unforeseen = k == nav.arc and arc.duration == 0.0
+        if unforeseen or (mass_flow > arc.mass_flow and math.isfinite(end)):
             floor = stage_floor_mass(arc.stage, arcs, jettisons, dropped)
-            end = min(end, cursor + (mass - floor) / mass_flow)
+            empty = cursor + (mass - floor) / mass_flow
+            end = empty if unforeseen else min(end, empty)
         while True:
             # the next drop within this burn
             drop = -1
