@@ -141,12 +141,13 @@ class Costates:
 
 @dataclass(frozen=True)
 class Solution:
-    """An optimal (or failed) ascent.
+    """An optimal (analytic: approximate; or failed) ascent.
 
     Attributes:
         method: ``direct11``, ``direct14``, ``direct20``, ``jump``, ``indirect``,
-            ``closed_form``.
-        converged: optimal and verified; never True for anything else.
+            ``closed_form``, ``analytic``.
+        converged: optimal and verified; never True for anything else. Of ``analytic``, an
+            approximation and not an optimum: its iteration met its own conditions.
         reason: one line; on failure it names the constraint in the way and by how much.
         jettison_times_s: one per jettison of the mission; nan: not dropped, or before the start.
         t_meco_s: cut-off time; nan without a trajectory.

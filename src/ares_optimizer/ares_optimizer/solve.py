@@ -44,7 +44,8 @@ Array = NDArray[np.float64]
 
 DIRECT_METHODS = ("direct11", "direct14", "direct20", "jump")
 INDIRECT_METHODS = ("indirect", "closed_form")
-METHODS = DIRECT_METHODS + INDIRECT_METHODS
+ANALYTIC_METHOD = "analytic"
+METHODS = (*DIRECT_METHODS, *INDIRECT_METHODS, ANALYTIC_METHOD)
 
 HeatingName = Literal["at_jettison", "from_jettison", "ignored"]
 
@@ -118,6 +119,25 @@ def check_state(arrays: MissionArrays, state: NDArray[np.void]) -> None:
         )
 
 
+def arrays_and_state(
+    mission: Mission | MissionArrays, state: NDArray[np.void] | None
+) -> tuple[MissionArrays, NDArray[np.void]]:
+    """A mission as arrays, and a checked start: the given state or the mission's own.
+
+    Raises:
+        OptimizerError: no start, or one from which no flight can be computed.
+    """
+    if isinstance(mission, Mission):
+        arrays = mission.arrays()
+        state = start_of(mission) if state is None else state
+    else:
+        arrays = mission
+    if state is None:
+        raise OptimizerError("state is missing; a mission given as arrays has no start of its own")
+    check_state(arrays, state)
+    return arrays, state
+
+
 def guess_from(solution: Solution) -> Guess:
     """A guess for a direct method out of any solution with steering arcs.
 
@@ -169,7 +189,8 @@ def solve(
         method: one of METHODS.
         guess: for the direct methods a :class:`Guess` or an earlier solution; for the
             indirect ones what :func:`ares_optimizer.indirect.solve_indirect` takes, or a
-            solution of any method with costates. None: the solver's own start.
+            solution of any method with costates; none for ``analytic``. None: the solver's
+            own start.
         state: where the flight is, shape (1,), dtype NAVIGATION; None: the mission's start.
         heating: ``at_jettison``: the limit holds when the fairing goes (the thesis);
             ``from_jettison``: from then on; ``ignored``: the fairing goes at ignition. None:
@@ -180,8 +201,8 @@ def solve(
             ``trajectory`` and ``costates``. Without it ``converged`` is the solver's word.
 
     Returns:
-        the solution; ``converged`` only if every constraint is met. ``solve_ms`` is the
-        search alone.
+        the solution; ``converged`` only if every constraint is met (``analytic``: if its
+        iteration met its own conditions). ``solve_ms`` is the search alone.
 
     Raises:
         OptimizerError: a bad request: unknown method, bad guess or state.
@@ -194,19 +215,14 @@ def solve(
         raise OptimizerError(
             f"heating is {heating!r}; expected at_jettison, from_jettison or ignored"
         )
-    if isinstance(mission, Mission):
-        arrays = mission.arrays()
-        state = start_of(mission) if state is None else state
-    else:
-        arrays = mission
-    if state is None:
-        raise OptimizerError("state is missing; a mission given as arrays has no start of its own")
-    check_state(arrays, state)
+    arrays, state = arrays_and_state(mission, state)
     if time_limit_s is not None and not time_limit_s >= 0.0:
         raise OptimizerError(f"time_limit_s is {time_limit_s} s; expected 0 or more")
     deadline = Deadline(time_limit_s)
     if jettison_times:
         arrays = hold_jettisons(arrays, jettison_times)
+    if method == ANALYTIC_METHOD:
+        return _solve_analytic(arrays, state, guess, heating, deadline, verify)
     if method in INDIRECT_METHODS:
         return _solve_indirect(arrays, state, method, guess, heating, deadline, verify)
     if isinstance(guess, Solution):
@@ -372,3 +388,23 @@ def _solve_indirect(
     if solution.converged and not verify and not detour_line(arrays, state, solution):
         return solution
     return beside_rival(arrays, state, Heating(heating), solution, extremal, deadline)
+
+
+def _solve_analytic(
+    arrays: MissionArrays,
+    state: NDArray[np.void],
+    guess: Any,
+    heating: HeatingName,
+    deadline: Deadline,
+    verify: bool,
+) -> Solution:
+    # it asks for an optimum itself
+    from ares_optimizer.analytic import solve_analytic
+
+    if guess is not None:
+        raise OptimizerError(f"guess is a {type(guess).__name__}; analytic takes none")
+    if heating != "at_jettison":
+        raise OptimizerError(f"heating is {heating!r}; analytic takes at_jettison")
+    if deadline.passed:
+        return failed(ANALYTIC_METHOD, TIME_LIMIT_PASSED)
+    return solve_analytic(arrays, state=state, verify=verify).solution

@@ -9,7 +9,13 @@ import pytest
 from ares_models.mission import load_mission
 from ares_optimizer.direct import Guess
 from ares_optimizer.solution import OptimizerError
-from ares_optimizer.solve import DIRECT_METHODS, METHODS, guess_from, solve, start_of
+from ares_optimizer.solve import (
+    DIRECT_METHODS,
+    INDIRECT_METHODS,
+    guess_from,
+    solve,
+    start_of,
+)
 
 
 @pytest.fixture(scope="module")
@@ -17,8 +23,8 @@ def ares_v():
     return load_mission("ares_v")
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_every_method_is_proven(ares_v, method):
+@pytest.mark.parametrize("method", DIRECT_METHODS + INDIRECT_METHODS)
+def test_every_optimum_is_proven(ares_v, method):
     solution = solve(ares_v, method)
     assert solution.method == method
     assert solution.converged, solution.reason
