@@ -27,7 +27,7 @@ KEYS = {
     + ("rich", "scipy", "typer")
 }
 # rosdep knows no key for these: installed with pip
-NO_KEY = {"plotly", "pymsis"}
+NO_KEY = {"distributed", "plotly", "pyarrow", "pymsis"}
 # come with a distribution that is listed under another name
 COMES_WITH = {"mcap-ros2": "mcap-ros2-support", "yaml": "pyyaml", "pydantic-core": "pydantic-core"}
 
