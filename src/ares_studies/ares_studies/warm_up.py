@@ -15,9 +15,10 @@ def fly() -> None:
 
 
 def optimize_directly() -> None:
-    """Solve by the direct methods."""
+    """Solve by the direct methods, and analytically."""
     solve(load_mission("ares_v"), "direct11")
     solve(load_mission("ares_v"), "jump")
+    solve(load_mission("ares_v"), "analytic")
 
 
 def optimize_indirectly() -> None:
