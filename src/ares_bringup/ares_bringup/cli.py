@@ -16,13 +16,16 @@ import typer
 from ares_bringup import __version__
 from ares_bringup.options import (
     MAX_DOMAIN_ID,
+    AnalyticProfile,
     CannotStart,
     FlyOptions,
     Guidance,
     Heating,
     HeatingSource,
     InitialGuess,
+    JettisonTarget,
     Method,
+    PositionIntegral,
 )
 
 EXIT_BAD_INPUT = 2
@@ -193,9 +196,40 @@ def optimize(
         list[str] | None,
         typer.Option(metavar="NAME=SECONDS", help="Drop a part at this time whatever the heating."),
     ] = None,
+    profile: Annotated[
+        AnalyticProfile | None,
+        typer.Option(help="Of analytic: polynomials as printed, or improved (default)."),
+    ] = None,
+    position_integral: Annotated[
+        PositionIntegral | None,
+        typer.Option(help="Of analytic: how position is integrated; default: exact."),
+    ] = None,
+    steps: Annotated[
+        tuple[int, int] | None,
+        typer.Option(metavar="N1 N2", help="Of analytic: steps of the trapezoid."),
+    ] = None,
+    jettison_target: Annotated[
+        JettisonTarget | None,
+        typer.Option(help="Of analytic: target of part one, found from; default: mission."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Find the optimal ascent off line, with its proof. Exit status 1: no optimum."""
+    given = {
+        "profile": profile and profile.value,
+        "position_integral": position_integral and position_integral.value,
+        "steps": steps,
+        "jettison_target": jettison_target and jettison_target.value,
+    }
+    asked = {name: value for name, value in given.items() if value is not None}
+    if method is Method.ANALYTIC:
+        from ares_bringup.analytic import optimize_analytic
+
+        others = {"--heating": heating, "--hold-jettison": hold_jettison}
+        refused = [name for name, value in others.items() if value]
+        raise typer.Exit(optimize_analytic(mission, as_json, refused, asked))
+    for name in asked:
+        raise BadInput(f"--{name.replace('_', '-')} goes with --method analytic only")
     from ares_bringup.optimize import optimize as solve
 
     status = solve(

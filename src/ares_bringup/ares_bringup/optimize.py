@@ -99,11 +99,11 @@ def _print(mission: Mission, solution: Solution, out: Console) -> None:
             if math.isfinite(value):
                 out.print(f"{name:<18}{value:>14,.3f}")
     out.print()
-    out.print(_arc_table(solution))
+    out.print(arc_table(solution))
     out.print()
-    out.print(_constraint_table(solution))
+    out.print(constraint_table(solution))
     out.print()
-    for line in _proof(solution):
+    for line in proof_lines(solution):
         out.print(line, soft_wrap=True)
 
 
@@ -118,13 +118,14 @@ def _results(solution: Solution) -> dict[str, float]:
 
 def _thesis_table(solution: Solution) -> Table:
     """Table 4.1 with a column of ours."""
-    table = _table("Table 4.1", "OTIS", "thesis", "ours")
+    table = plain_table("Table 4.1", "OTIS", "thesis", "ours")
     for name, ours in _results(solution).items():
         table.add_row(name, *(number(value, 2) for value in (*THESIS_TABLE[name], ours)))
     return table
 
 
-def _table(first: str, *columns: str) -> Table:
+def plain_table(first: str, *columns: str) -> Table:
+    """A table without lines: names, then figures."""
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     table.add_column(first)
     for column in columns:
@@ -132,8 +133,9 @@ def _table(first: str, *columns: str) -> Table:
     return table
 
 
-def _arc_table(solution: Solution) -> Table:
-    table = _table("steering from", "to s", "mass kg", "to kg", "delta-V m/s", "rate deg/s")
+def arc_table(solution: Solution) -> Table:
+    """The steering laws, one row each."""
+    table = plain_table("steering from", "to s", "mass kg", "to kg", "delta-V m/s", "rate deg/s")
     for arc in solution.arcs:
         rate = math.degrees(float(np.linalg.norm(arc.direction_rate)))
         table.add_row(
@@ -147,8 +149,9 @@ def _arc_table(solution: Solution) -> Table:
     return table
 
 
-def _constraint_table(solution: Solution) -> Table:
-    table = _table("constraint", "value", "limit", "", "kg per unit")
+def constraint_table(solution: Solution) -> Table:
+    """The constraints as the independent integration finds them."""
+    table = plain_table("constraint", "value", "limit", "", "kg per unit")
     for check in solution.constraints:
         state = "active" if check.active else "slack"
         if not check.satisfied:
@@ -164,7 +167,8 @@ def _constraint_table(solution: Solution) -> Table:
     return table
 
 
-def _proof(solution: Solution) -> list[str]:
+def proof_lines(solution: Solution) -> list[str]:
+    """How good it is, and what it cost to find."""
     lines = []
     proof = solution.verification
     if proof is not None:

@@ -44,6 +44,29 @@ class Method(StrEnum):
     JUMP = "jump"
     INDIRECT = "indirect"
     CLOSED_FORM = "closed_form"
+    ANALYTIC = "analytic"
+
+
+class AnalyticProfile(StrEnum):
+    """Polynomials of method `analytic`, by their names in `ares_optimizer.analytic_options`."""
+
+    THESIS = "thesis"
+    IMPROVED = "improved"
+
+
+class PositionIntegral(StrEnum):
+    """Position integrals of method `analytic`, by their names there."""
+
+    EXACT = "exact"
+    TRAPEZOID = "trapezoid"
+    QUADRATIC = "quadratic"
+
+
+class JettisonTarget(StrEnum):
+    """Where method `analytic` finds its jettison target, by the names there."""
+
+    MISSION = "mission"
+    OPTIMIZER = "optimizer"
 
 
 class Heating(StrEnum):

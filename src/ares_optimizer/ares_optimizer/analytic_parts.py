@@ -107,10 +107,8 @@ def _check_kind(arrays: MissionArrays) -> None:
     arcs = arrays.arcs
     stages = [int(stage) for stage in arcs["stage"]]
     if stages != [0, 1] or np.any(arcs["kind"] != BURN):
-        raise _refuse(
-            f"the mission has {max(stages) + 1} stages of "
-            f"{', '.join(str(stages.count(i)) for i in range(max(stages) + 1))} arcs"
-        )
+        counts = [str(stages.count(stage)) for stage in range(max(stages) + 1)]
+        raise _refuse(f"the mission's {len(counts)} stage(s) have {' and '.join(counts)} arc(s)")
     for k, arc in enumerate(arcs):
         if arc["start_knots"] or arc["tail_knots"]:
             raise _refuse(f"arc {k} has a thrust-time curve")
