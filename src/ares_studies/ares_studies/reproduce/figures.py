@@ -9,7 +9,17 @@ import numpy as np
 from ares_optimizer.solution import Solution
 from ares_studies.history import Profile
 from ares_studies.reproduce import printed
-from ares_studies.reproduce.model import Axis, Figure, Guide, Role, Series, Shape, line, marks
+from ares_studies.reproduce.model import (
+    Axis,
+    Figure,
+    Guide,
+    Role,
+    Series,
+    Shape,
+    about,
+    line,
+    marks,
+)
 from ares_studies.reproduce.sources import Sources
 
 TIME = Axis("mission elapsed time", "s")
@@ -56,7 +66,8 @@ HEATING = Quantity(
 )
 
 
-def _instants(s: Sources, solution: Solution) -> tuple[Guide, ...]:
+def instants(s: Sources, solution: Solution) -> tuple[Guide, ...]:
+    """Staging, jettison and cut-off of a solution."""
     return (
         Guide(s.staging_s, "staging"),
         Guide(round(solution.t_plf_s, 3), "jettison"),
@@ -135,25 +146,20 @@ def _thrust_marks(_: Sources) -> tuple[Series, ...]:
     )
 
 
-def _angle_marks(_: Sources) -> tuple[Series, ...]:
+def angle_marks() -> Series:
+    """Printed flight-path angles of the thesis' optimum."""
     table = printed.values("table-2.1")
     vehicle = printed.values("table-2.2")
     staging = printed.values("table-6.1")["optimum"]["gamma_staging_deg"]
     end = printed.values("table-4.1")["thesis"]["cutoff_s"]
-    return (
-        marks(
-            "thesis, printed",
-            "thesis",
-            [
-                (
-                    vehicle["start_s"],
-                    table["initial"]["flight_path_angle_deg"],
-                    "Table 2.1: start",
-                ),
-                (vehicle["staging_s"], staging, "Table 6.1: optimum at staging"),
-                (end, table["target"]["flight_path_angle_deg"], "Table 2.1: target"),
-            ],
-        ),
+    return marks(
+        "thesis, printed",
+        "thesis",
+        [
+            (vehicle["start_s"], table["initial"]["flight_path_angle_deg"], "Table 2.1: start"),
+            (vehicle["staging_s"], staging, "Table 6.1: optimum at staging"),
+            (end, table["target"]["flight_path_angle_deg"], "Table 2.1: target"),
+        ],
     )
 
 
@@ -193,7 +199,7 @@ _MARKS: dict[str, Marks] = {
     "speed_m_s": _speed_marks,
     "mass_kg": _mass_marks,
     "thrust_n": _thrust_marks,
-    "flight_path_angle_deg": _angle_marks,
+    "flight_path_angle_deg": lambda _: (angle_marks(),),
     "heating_w_m2": _heating_marks,
     "pitch_deg": _pitch_marks,
 }
@@ -207,17 +213,19 @@ def _levels(s: Sources, quantity: Quantity) -> tuple[Guide, ...]:
 
 def _nominal(quantity: Quantity, s: Sources) -> Figure:
     """Figures 4.1 to 4.6: the optimum, and the optimum with the thesis' jettison time."""
+    held = f"here, jettison held at {s.held.t_plf_s:.2f} s"
+    curves = [
+        quantity.draw("here, optimum", "here", s.optimum_profile),
+        quantity.draw(held, "other", s.held_profile, "dashes"),
+    ]
+    if quantity is THRUST:
+        # what the thesis left out shows here
+        curves[1] = quantity.draw("here, with transients", "third", s.transients_profile, "dashes")
     return Figure(
         TIME,
         quantity.axis,
-        (
-            quantity.draw("here, optimum", "here", s.optimum_profile),
-            quantity.draw(
-                f"here, jettison held at {s.held.t_plf_s:.2f} s", "other", s.held_profile, "dashes"
-            ),
-            *_MARKS[quantity.column](s),
-        ),
-        _instants(s, s.optimum),
+        (*curves, *_MARKS[quantity.column](s)),
+        instants(s, s.optimum),
         _levels(s, quantity),
     )
 
@@ -235,9 +243,9 @@ def _cases(quantity: Quantity, s: Sources) -> Figure:
             quantity.draw("20 parameters", "third", profiles[2], "dots"),
             *_MARKS[quantity.column](s),
         ),
-        _instants(s, s.optimum),
+        instants(s, s.optimum),
         _levels(s, quantity),
-        f"The three are nowhere more than {apart:.2g} {quantity.fine} apart."
+        f"The three are nowhere more than {about(apart)} {quantity.fine} apart."
         if apart > _ROUNDING
         else "The three are the same to the last digit.",
     )

@@ -215,6 +215,13 @@ def power(value: float, digits: int = 3, *, signed: bool = False) -> Cell:
     return Cell(f"{mantissa} × 10{raised}".replace("-", MINUS), float(f"{value:.{digits - 1}e}"))
 
 
+def about(value: float) -> str:
+    """Two figures of a number, for a sentence."""
+    if 0.0 < abs(value) < 1e-3:
+        return power(value, 2).text
+    return f"{float(f'{value:.2g}'):,g}"
+
+
 def word(text: str) -> Cell:
     """A cell without a number."""
     return Cell(text)

@@ -43,7 +43,7 @@ PALETTES = {
 }
 
 _CITATION = re.compile(r"\[(E\d+(?:, E\d+)*)\]")
-_INDEX = re.compile(r"(?<![A-Za-z_])([A-Za-zΑ-ωΔ]{1,2})_([A-Za-z]+|\d+)")
+_INDEX = re.compile(r"(?<![A-Za-z_])([A-Za-zΑ-ωΔ]{1,2})_([A-Za-z]+\d?|\d+)")
 
 
 def prose(text: str) -> Markup:

@@ -3,14 +3,15 @@
 from collections.abc import Callable
 from typing import Any, Literal
 
-from ares_studies.reproduce import printed
-from ares_studies.reproduce.figures import FIGURES
+from ares_studies.reproduce import analytic_figures, figures, printed, tables
 from ares_studies.reproduce.headline import headline, masses
 from ares_studies.reproduce.model import Chapter, Erratum, Item, Report
 from ares_studies.reproduce.sources import Sources
-from ares_studies.reproduce.tables import TABLES
 
 Progress = Callable[[str], None]
+
+TABLES = tables.TABLES
+FIGURES = {**figures.FIGURES, **analytic_figures.FIGURES}
 
 
 def make_report(progress: Progress) -> Report:
@@ -44,23 +45,24 @@ def make_report(progress: Progress) -> Report:
 
 def parts() -> list[str]:
     """Names of all parts, in the order in which they are computed."""
-    items = [item["key"] for chapter in printed.contents() for item in chapter["items"]]
-    return [*(_name(key) for key in items), "Errata", "In short"]
+    items = [_name(item) for chapter in printed.contents() for item in chapter["items"]]
+    return [*items, "Errata", "In short"]
 
 
-def _name(key: str) -> str:
-    return key.replace("-", " ").capitalize()
+def _name(item: dict[str, Any]) -> str:
+    """`Table 4.1` for `table-4.1`, unless another name is given."""
+    return str(item.get("name", item["key"].replace("-", " ").capitalize()))
 
 
 def _item(item: dict[str, Any], sources: Sources, progress: Progress) -> Item:
     key = item["key"]
-    progress(_name(key))
+    progress(_name(item))
     kind: Literal["table", "figure"] = "table" if key in TABLES else "figure"
     make = TABLES[key] if key in TABLES else FIGURES[key]
     return Item(
         key,
         kind,
-        _name(key),
+        _name(item),
         item["title"],
         item["see"],
         make(sources),

@@ -7,10 +7,19 @@ from ares_guidance.law import Law
 from ares_models.arrays import HEATING_LIMIT, MissionArrays
 from ares_models.mission import Mission, load_mission
 from ares_models.orbits import Insertion
+from ares_optimizer.analytic import AnalyticSolution, solve_analytic
+from ares_optimizer.analytic_flight import FittedPiece, PlanarFlight, fit_flight, planar_flight
+from ares_optimizer.analytic_options import AnalyticOptions
 from ares_optimizer.solution import OptimizerError, Solution
 from ares_optimizer.solve import solve, start_of
 from ares_studies.history import History, Profile, profile_of, record_flight
 from ares_studies.reproduce import printed
+from ares_studies.transients import (
+    WITH_TRANSIENTS,
+    TransientRow,
+    mass_after_full_flow,
+    transient_study,
+)
 
 MISSION = "ares_v"
 
@@ -99,6 +108,70 @@ class Sources:
         return self._solved(mission, "direct11")
 
     @cached_property
+    def with_transients(self) -> Solution:
+        """The optimum with start and stop transients."""
+        return self._solved(self.transients_mission, "direct11")
+
+    @cached_property
+    def transients_mission(self) -> Mission:
+        """The mission with tail-off, separation coast and engine start."""
+        return load_mission(WITH_TRANSIENTS)
+
+    @cached_property
+    def transients_profile(self) -> Profile:
+        """Columns of the optimum with start and stop transients."""
+        return profile_of(self.transients_mission, self.with_transients)
+
+    @cached_property
+    def transient_rows(self) -> dict[str, TransientRow]:
+        """What each transient costs, up to OTIS' cut-off time, by name."""
+        otis = printed.values("table-4.1")["otis"]["cutoff_s"]
+        return {row.name: row for row in transient_study(otis)}
+
+    @cached_property
+    def planar_optimum(self) -> PlanarFlight:
+        """The optimum in its plane."""
+        return planar_flight(self.optimum)
+
+    @cached_property
+    def fits(self) -> tuple[FittedPiece, ...]:
+        """The polynomials of chapter 5 fitted to the optimum, piece by piece."""
+        return fit_flight(self.planar_optimum, self.staging_s, self.optimum.t_plf_s)
+
+    def analytic(self, **options: object) -> AnalyticSolution:
+        """The analytic solution, from the jettison state of the optimum unless told otherwise."""
+        asked = {"jettison_target": "optimizer"} | options
+        found = solve_analytic(
+            self.mission,
+            AnalyticOptions(**asked),  # type: ignore[arg-type]
+            optimum=self.optimum,
+        )
+        if found.part_one is None or found.part_two is None or found.flight is None:
+            raise OptimizerError(f"analytic with {asked}: {found.solution.reason}")
+        return found
+
+    @cached_property
+    def analytic_printed(self) -> AnalyticSolution:
+        """As Table 6.2 has it: the printed polynomials, a trapezoid of 100 and 100 steps."""
+        steps = tuple(printed.values("table-6.3")[0]["steps"])
+        return self.analytic(profile="thesis", position_integral="trapezoid", steps=steps)
+
+    @cached_property
+    def analytic_exact(self) -> AnalyticSolution:
+        """The printed polynomials, position in closed form."""
+        return self.analytic(profile="thesis", position_integral="exact")
+
+    @cached_property
+    def analytic_improved(self) -> AnalyticSolution:
+        """The better polynomials."""
+        return self.analytic(profile="improved")
+
+    @cached_property
+    def analytic_alone(self) -> AnalyticSolution:
+        """The better polynomials, the jettison state from the mission instead of the optimum."""
+        return self.analytic(profile="improved", jettison_target="mission")
+
+    @cached_property
     def optimum_profile(self) -> Profile:
         """Columns of the optimum."""
         return profile_of(self.mission, self.optimum)
@@ -130,20 +203,17 @@ class Sources:
         law.step(start_of(self.mission)[0])
         return int(law.state["iterations"])
 
-    def mass_after_full_flow(self, cutoff_s: float) -> float:
-        """Mass at a cut-off time if the upper stage burns at full flow from staging on, kg."""
-        upper = self.arrays.arcs[-1]
-        burnt = float(upper["mass_flow"]) * (cutoff_s - self.staging_s)
-        return float(upper["stack_mass"]) - float(self.arrays.jettisons["mass"].sum()) - burnt
-
     @cached_property
     def facts(self) -> dict[str, float]:
         """Numbers that sentences quote, by the name in their braces."""
         table = printed.values("table-4.1")
         otis = table["otis"]
         peg = printed.values("table-6.7")
-        full_otis = self.mass_after_full_flow(otis["cutoff_s"])
-        full_peg = self.mass_after_full_flow(peg["cutoff_s"])
+        full_otis = mass_after_full_flow(self.mission, otis["cutoff_s"])
+        full_peg = mass_after_full_flow(self.mission, peg["cutoff_s"])
+        part_one = self.analytic_printed.part_one
+        assert part_one is not None
+        partials = part_one.partials_m_per_deg
         return {
             "start_gamma_deg": math.degrees(self.start.flight_path_angle),
             "start_inclination_deg": math.degrees(self.start.inclination),
@@ -152,5 +222,7 @@ class Sources:
             "otis_gap_kg": full_otis - otis["final_mass_kg"],
             "peg_full_flow_kg": full_peg,
             "peg_gap_kg": full_peg - peg["final_mass_kg"],
+            "partial_theta": partials["theta_end"],
+            "partial_gamma": partials["gamma_joint"],
             "jump_loss_kg": self.indirect.m_f_kg - self.jump.m_f_kg,
         }
