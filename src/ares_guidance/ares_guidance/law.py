@@ -45,10 +45,10 @@ class LawSettings:
         120.0,
     )
     velocity_to_go_tolerance_m_s: float = _setting(
-        0.1, "Converged when an iteration changes velocity-to-go by less.", "m/s", 1e-9, 100.0
+        1.0, "Converged when an iteration changes velocity-to-go by less.", "m/s", 1e-9, 100.0
     )
     jettison_time_tolerance_s: float = _setting(
-        0.1, "Converged when an iteration moves the predicted jettison by less.", "s", 1e-6, 100.0
+        0.5, "Converged when an iteration moves the predicted jettison by less.", "s", 1e-6, 100.0
     )
     max_iterations: int = _setting(100, "Iterations allowed in one cycle.", "", 1, 10_000)
     max_solve_iterations: int = _setting(

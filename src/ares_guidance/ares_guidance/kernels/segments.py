@@ -120,12 +120,13 @@ def plan_segments(nav: Record, arcs: NDArray[Any], jettisons: NDArray[Any], stat
                 segment.exhaust_velocity = exhaust_velocity
                 segment.tau = mass / mass_flow
                 segment.arc = k
-                segment.capacity = (
-                    mass - stage_floor_mass(arc.stage, arcs, jettisons, dropped)
-                ) / mass_flow
                 count += 1
                 if math.isfinite(segment_end):
+                    segment.capacity = segment.duration
                     mass -= mass_flow * (segment_end - cursor)
+                else:
+                    floor = stage_floor_mass(arc.stage, arcs, jettisons, dropped)
+                    segment.capacity = (mass - floor) / mass_flow
             cursor = segment_end
             if drop < 0:
                 break
