@@ -255,6 +255,89 @@ def reproduce(
 
 
 @app.command()
+def montecarlo(
+    n: Annotated[int, typer.Option("-n", "--flights", min=1, help="Flights.")] = 1000,
+    mission: Annotated[
+        str, typer.Option(help="Name that `ares missions` lists, or path of a mission file.")
+    ] = "ares_v",
+    guidance: Annotated[Guidance, typer.Option(help="Guidance law.")] = Guidance.PEG,
+    dispersions: Annotated[
+        str, typer.Option(help="Shipped dispersions' name, or path of a file.")
+    ] = "standard",
+    seed: Annotated[int, typer.Option(min=0, help="Master seed of what is drawn.")] = 0,
+    only: Annotated[
+        list[int] | None,
+        typer.Option(min=0, metavar="K", help="Fly this flight alone; may be given again."),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder, new or of a campaign to go on with; default: a new name."),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object instead of the tables.")
+    ] = False,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Threads; default: one per core.")
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Fly on the workers of a Dask scheduler.")
+    ] = None,
+    cycle_period: Annotated[
+        float | None, typer.Option(help="Flight time between guidance cycles, s.")
+    ] = None,
+    hold_time: Annotated[
+        float | None, typer.Option(help="Time to go from which the steering is held, s.")
+    ] = None,
+    heating_source: Annotated[
+        HeatingSource | None, typer.Option(help="What times the fairing jettison.")
+    ] = None,
+    stop_success: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            metavar="WIDTH",
+            help="Stop when the 95 % interval of the share of successes is narrower.",
+        ),
+    ] = None,
+    stop_mass: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            metavar="KG",
+            help="Stop when the 95 % interval of the mean final mass is narrower.",
+        ),
+    ] = None,
+) -> None:
+    """Fly dispersed flights in compiled code, keep them in Parquet, judge them."""
+    if only and out is not None:
+        raise BadInput("--only and --out exclude each other: nothing is kept")
+    from ares_bringup.montecarlo import CampaignOptions
+    from ares_bringup.montecarlo import montecarlo as fly_campaign
+
+    status = fly_campaign(
+        CampaignOptions(
+            count=n,
+            mission=mission,
+            guidance=guidance.value,
+            dispersions=dispersions,
+            seed=seed,
+            only=tuple(only or ()),
+            out=out,
+            as_json=as_json,
+            workers=workers,
+            scheduler=scheduler,
+            cycle_period_s=cycle_period,
+            hold_time_s=hold_time,
+            heating_source=heating_source and heating_source.value,
+            success_width=stop_success,
+            mass_width_kg=stop_mass,
+        ),
+        begun=_BEGUN,
+    )
+    raise typer.Exit(status)
+
+
+@app.command()
 def missions(
     files: Annotated[
         list[str] | None,

@@ -1,0 +1,420 @@
+"""What `ares montecarlo` does and prints. No ROS."""
+
+import json
+import math
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from shlex import join
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+from rich.text import Text
+
+from ares_bringup.bag_paths import new_bag, workspace_root
+from ares_bringup.options import CannotStart
+from ares_bringup.report import console, number, shown_path
+from ares_guidance.law import CODES, LawSettings
+from ares_models.atmosphere import AtmosphereError
+from ares_models.input_file import InputError
+from ares_models.mission import load_mission
+from ares_studies.montecarlo.campaign import Plan, fly_campaign
+from ares_studies.montecarlo.engines import EngineError, choose
+from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.statistics import Summary, Tally, summarize
+from ares_studies.montecarlo.store import Store, StoreError
+from ares_studies.montecarlo.table import FLAGS, make_table
+from ares_vehicle_sim.dispersions import STANDARD, Dispersions, load_dispersions
+from ares_vehicle_sim.simulator import CAMPAIGN
+
+EXIT_DONE = 0
+EXIT_INTERRUPTED = 130
+
+#: Folder of new campaigns in the workspace.
+CAMPAIGNS = "campaigns"
+REPORT = "report.html"
+
+
+@dataclass(frozen=True)
+class CampaignOptions:
+    """A campaign as it is asked for.
+
+    Attributes:
+        count: flights.
+        mission: name of a shipped mission or path of a mission file.
+        guidance: guidance law.
+        dispersions: name of shipped dispersions or path of a file.
+        seed: master seed.
+        only: fly these alone, and keep nothing.
+        out: folder, new or of a campaign to go on with; None: a new one.
+        as_json: print one JSON object instead of tables.
+        workers: threads; None: one per core.
+        scheduler: address of a Dask scheduler; None: this machine.
+        cycle_period_s: between guidance cycles; None: the law's default.
+        hold_time_s: time to go from which the steering is held; None: the law's default.
+        heating_source: what times a heating jettison; None: the law's default.
+        success_width: stop when the interval of the share of successes is narrower.
+        mass_width_kg: stop when the interval of the mean final mass is narrower.
+    """
+
+    count: int
+    mission: str
+    guidance: str
+    dispersions: str = STANDARD
+    seed: int = 0
+    only: tuple[int, ...] = ()
+    out: Path | None = None
+    as_json: bool = False
+    workers: int | None = None
+    scheduler: str | None = None
+    cycle_period_s: float | None = None
+    hold_time_s: float | None = None
+    heating_source: str | None = None
+    success_width: float | None = None
+    mass_width_kg: float | None = None
+
+    def settings(self) -> Settings:
+        """What is flown.
+
+        Raises:
+            CannotStart: mission, dispersions, law or a setting is wrong; one line.
+        """
+        if self.guidance not in CODES:
+            known = ", ".join(CODES)
+            raise CannotStart(f"--guidance is {self.guidance!r}; campaigns fly {known}")
+        given: dict[str, Any] = {
+            "cycle_period_s": self.cycle_period_s,
+            "hold_time_s": self.hold_time_s,
+            "heating_source": self.heating_source,
+        }
+        try:
+            return Settings(
+                mission=load_mission(self.mission),
+                dispersions=load_dispersions(self.dispersions),
+                seed=self.seed,
+                law=self.guidance,
+                law_settings=LawSettings(**{k: v for k, v in given.items() if v is not None}),
+                options=CAMPAIGN,
+            )
+        except ValueError as error:
+            raise CannotStart(" ".join(str(error).split())) from error
+
+    def command(self, *verb: str) -> str:
+        """A command of this project that flies by the same settings."""
+        words = ["./ares", *verb, "--mission", self.mission, "--guidance", self.guidance]
+        words += ["--dispersions", self.dispersions, "--seed", str(self.seed)]
+        for name in ("cycle_period", "hold_time"):
+            value = getattr(self, f"{name}_s")
+            if value is not None:
+                words += [f"--{name.replace('_', '-')}", str(value)]
+        if self.heating_source is not None:
+            words += ["--heating-source", self.heating_source]
+        return join(words)
+
+
+@contextmanager
+def _one_line() -> Iterator[None]:
+    """Errors that say what cannot be had become CannotStart."""
+    try:
+        yield
+    except (InputError, AtmosphereError, StoreError, EngineError) as error:
+        raise CannotStart(" ".join(str(error).split())) from error
+
+
+def montecarlo(options: CampaignOptions, begun: float) -> int:
+    """Fly a campaign, print what it says.
+
+    Args:
+        options: the campaign.
+        begun: when the command began, s of time.monotonic().
+
+    Returns:
+        0, or 130 when interrupted.
+
+    Raises:
+        CannotStart: bad input; one line.
+    """
+    settings = options.settings()
+    if options.only:
+        return _fly_alone(options, settings, begun)
+    folder = options.out or new_bag(f"{settings.mission.name}_{settings.law}", _campaigns())
+    with _one_line():
+        engine = choose(options.scheduler, options.workers)
+        # compiles, and finds out whether the dispersions fit the mission
+        Range(settings).fly(0, 1)
+        with Store(folder, settings) as store:
+            plan = Plan(settings, options.count, options.success_width, options.mass_width_kg)
+            with _Watch(store.count(), options.count) as watch:
+                try:
+                    fly_campaign(plan, store, engine, watch)
+                except KeyboardInterrupt:
+                    watch.stop()
+                    _say_interrupted(store, options)
+                    return EXIT_INTERRUPTED
+            summary = summarize(store.flights, nominal_propellant(settings))
+            _report(options, settings, summary, watch, store.flights, begun)
+    return EXIT_DONE
+
+
+def _campaigns() -> Path:
+    return (workspace_root() or Path.cwd()) / CAMPAIGNS
+
+
+def nominal_propellant(settings: Settings) -> float:
+    """Propellant that the last stage uses in the flight that nothing disperses, kg."""
+    exact = Settings(
+        settings.mission,
+        Dispersions(),
+        law=settings.law,
+        law_settings=settings.law_settings,
+        options=settings.options,
+    )
+    return float(Range(exact).fly(0, 1).results["propellant_used"][0])
+
+
+def _say_interrupted(store: Store, options: CampaignOptions) -> None:
+    there = store.count()
+    folder = shown_path(str(store.folder))
+    print(
+        f"interrupted: {there:,} of {options.count:,} flights are in {folder}; "
+        f"the same command with --out {folder} goes on",
+        file=sys.stderr,
+    )
+
+
+# ---- while it flies
+
+
+class _Rate(ProgressColumn):
+    """Flights per second since the begin."""
+
+    def render(self, task: Task) -> Text:
+        elapsed = task.finished_time if task.finished else task.elapsed
+        if not elapsed or not task.completed:
+            return Text("-/s")
+        return Text(f"{task.completed / elapsed:,.0f}/s")
+
+
+class _Watch:
+    """The bar, the clock and the count of flights.
+
+    Attributes:
+        flown: flights of this run.
+        seconds: wall time of flying them.
+    """
+
+    def __init__(self, there: int, total: int) -> None:
+        self.flown = 0
+        self.seconds = 0.0
+        self._failed = 0
+        self._begun = time.monotonic()
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            _Rate(),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            console=console(sys.stderr),
+        )
+        self._task = self._progress.add_task("flying", total=total - there, visible=total > there)
+
+    def __enter__(self) -> "_Watch":
+        self._progress.start()
+        self._begun = time.monotonic()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def stop(self) -> None:
+        """Leave the bar as it is."""
+        self._progress.stop()
+
+    def __call__(self, table: Any) -> None:
+        """Take note of a chunk of flights."""
+        self.flown += table.num_rows
+        self.seconds = time.monotonic() - self._begun
+        self._failed += table.num_rows - int(np.count_nonzero(table["succeeded"].to_numpy()))
+        self._progress.update(
+            self._task,
+            completed=self.flown,
+            description=f"flying, {self._failed:,} failed" if self._failed else "flying",
+        )
+
+    @property
+    def rate(self) -> float | None:
+        """Flights per second; None if none was flown."""
+        return self.flown / self.seconds if self.seconds > 0.0 else None
+
+
+# ---- when it is over
+
+
+def _report(
+    options: CampaignOptions,
+    settings: Settings,
+    summary: Summary,
+    watch: _Watch,
+    results: Path,
+    begun: float,
+) -> None:
+    said = {
+        **_verdict(summary.tally),
+        "flights_per_s": watch.rate,
+        "wall_s": time.monotonic() - begun,
+        "results": str(results.absolute()),
+        "mission": settings.mission.name,
+        "guidance": settings.law,
+        "seed": settings.seed,
+        "outcomes": dict(sorted(summary.tally.outcomes.items())),
+        "intervals_95": {
+            **{name: summary.tally.proportion(name) for name in (*FLAGS, "succeeded")},
+            **dict(zip(("m_f_mean_kg", "m_f_std_kg"), summary.tally.mass_intervals(), strict=True)),
+        },
+        "propellant": {
+            "nominal_kg": summary.reserve.nominal_kg,
+            "bound_kg": summary.reserve.used_kg,
+            "reserve_kg": summary.reserve.reserve_kg,
+            "flights_needed": summary.reserve.needed,
+        },
+        "influences": {
+            name: {influence.name: influence.correlation for influence in influences}
+            for name, influences in summary.influences.items()
+        },
+        "failures": [
+            {"flight": row["flight"], "outcome": row["outcome"], "reason": row["failure"]}
+            for row in summary.worst["failures"]
+        ],
+    }
+    if options.as_json:
+        print(json.dumps(_plain(said), indent=2, allow_nan=False))
+    else:
+        _print(options, settings, summary, said, console())
+
+
+def _verdict(tally: Tally) -> dict[str, Any]:
+    mean, deviation = tally.mass()
+    return {
+        "n": tally.n,
+        "succeeded": tally.counts["succeeded"],
+        **{name: tally.counts[name] for name in FLAGS},
+        "m_f_kg": {"mean": mean, "std": deviation, "min": tally.least, "max": tally.most},
+    }
+
+
+def _plain(value: Any) -> Any:
+    """The same with None for what is no finite number."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value
+
+
+def _print(
+    options: CampaignOptions,
+    settings: Settings,
+    summary: Summary,
+    said: dict[str, Any],
+    out: Console,
+) -> None:
+    tally = summary.tally
+    title = f"{settings.mission.title}, guidance {settings.law}, {tally.n:,} flights"
+    out.print(Text(title), style="bold")
+    out.print()
+    table = Table(box=None, pad_edge=False)
+    for column in ("", "flights", "share", "95 % interval"):
+        table.add_column(column, justify="left" if not column else "right")
+    for name in ("succeeded", *FLAGS):
+        low, high = tally.proportion(name)
+        share = tally.counts[name] / tally.n
+        interval = f"{100 * low:.3f} to {100 * high:.3f} %"
+        row = (name.replace("_", " "), f"{tally.counts[name]:,}", f"{100 * share:.3f} %", interval)
+        table.add_row(*row, style="bold" if name == "succeeded" else "")
+    out.print(table)
+    out.print()
+    names = ("final mass    mean", "              std")
+    for name, value, (low, high) in zip(names, tally.mass(), tally.mass_intervals(), strict=True):
+        out.print(f"{name} {value:,.1f} kg ({low:,.1f} to {high:,.1f})")
+    out.print(f"              {tally.least:,.1f} to {tally.most:,.1f} kg")
+    out.print("reserve       " + _reserve(summary, tally.n))
+    for name, influences in summary.influences.items():
+        strongest = ", ".join(f"{i.name} {i.correlation:+.2f}" for i in influences[:3])
+        if strongest:
+            out.print(f"{name} follows {strongest}")
+    for failure in said["failures"]:
+        out.print(f"flight {failure['flight']}: {failure['reason']}")
+    missing = tally.n - tally.counts["succeeded"] - len(said["failures"])
+    if missing:
+        out.print(f"and {missing:,} more failures")
+    out.print()
+    rate = f", {number(said['flights_per_s'], 0)} flights/s" if said["flights_per_s"] else ""
+    out.print(f"wall time {said['wall_s']:.1f} s{rate}")
+    out.print(f"flights   {shown_path(said['results'])}", soft_wrap=True)
+    out.print(f"again     {options.command('fly')} --flight K", soft_wrap=True)
+
+
+def _reserve(summary: Summary, n: int) -> str:
+    reserve = summary.reserve
+    if math.isfinite(reserve.reserve_kg):
+        return f"{reserve.reserve_kg:,.0f} kg of propellant for 99.7 % of flights (90 % sure)"
+    if n < reserve.needed:
+        return f"takes at least {reserve.needed} flights"
+    return "has no bound: too many flights did not arrive"
+
+
+# ---- one by one
+
+
+def _fly_alone(options: CampaignOptions, settings: Settings, begun: float) -> int:
+    tally = Tally()
+    rows = []
+    with _one_line():
+        flyer = Range(settings)
+        clock = time.monotonic()
+        for flight in options.only:
+            table = make_table(flyer.fly(flight, 1), flyer.columns, settings.mission.jettison_names)
+            tally.add(table)
+            rows += table.to_pylist()
+        seconds = time.monotonic() - clock
+    if options.as_json:
+        said = {
+            **_verdict(tally),
+            "flights_per_s": len(rows) / seconds,
+            "wall_s": time.monotonic() - begun,
+            "results": None,
+            "flights": rows,
+        }
+        print(json.dumps(_plain(said), indent=2, allow_nan=False))
+        return EXIT_DONE
+    out = console()
+    for row in rows:
+        out.print(Text(f"flight {row['flight']}: {row['failure'] or 'success'}"), style="bold")
+        for name, value in row.items():
+            if isinstance(value, float):
+                out.print(
+                    f"  {name:<40}{value:>20,.6g}"
+                    if abs(value) < 1e4
+                    else f"  {name:<40}{value:>20,.3f}"
+                )
+        out.print()
+    return EXIT_DONE

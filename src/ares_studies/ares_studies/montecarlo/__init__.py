@@ -1,0 +1,1 @@
+"""Campaigns of dispersed flights: flown in compiled code, kept in Parquet, judged."""

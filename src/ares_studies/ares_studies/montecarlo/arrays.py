@@ -1,0 +1,33 @@
+"""Structured dtype of a judged flight."""
+
+import numpy as np
+
+RESULT = np.dtype(
+    [
+        ("end_time", np.float64),  # mission elapsed time, s
+        ("mass", np.float64),  # kg at the end, with whatever is still on
+        ("propellant_used", np.float64),  # kg, by the last stage flown
+        ("cutoff_time", np.float64),  # s, of the command; nan: none came
+        # the part dropped by the heating; nan: it was not
+        ("jettison_time", np.float64),  # s
+        ("jettison_heating", np.float64),  # W/m2, true
+        ("jettison_limit", np.float64),  # W/m2, true
+        ("peak_heating_after", np.float64),  # W/m2, from the jettison on
+        # flown minus target, at the end
+        ("radius_error", np.float64),  # m
+        ("speed_error", np.float64),  # m/s
+        ("flight_path_angle_error", np.float64),  # rad
+        ("inclination_error", np.float64),  # rad
+        ("ascending_node_error", np.float64),  # rad; nan: free
+        ("argument_of_perigee_error", np.float64),  # rad; nan: free
+        ("ended", np.int64),  # CUTOFF, DEPLETION or IMPACT
+        ("converged", np.int64),  # 1: guidance had a solution
+        ("iterations", np.int64),
+        ("on_board", np.int64),  # bit k: jettison k was not done before the cut-off
+        # the three that make a success
+        ("terminal_accuracy", np.int64),
+        ("fairing_off", np.int64),
+        ("heating_kept", np.int64),
+    ],
+    align=True,
+)

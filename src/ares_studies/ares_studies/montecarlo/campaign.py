@@ -1,0 +1,123 @@
+"""A campaign from its first chunk to the file of all flights."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from ares_studies.montecarlo.engines import Chunk, Engine
+from ares_studies.montecarlo.flights import Settings
+from ares_studies.montecarlo.statistics import Tally
+from ares_studies.montecarlo.store import Store, StoreError
+
+#: Flights of a chunk: what is lost at most when a process is killed, and the cost of a part.
+LARGEST_CHUNK = 1000
+SMALLEST_CHUNK = 25
+#: Chunks of a campaign at least, so that all cores have work.
+CHUNKS = 16
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a campaign is asked for.
+
+    Attributes:
+        settings: what is flown.
+        count: flights, fewer if it may stop before.
+        success_width: stop when the 95 % interval of the share of successes is narrower.
+        mass_width_kg: stop when the 95 % interval of the mean final mass is narrower.
+    """
+
+    settings: Settings
+    count: int
+    success_width: float | None = None
+    mass_width_kg: float | None = None
+
+    @property
+    def may_stop(self) -> bool:
+        """It may end before `count` flights."""
+        return self.success_width is not None or self.mass_width_kg is not None
+
+    def narrow_enough(self, tally: Tally) -> bool:
+        """Whether every interval that is limited is narrow enough."""
+        if self.success_width is not None:
+            low, high = tally.proportion("succeeded")
+            if high - low > self.success_width:
+                return False
+        if self.mass_width_kg is not None:
+            low, high = tally.mass_intervals()[0]
+            if not high - low <= self.mass_width_kg:
+                return False
+        return True
+
+
+def missing(spans: list[Chunk], count: int) -> Iterator[Chunk]:
+    """Chunks between and after those that there are, up to ``count`` flights."""
+    size = min(LARGEST_CHUNK, max(SMALLEST_CHUNK, count // CHUNKS))
+    at = 0
+    for first, rows in [*spans, (count, 0)]:
+        while at < min(first, count):
+            step = min(size, first - at, count - at)
+            yield at, step
+            at += step
+        at = max(at, first + rows)
+
+
+class _InOrder:
+    """Looks at chunks in their order, so that a campaign stops at the same flight always."""
+
+    def __init__(self, plan: Plan, store: Store) -> None:
+        self._plan = plan
+        self._store = store
+        self._there = dict(store.spans())
+        self._tally = Tally()
+        self.stop_at: int | None = None
+        self._look()
+
+    def add(self, first: int, count: int) -> None:
+        self._there[first] = count
+        self._look()
+
+    def _look(self) -> None:
+        while self.stop_at is None and self._tally.n in self._there:
+            span = (self._tally.n, self._there[self._tally.n])
+            self._tally.add(self._store.read(span))
+            if self._plan.narrow_enough(self._tally):
+                self.stop_at = self._tally.n
+
+
+def fly_campaign(plan: Plan, store: Store, engine: Engine, watch: Callable[[Any], None]) -> int:
+    """Fly what is missing of a campaign and put its file together.
+
+    Args:
+        plan: what is asked for.
+        store: its folder, with what is flown already.
+        engine: who flies.
+        watch: gets every chunk of flights, a pyarrow.Table, as it gets done.
+
+    Returns:
+        how many flights the file holds.
+
+    Raises:
+        StoreError: the folder holds more flights than are asked for.
+        EngineError: the engine cannot be had.
+    """
+    store.reopen()
+    spans = store.spans()
+    flown = max((first + count for first, count in spans), default=0)
+    if flown > plan.count and not plan.may_stop:
+        raise StoreError(f"{store.folder}: holds {flown} flights; expected at least as many")
+    order = _InOrder(plan, store) if plan.may_stop else None
+    tables = engine(plan.settings, missing(spans, plan.count))
+    if order is None or order.stop_at is None:
+        for table in tables:
+            store.write(table)
+            watch(table)
+            if order is not None:
+                order.add(table["flight"][0].as_py(), table.num_rows)
+                if order.stop_at is not None:
+                    break
+    # ends threads and connections
+    tables.close()  # type: ignore[attr-defined]
+    count = order.stop_at if order is not None and order.stop_at is not None else plan.count
+    store.finish(count)
+    return count

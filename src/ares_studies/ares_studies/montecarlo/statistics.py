@@ -1,0 +1,347 @@
+"""What a campaign says: counts, intervals, reserve, sensitivities, worst flights.
+
+Everything is gathered from the file of flights one group of rows at a time, so that the
+memory does not grow with the campaign, but for a few numbers in a thousand flights (the tail
+that the reserve is read from).
+"""
+
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+from scipy import stats
+
+from ares_studies.montecarlo.table import DRAWN, FLAGS
+
+Array = NDArray[np.float64]
+Interval = tuple[float, float]
+
+CONFIDENCE = 0.95
+#: Blocks of flights that the bootstrap draws from instead of single flights.
+BLOCKS = 200
+RESAMPLES = 2000
+#: The reserve is enough in this share of flights, with this confidence.
+RESERVE_SHARE = 0.997
+RESERVE_CONFIDENCE = 0.90
+#: Flights that sensitivities and scatter plots are made of, from the first on.
+SAMPLE = 20_000
+#: Flights of each list of worst ones.
+WORST = 5
+BINS = 80
+
+
+class Tally:
+    """Counts and moments of flights, added in chunks.
+
+    Attributes:
+        n: flights.
+        counts: how many have each of the flags, and all of them (`succeeded`).
+        outcomes: how many ended how.
+        least, most: final mass, kg.
+    """
+
+    def __init__(self) -> None:
+        """Begin with none."""
+        self.n = 0
+        self.counts = dict.fromkeys((*FLAGS, "succeeded"), 0)
+        self.outcomes: Counter[str] = Counter()
+        self.least, self.most = np.inf, -np.inf
+        self._origin: float | None = None
+        # flights, sums and sums of squares of the mass, by block
+        self._blocks = np.zeros((3, BLOCKS))
+
+    def add(self, table: Any) -> None:
+        """Add flights, a pyarrow.Table that follows the ones before."""
+        self.n += table.num_rows
+        for name in self.counts:
+            self.counts[name] += int(np.count_nonzero(table[name].to_numpy()))
+        self.outcomes.update(table["outcome"].to_pylist())
+        mass = table["m_f_kg"].to_numpy()
+        flown = np.isfinite(mass)
+        mass = mass[flown]
+        if mass.size == 0:
+            return
+        if self._origin is None:
+            self._origin = float(mass[0])
+        self.least, self.most = min(self.least, mass.min()), max(self.most, mass.max())
+        block = table["flight"].to_numpy()[flown] % BLOCKS
+        off = mass - self._origin
+        for row, weights in enumerate((None, off, off * off)):
+            self._blocks[row] += np.bincount(block, weights, BLOCKS)
+
+    def proportion(self, name: str) -> Interval:
+        """Exact (Clopper-Pearson) interval of the share of flights that have a flag."""
+        interval = stats.binomtest(self.counts[name], self.n).proportion_ci(CONFIDENCE, "exact")
+        return float(interval.low), float(interval.high)
+
+    def mass(self) -> Interval:
+        """Mean and standard deviation of the final mass, kg."""
+        if self._origin is None:
+            return np.nan, np.nan
+        mean, deviation = _moments(*self._blocks.sum(axis=1))
+        return self._origin + float(mean), float(deviation)
+
+    def mass_intervals(self) -> tuple[Interval, Interval]:
+        """Bootstrap intervals of mean and standard deviation of the final mass, kg.
+
+        Blocks of flights are resampled instead of flights: as good, and of fixed size.
+        """
+        blocks = self._blocks[:, self._blocks[0] > 0.0]
+        if self._origin is None or blocks.shape[1] < 2:
+            return (np.nan, np.nan), (np.nan, np.nan)
+
+        def statistic(count: Array, total: Array, squares: Array, axis: int = -1) -> Array:
+            return _moments(count.sum(axis), total.sum(axis), squares.sum(axis))
+
+        found = stats.bootstrap(
+            tuple(blocks),
+            statistic,
+            n_resamples=RESAMPLES,
+            paired=True,
+            vectorized=True,
+            confidence_level=CONFIDENCE,
+            method="percentile",
+            rng=np.random.default_rng(0),
+        ).confidence_interval
+        low, high = np.asarray(found.low), np.asarray(found.high)
+        return (
+            (self._origin + float(low[0]), self._origin + float(high[0])),
+            (float(low[1]), float(high[1])),
+        )
+
+
+def _moments(count: Any, total: Any, squares: Any) -> Array:
+    """Mean and standard deviation, stacked, from counts and sums."""
+    mean = total / count
+    variance = np.maximum(squares / count - mean * mean, 0.0)
+    return np.array([mean, np.sqrt(variance * count / np.maximum(count - 1.0, 1.0))])
+
+
+@dataclass(frozen=True)
+class Reserve:
+    """Propellant to hold back for dispersions.
+
+    Attributes:
+        needed: flights that the bound takes at least.
+        used_kg: by the last stage: no more in RESERVE_SHARE of flights, with
+            RESERVE_CONFIDENCE; nan: too few flights, or too many that did not arrive.
+        nominal_kg: used by the flight that nothing disperses.
+    """
+
+    needed: int
+    used_kg: float
+    nominal_kg: float
+
+    @property
+    def reserve_kg(self) -> float:
+        """Beyond what the nominal flight uses."""
+        return self.used_kg - self.nominal_kg
+
+
+def bound_rank(n: int) -> int:
+    """Which largest of n numbers bounds RESERVE_SHARE of them with RESERVE_CONFIDENCE; 0: none.
+
+    Distribution-free (order statistics): the k-th largest is beyond the quantile when at least
+    k of n flights are, a binomial number.
+    """
+    return int(stats.binom.ppf(1.0 - RESERVE_CONFIDENCE, n, 1.0 - RESERVE_SHARE))
+
+
+def flights_needed() -> int:
+    """Flights from which on the reserve has a bound."""
+    return int(np.ceil(np.log(1.0 - RESERVE_CONFIDENCE) / np.log(RESERVE_SHARE)))
+
+
+class _Tail:
+    """The largest numbers of many."""
+
+    def __init__(self, size: int) -> None:
+        self._size = size
+        self._values = np.zeros(0)
+
+    def add(self, values: Array) -> None:
+        together = np.concatenate([self._values, values])
+        if together.size > self._size:
+            together = np.partition(together, together.size - self._size)[-self._size :]
+        self._values = together
+
+    def largest(self, k: int) -> float:
+        """The k-th largest, k from 1."""
+        return float(np.sort(self._values)[-k])
+
+
+@dataclass(frozen=True)
+class Histogram:
+    """How often a quantity was where.
+
+    Attributes:
+        edges: shape (bins + 1,).
+        counts: shape (bins,).
+    """
+
+    edges: Array
+    counts: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Influence:
+    """How strongly what was drawn moves a result: Spearman's rank correlation."""
+
+    name: str
+    correlation: float
+    p_value: float
+
+
+@dataclass(frozen=True)
+class Summary:
+    """A campaign.
+
+    Attributes:
+        tally: counts and moments.
+        reserve: of propellant.
+        histograms: by column of the table.
+        influences: of each draw on a result, strongest first, by the result's column.
+        worst: rows, by what is bad about them.
+        sample: columns of the first flights.
+    """
+
+    tally: Tally
+    reserve: Reserve
+    histograms: dict[str, Histogram]
+    influences: dict[str, list[Influence]]
+    worst: dict[str, list[dict[str, Any]]]
+    sample: dict[str, Array] = field(repr=False)
+
+
+HISTOGRAMS = (
+    "m_f_kg",
+    "t_plf_s",
+    "t_meco_s",
+    "heating_at_jettison_w_m2",
+    "heating_peak_after_jettison_w_m2",
+    "propellant_used_kg",
+    "radius_error_m",
+    "speed_error_m_s",
+    "flight_path_angle_error_deg",
+    "inclination_error_deg",
+)
+#: Results whose sensitivities are told.
+TOLD = ("m_f_kg", "t_plf_s", "heating_peak_after_jettison_w_m2")
+#: Lists of worst flights: title, column, and whether low is bad.
+LISTS = (
+    ("least final mass", "m_f_kg", True),
+    ("latest jettison", "t_plf_s", False),
+    ("highest heating after the jettison", "heating_peak_after_jettison_w_m2", False),
+    ("farthest from the target's radius", "radius_error_m", False),
+    ("farthest from the target's speed", "speed_error_m_s", False),
+)
+FAILURES = "failures"
+
+
+def summarize(path: Path, nominal_kg: float) -> Summary:
+    """Everything that is told of a campaign.
+
+    Args:
+        path: its file of flights.
+        nominal_kg: propellant that the last stage uses in the flight that nothing disperses.
+    """
+    gathered = _Gathered(pq.read_metadata(path).num_rows)
+    with pq.ParquetFile(path) as file:
+        for batch in file.iter_batches(SAMPLE):
+            gathered.add(pa.Table.from_batches([batch]))
+        histograms = _histograms(file, gathered.spans)
+    rank = bound_rank(gathered.tally.n)
+    used = gathered.tail.largest(rank) if rank else np.nan
+    return Summary(
+        tally=gathered.tally,
+        reserve=Reserve(flights_needed(), used if np.isfinite(used) else np.nan, nominal_kg),
+        histograms=histograms,
+        influences={name: _influences(gathered.sample, name) for name in TOLD},
+        worst=gathered.worst,
+        sample=gathered.sample,
+    )
+
+
+class _Gathered:
+    """The first of two passes over the flights."""
+
+    def __init__(self, count: int) -> None:
+        self.tally = Tally()
+        self.tail = _Tail(int((1.0 - RESERVE_SHARE) * count) + 1)
+        self.spans: dict[str, Interval] = {}
+        self.worst: dict[str, list[dict[str, Any]]] = {name: [] for name, _, _ in LISTS}
+        self.worst[FAILURES] = []
+        self.sample: dict[str, Array] = {}
+
+    def add(self, table: Any) -> None:
+        self.tally.add(table)
+        used = table["propellant_used_kg"].to_numpy()
+        arrived = table["terminal_accuracy"].to_numpy()
+        self.tail.add(np.where(arrived, used, np.inf))
+        for name in HISTOGRAMS:
+            values = _finite(table, name)
+            if values.size:
+                low, high = self.spans.get(name, (np.inf, -np.inf))
+                self.spans[name] = (min(low, values.min()), max(high, values.max()))
+        for title, name, low_is_bad in LISTS:
+            values = table[name].to_numpy()
+            badness = -values if low_is_bad else np.abs(values)
+            rows = np.argsort(-np.where(np.isfinite(badness), badness, -np.inf), kind="stable")
+            both = self.worst[title] + [
+                row for row in _rows(table, rows[:WORST]) if row[name] is not None
+            ]
+            order = np.argsort([row[name] if low_is_bad else -abs(row[name]) for row in both])
+            self.worst[title] = [both[k] for k in order[:WORST]]
+        failed = np.flatnonzero(~table["succeeded"].to_numpy())
+        room = 2 * WORST - len(self.worst[FAILURES])
+        self.worst[FAILURES] += _rows(table, failed[:room])
+        if not self.sample:
+            self.sample = {
+                name: table[name].to_numpy()
+                for name in table.schema.names
+                if name not in ("outcome", "failure")
+            }
+
+
+def _rows(table: Any, rows: Any) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = table.take(rows).to_pylist()
+    return found
+
+
+def _finite(table: Any, name: str) -> Array:
+    values: Array = table[name].to_numpy()
+    return values[np.isfinite(values)]
+
+
+def _histograms(file: Any, spans: dict[str, Interval]) -> dict[str, Histogram]:
+    edges = {
+        name: np.linspace(low, high if high > low else low + 1.0, BINS + 1)
+        for name, (low, high) in spans.items()
+    }
+    counts = {name: np.zeros(BINS, np.int64) for name in spans}
+    for batch in file.iter_batches(SAMPLE, columns=list(spans)):
+        table = pa.Table.from_batches([batch])
+        for name in spans:
+            counts[name] += np.histogram(_finite(table, name), edges[name])[0]
+    return {name: Histogram(edges[name], counts[name]) for name in spans}
+
+
+def _influences(sample: dict[str, Array], name: str) -> list[Influence]:
+    """Influence of every draw on a result, strongest first; none if the result never varies."""
+    result = sample[name]
+    known = np.isfinite(result)
+    found = []
+    for column, drawn in sample.items():
+        if not column.startswith(DRAWN) or known.sum() < 3:
+            continue
+        if np.ptp(drawn[known]) == 0.0 or np.ptp(result[known]) == 0.0:
+            continue
+        spearman = stats.spearmanr(drawn[known], result[known])
+        draw = column.removeprefix(DRAWN)
+        found.append(Influence(draw, float(spearman.statistic), float(spearman.pvalue)))
+    return sorted(found, key=lambda influence: -abs(influence.correlation))

@@ -1,0 +1,187 @@
+"""A campaign's folder: what is flown, the flights as they come, and all of them in the end.
+
+campaign.json     what is flown; another run with other settings is refused
+parts/            one Parquet file per chunk of flights, each written whole or not at all
+flights.parquet   all flights in order, when the last part is there
+"""
+
+import fcntl
+import json
+import math
+import os
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import IO, Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from ares_studies.montecarlo.flights import Settings
+
+FORMAT = 1
+SETTINGS = "campaign.json"
+PARTS = "parts"
+FLIGHTS = "flights.parquet"
+
+#: Rows of a group in the final file.
+GROUP = 20_000
+_PARTIAL = ".partial"
+
+
+class StoreError(ValueError):
+    """A folder cannot hold this campaign; the text is one line."""
+
+
+def describe(settings: Settings) -> dict[str, Any]:
+    """Everything that a flight depends on but its number, as plain data."""
+    options = asdict(settings.options)
+    data = {
+        "format": FORMAT,
+        "mission": settings.mission.model_dump(mode="json"),
+        "guidance": settings.law,
+        "dispersions": settings.dispersions.model_dump(mode="json"),
+        "seed": settings.seed,
+        "law_settings": asdict(settings.law_settings),
+        "simulator": {key: None if math.isinf(x) else x for key, x in options.items()},
+    }
+    plain: dict[str, Any] = json.loads(json.dumps(data, allow_nan=False))
+    return plain
+
+
+def _first_difference(old: Any, new: Any, path: str = "") -> str:
+    """The first key in which two pieces of plain data differ, with both values; or nothing."""
+    if isinstance(old, dict) and isinstance(new, dict):
+        for key in sorted(old.keys() | new.keys()):
+            found = _first_difference(old.get(key), new.get(key), f"{path}.{key}" if path else key)
+            if found:
+                return found
+        return ""
+    return "" if old == new else f"{path} was {json.dumps(old)}, now {json.dumps(new)}"
+
+
+class Store:
+    """A campaign's folder, held by one process at a time.
+
+    Attributes:
+        folder: the folder.
+    """
+
+    def __init__(self, folder: Path, settings: Settings) -> None:
+        """Begin a campaign in a new folder, or take up the one that lies there.
+
+        Raises:
+            StoreError: another campaign lies there, another process has it, it cannot be
+                written; one line.
+        """
+        self.folder = folder
+        self._parts = folder / PARTS
+        try:
+            self._begin(describe(settings))
+        except (OSError, json.JSONDecodeError) as error:
+            reason = getattr(error, "strerror", None) or f"{SETTINGS} is damaged"
+            raise StoreError(f"{folder}: {reason}") from error
+
+    def _begin(self, wanted: dict[str, Any]) -> None:
+        file = self.folder / SETTINGS
+        if self.folder.is_dir() and not file.exists() and any(self.folder.iterdir()):
+            raise StoreError(f"{self.folder}: is no campaign; expected a new or empty folder")
+        self._parts.mkdir(parents=True, exist_ok=True)
+        self._lock: IO[str] = file.open("a+", encoding="utf-8")
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            self._lock.close()
+            raise StoreError(f"{self.folder}: another process flies this campaign") from None
+        self._lock.seek(0)
+        text = self._lock.read()
+        if not text:
+            self._lock.write(json.dumps(wanted, indent=1) + "\n")
+            self._lock.flush()
+            return
+        difference = _first_difference(json.loads(text), wanted)
+        if difference:
+            self.close()
+            raise StoreError(f"{self.folder}: holds another campaign: {difference}")
+
+    def close(self) -> None:
+        """Let others have the folder."""
+        self._lock.close()
+
+    def __enter__(self) -> "Store":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def flights(self) -> Path:
+        """The file that holds all flights in the end."""
+        return self.folder / FLIGHTS
+
+    # ---- parts
+
+    def _part(self, first: int, count: int) -> Path:
+        return self._parts / f"{first:012}-{count}.parquet"
+
+    def spans(self) -> list[tuple[int, int]]:
+        """First and count of every part, in order; what is no whole part is removed."""
+        spans = []
+        for path in sorted(self._parts.iterdir()):
+            if path.suffix == ".parquet":
+                first, _, count = path.stem.partition("-")
+                spans.append((int(first), int(count)))
+            else:
+                path.unlink()
+        return spans
+
+    def count(self) -> int:
+        """How many flights there are."""
+        if self.flights.exists():
+            return int(pq.read_metadata(self.flights).num_rows)
+        return sum(count for _, count in self.spans())
+
+    def reopen(self) -> None:
+        """Make a finished campaign's file its first part, so that more flights can follow."""
+        if self.flights.exists():
+            for span in self.spans():
+                self._part(*span).unlink()
+            os.replace(self.flights, self._part(0, self.count()))
+
+    def write(self, table: Any) -> None:
+        """Keep a chunk of flights, a pyarrow.Table."""
+        path = self._part(table["flight"][0].as_py(), table.num_rows)
+        partial = path.with_suffix(_PARTIAL)
+        pq.write_table(table, partial, compression="zstd")
+        os.replace(partial, path)
+
+    def finish(self, count: int) -> None:
+        """Put the parts together into one file of the first ``count`` flights."""
+        partial = self.folder / (FLIGHTS + _PARTIAL)
+        writer = None
+        for table in self._joined(count):
+            if writer is None:
+                writer = pq.ParquetWriter(partial, table.schema, compression="zstd")
+            writer.write_table(table, row_group_size=GROUP)
+        if writer is not None:
+            writer.close()
+            os.replace(partial, self.flights)
+        for span in self.spans():
+            self._part(*span).unlink()
+
+    def read(self, span: tuple[int, int]) -> Any:
+        """A part, a pyarrow.Table."""
+        return pq.read_table(self._part(*span))
+
+    def _joined(self, count: int) -> Iterator[Any]:
+        """The first rows of all parts in order, in tables of about GROUP rows."""
+        waiting: list[Any] = []
+        for span in self.spans():
+            if span[0] >= count:
+                break
+            waiting.append(self.read(span).slice(0, count - span[0]))
+            if sum(table.num_rows for table in waiting) >= GROUP:
+                yield pa.concat_tables(waiting)
+                waiting = []
+        if waiting:
+            yield pa.concat_tables(waiting)

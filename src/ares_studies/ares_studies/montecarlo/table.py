@@ -1,0 +1,163 @@
+"""Flights as rows of a table: what was drawn, what came of it, and what was wrong with it."""
+
+import math
+from collections.abc import Sequence
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from ares_studies.montecarlo.flights import Flown
+from ares_studies.montecarlo.kernels import ANGLE, RADIUS_M, SPEED_M_S
+from ares_vehicle_sim.arrays import DEPLETION, IMPACT
+
+
+class Outcome(StrEnum):
+    """How a flight ended, by the first of these that holds."""
+
+    ERROR = "error"
+    IMPACT = "impact"
+    NOT_CONVERGED = "not_converged"
+    DEPLETION = "depletion"
+    TARGET_MISSED = "target_missed"
+    FAIRING_ON = "fairing_on"
+    HEATING_EXCEEDED = "heating_exceeded"
+    SUCCESS = "success"
+
+
+#: Prefix of the columns that say what was drawn.
+DRAWN = "draw_"
+
+#: Columns of numbers: name, field of RESULT, and whether it is an angle, shown in degrees.
+NUMBERS = (
+    ("m_f_kg", "mass", False),
+    ("t_end_s", "end_time", False),
+    ("t_meco_s", "cutoff_time", False),
+    ("t_plf_s", "jettison_time", False),
+    ("heating_at_jettison_w_m2", "jettison_heating", False),
+    ("heating_limit_w_m2", "jettison_limit", False),
+    ("heating_peak_after_jettison_w_m2", "peak_heating_after", False),
+    ("propellant_used_kg", "propellant_used", False),
+    ("radius_error_m", "radius_error", False),
+    ("speed_error_m_s", "speed_error", False),
+    ("flight_path_angle_error_deg", "flight_path_angle_error", True),
+    ("inclination_error_deg", "inclination_error", True),
+    ("ascending_node_error_deg", "ascending_node_error", True),
+    ("argument_of_perigee_error_deg", "argument_of_perigee_error", True),
+)
+#: The three that make a success.
+FLAGS = ("terminal_accuracy", "fairing_off", "heating_kept")
+
+#: Errors that the terminal accuracy limits: column, limit, decimals, unit.
+LIMITS = (
+    ("radius_error_m", RADIUS_M, 0, "m"),
+    ("speed_error_m_s", SPEED_M_S, 2, "m/s"),
+    ("flight_path_angle_error_deg", math.degrees(ANGLE), 3, "deg"),
+    ("inclination_error_deg", math.degrees(ANGLE), 3, "deg"),
+    ("ascending_node_error_deg", math.degrees(ANGLE), 3, "deg"),
+    ("argument_of_perigee_error_deg", math.degrees(ANGLE), 3, "deg"),
+)
+_FIELDS = {name: (field, angle) for name, field, angle in NUMBERS}
+
+
+def drawn_columns(columns: Sequence[str]) -> list[str]:
+    """Names in the table of what is drawn."""
+    return [DRAWN + column.replace(".", "_") for column in columns]
+
+
+def schema(columns: Sequence[str]) -> Any:
+    """The table's schema, a pyarrow.Schema.
+
+    Args:
+        columns: what is drawn, as the sampler names it.
+    """
+    fields = [("flight", pa.int64())]
+    fields += [(name, pa.float64()) for name in drawn_columns(columns)]
+    fields += [(name, pa.float64()) for name, _, _ in NUMBERS]
+    fields += [("iterations", pa.int64())]
+    fields += [(name, pa.bool_()) for name in (*FLAGS, "succeeded")]
+    fields += [("outcome", pa.string()), ("failure", pa.string())]
+    return pa.schema(fields)
+
+
+def make_table(flown: Flown, columns: Sequence[str], jettisons: Sequence[str]) -> Any:
+    """Flights as a pyarrow.Table; what is not known is null.
+
+    Args:
+        flown: the flights.
+        columns: what is drawn, as the sampler names it.
+        jettisons: name of each jettison, for the failures.
+    """
+    results = flown.results
+    count = len(results)
+    failed = np.zeros(count, np.bool_)
+    failed[[flight - flown.first for flight in flown.errors]] = True
+    data: dict[str, Any] = {"flight": np.arange(flown.first, flown.first + count)}
+    for k, name in enumerate(drawn_columns(columns)):
+        data[name] = pa.array(np.ascontiguousarray(flown.inputs[:, k]), from_pandas=True)
+    for name, field, angle in NUMBERS:
+        values = np.degrees(results[field]) if angle else results[field].copy()
+        values[failed] = np.nan
+        data[name] = pa.array(values, from_pandas=True)
+    data["iterations"] = pa.array(results["iterations"].copy(), mask=failed)
+    good = np.ones(count, np.bool_)
+    for name in FLAGS:
+        flag = (results[name] == 1) & ~failed
+        good &= flag
+        data[name] = flag
+    data["succeeded"] = good
+    bad = np.flatnonzero(~good)
+    outcomes = np.full(count, Outcome.SUCCESS, dtype=object)
+    failures = np.full(count, None, dtype=object)
+    for k in bad.tolist():
+        error = flown.errors.get(flown.first + k)
+        if error is not None:
+            outcomes[k], failures[k] = Outcome.ERROR, error
+        else:
+            outcomes[k], failures[k] = explain(results[k], jettisons)
+    data["outcome"] = [str(outcome) for outcome in outcomes]
+    data["failure"] = list(failures)
+    return pa.table(data, schema=schema(columns))
+
+
+def explain(result: Any, jettisons: Sequence[str]) -> tuple[Outcome, str]:
+    """Why a flight is no success: the first reason, and all of them in words.
+
+    Args:
+        result: record RESULT of a flight that is none.
+        jettisons: name of each jettison.
+    """
+    reasons = []
+    if result["ended"] == IMPACT:
+        reasons.append((Outcome.IMPACT, f"met the ground at {result['end_time']:.1f} s"))
+    if not result["converged"]:
+        reasons.append((Outcome.NOT_CONVERGED, "guidance never converged"))
+    if result["ended"] == DEPLETION:
+        reasons.append(
+            (Outcome.DEPLETION, f"propellant gone at {result['end_time']:.1f} s, before cut-off")
+        )
+    misses = _misses(result)
+    if misses:
+        reasons.append((Outcome.TARGET_MISSED, "target missed: " + ", ".join(misses)))
+    on_board = [name for k, name in enumerate(jettisons) if int(result["on_board"]) >> k & 1]
+    if on_board:
+        reasons.append((Outcome.FAIRING_ON, f"{', '.join(on_board)} on at cut-off"))
+    if not result["heating_kept"]:
+        heating, limit = result["jettison_heating"], result["jettison_limit"]
+        text = f"heating at jettison {heating:.1f} W/m2, limit {limit:.1f}"
+        reasons.append((Outcome.HEATING_EXCEEDED, text))
+    return reasons[0][0], "; ".join(text for _, text in reasons)
+
+
+def _misses(result: Any) -> list[str]:
+    """The errors that are beyond their limits, in words."""
+    misses = []
+    for column, limit, decimals, unit in LIMITS:
+        field, angle = _FIELDS[column]
+        error = math.degrees(result[field]) if angle else float(result[field])
+        wanted = column in ("radius_error_m", "speed_error_m_s") or math.isfinite(error)
+        if wanted and not abs(error) <= limit:
+            name = column[: column.index("_error")].replace("_", " ")
+            misses.append(f"{name} by {error:+.{decimals}f} {unit}")
+    return misses

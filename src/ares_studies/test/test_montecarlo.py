@@ -1,0 +1,508 @@
+"""Campaigns: flights by number, their judgement, the folder, who flies, what is said."""
+
+import json
+import math
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import time
+from functools import partial
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from scipy import stats
+
+from ares_models.arrays import TARGET
+from ares_models.mission import load_mission
+from ares_models.orbits import Elements
+from ares_studies.closed_loop import fly_compiled
+from ares_studies.montecarlo import engines
+from ares_studies.montecarlo import flights as flights_module
+from ares_studies.montecarlo.arrays import RESULT
+from ares_studies.montecarlo.campaign import Plan, fly_campaign, missing
+from ares_studies.montecarlo.engines import (
+    EngineError,
+    fly_chunk,
+    fly_here,
+    fly_on_cluster,
+    fly_on_cores,
+)
+from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.kernels import judge_insertion
+from ares_studies.montecarlo.statistics import Tally, bound_rank, flights_needed, summarize
+from ares_studies.montecarlo.store import Store, StoreError
+from ares_studies.montecarlo.table import Outcome, make_table
+from ares_vehicle_sim.dispersions import Dispersions, load_dispersions
+from ares_vehicle_sim.simulator import CAMPAIGN, SimulatorOptions
+
+
+@pytest.fixture(scope="module")
+def ares_v():
+    return load_mission("ares_v")
+
+
+@pytest.fixture(scope="module")
+def standard(ares_v):
+    return Settings(ares_v, load_dispersions("standard"))
+
+
+@pytest.fixture(scope="module")
+def hundred(standard):
+    """A campaign of 100 flights, flown in this thread."""
+    flyer = Range(standard)
+    return make_table(flyer.fly(0, 100), flyer.columns, standard.mission.jettison_names)
+
+
+def fly(plan, folder, engine=fly_here, watch=lambda _: None):
+    with Store(folder, plan.settings) as store:
+        count = fly_campaign(plan, store, engine, watch)
+        return count, pq.read_table(store.flights)
+
+
+# ---- a flight
+
+
+def test_a_flight_is_that_of_the_nodes_two_steps(standard, ares_v):
+    results = Range(standard).fly(3, 2).results
+    for k, flight in enumerate((3, 4)):
+        alone = fly_compiled(
+            ares_v, options=CAMPAIGN, dispersions=standard.dispersions, flight=flight
+        ).plant
+        assert results["mass"][k] == alone["mass"]
+        assert results["end_time"][k] == alone["time"]
+        assert results["propellant_used"][k] == alone["propellant_used"]
+
+
+def test_a_flight_does_not_depend_on_those_before_it(standard):
+    many = Range(standard).fly(0, 20)
+    alone = Range(standard).fly(13, 1)
+    assert many.results[13].tobytes() == alone.results[0].tobytes()
+
+
+@pytest.mark.parametrize("name", ["ares_v", "saturn_v_as506", "delta_iii"])
+def test_campaigns_step_finely_enough(name):
+    """Steps of 1 s against steps of 0.05 s, under the widest dispersions."""
+    dispersions = load_dispersions("wide_start" if name == "ares_v" else "standard")
+    settings = Settings(load_mission(name), dispersions)
+    fine = Settings(settings.mission, dispersions, options=SimulatorOptions(1.0, 0.05))
+    one, two = (Range(given).fly(0, 20).results for given in (settings, fine))
+    assert one["mass"] == pytest.approx(two["mass"], abs=2e-5)
+    assert one["end_time"] == pytest.approx(two["end_time"], abs=1e-7)
+    assert one["jettison_time"] == pytest.approx(two["jettison_time"], abs=1e-6, nan_ok=True)
+
+
+def test_standard_dispersions_all_arrive(hundred):
+    assert hundred.num_rows == 100
+    for name in ("terminal_accuracy", "fairing_off", "heating_kept", "succeeded"):
+        assert all(hundred[name].to_pylist()), name
+    assert set(hundred["outcome"].to_pylist()) == {Outcome.SUCCESS}
+    assert hundred["failure"].null_count == 100
+    assert np.max(hundred["heating_at_jettison_w_m2"].to_numpy()) <= 1135.0
+
+
+def judged(r, v, mu, **fields):
+    target = np.zeros(1, TARGET)
+    for name, value in fields.items():
+        target[name] = value
+    result = np.zeros(1, RESULT)
+    judge_insertion(tuple(r), tuple(v), target[0], mu, result[0])
+    return result[0]
+
+
+def test_a_keplerian_target_is_judged_at_the_nearest_point_of_its_orbit():
+    mu = 3.986e14
+    orbit = Elements(8e6, 0.15, 0.5, 1.0, 2.0, 0.7)
+    fields = {
+        "kind": 2,
+        "semi_major_axis": orbit.semi_major_axis,
+        "eccentricity": orbit.eccentricity,
+        "inclination": orbit.inclination,
+        "ascending_node": orbit.ascending_node,
+        "argument_of_perigee": orbit.argument_of_perigee,
+    }
+    on_it = judged(*orbit.state(mu), mu, **fields)
+    names = [name for name in RESULT.names if name.endswith("_error")]
+    for name in names:
+        assert on_it[name] == pytest.approx(0.0, abs=1e-8), name
+    off = Elements(8e6, 0.15, 0.501, 1.002, 2.003, 0.7)
+    beside = judged(*off.state(mu), mu, **fields)
+    assert beside["inclination_error"] == pytest.approx(0.001, abs=1e-9)
+    assert beside["ascending_node_error"] == pytest.approx(0.002, abs=1e-9)
+    assert beside["argument_of_perigee_error"] == pytest.approx(0.003, abs=1e-9)
+
+
+# ---- failures
+
+
+def only_flight(mission, **given):
+    flyer = Range(Settings(mission, Dispersions(**given)))
+    return make_table(flyer.fly(0, 1), flyer.columns, mission.jettison_names).to_pylist()[0]
+
+
+def constant(value):
+    return {"mean": value, "sigma": 0.0}
+
+
+@pytest.mark.parametrize(
+    ("given", "outcome", "words"),
+    [
+        ({"thrust": constant(-0.5)}, Outcome.IMPACT, "met the ground at"),
+        (
+            {"navigation": {"position_bias_m": constant(1000.0)}},
+            Outcome.TARGET_MISSED,
+            "target missed: radius by +841 m, inclination by -0.012 deg",
+        ),
+        ({"log_density": constant(5.0)}, Outcome.FAIRING_ON, "payload fairing on at cut-off"),
+        (
+            {"jettison_limit": constant(-0.1)},
+            Outcome.HEATING_EXCEEDED,
+            "heating at jettison 1134.9 W/m2, limit 1021.5",
+        ),
+    ],
+)
+def test_each_failure_has_its_reason(ares_v, given, outcome, words):
+    row = only_flight(ares_v, **given)
+    assert row["outcome"] == outcome, row["failure"]
+    assert words in row["failure"]
+    assert not row["succeeded"]
+    assert row["terminal_accuracy"] == (outcome in (Outcome.FAIRING_ON, Outcome.HEATING_EXCEEDED))
+    assert row["fairing_off"] == (outcome in (Outcome.TARGET_MISSED, Outcome.HEATING_EXCEEDED))
+    assert (row["t_plf_s"] is None) == (not row["fairing_off"])
+    # nothing was dropped too early where nothing was dropped
+    assert row["heating_kept"] == (outcome in (Outcome.IMPACT, Outcome.FAIRING_ON))
+
+
+def test_depletion_has_its_reason(ares_v):
+    core, upper = ares_v.stages
+    scarce = upper.model_copy(update={"propellant_kg": 130_000.0})
+    row = only_flight(
+        ares_v.model_copy(update={"stages": (core, scarce)}), stage_mass=[0.0, constant(0.02)]
+    )
+    assert row["outcome"] == Outcome.DEPLETION
+    assert row["failure"].startswith("propellant gone at 774.2 s, before cut-off; target missed: ")
+    assert row["t_meco_s"] is None
+    assert row["propellant_used_kg"] == pytest.approx(130_000.0)
+    assert not row["terminal_accuracy"]
+
+
+def test_an_exception_is_one_flights_own(standard, monkeypatch):
+    real = flights_module.fly_many
+
+    def fail_at_seven(variations, *rest):
+        if 7 in variations["errors"]["flight"]:
+            raise FloatingPointError("struck\nby lightning")
+        real(variations, *rest)
+
+    monkeypatch.setattr(flights_module, "fly_many", fail_at_seven)
+    flyer = Range(standard)
+    table = make_table(flyer.fly(5, 4), flyer.columns, standard.mission.jettison_names)
+    rows = table.to_pylist()
+    assert [row["outcome"] for row in rows] == ["success", "success", "error", "success"]
+    assert rows[2]["failure"] == "FloatingPointError: struck by lightning"
+    assert rows[2]["m_f_kg"] is None
+    assert rows[2]["flight"] == 7
+    monkeypatch.undo()
+    assert (
+        rows[3]
+        == make_table(flyer.fly(8, 1), flyer.columns, standard.mission.jettison_names).to_pylist()[
+            0
+        ]
+    )
+
+
+# ---- the folder
+
+
+def test_chunks_fill_what_is_missing():
+    assert list(missing([], 100)) == [(0, 25), (25, 25), (50, 25), (75, 25)]
+    assert list(missing([(0, 30), (40, 10)], 60)) == [(30, 10), (50, 10)]
+    assert list(missing([(0, 100)], 100)) == []
+    chunks = list(missing([(5000, 1000)], 20_000))
+    assert sum(count for _, count in chunks) == 19_000
+    assert max(count for _, count in chunks) == 1000
+
+
+def test_a_campaign_is_one_file_of_all_flights_in_order(standard, hundred, tmp_path):
+    seen = []
+    count, table = fly(Plan(standard, 100), tmp_path / "c", watch=lambda t: seen.append(t.num_rows))
+    assert count == 100
+    assert table.equals(hundred)
+    assert sum(seen) == 100
+    assert len(seen) > 1
+    assert sorted(path.name for path in (tmp_path / "c").iterdir()) == [
+        "campaign.json",
+        "flights.parquet",
+        "parts",
+    ]
+
+
+def test_an_interrupted_campaign_goes_on(standard, hundred, tmp_path):
+    flown = []
+
+    def interrupt(table):
+        flown.append(table.num_rows)
+        if len(flown) == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fly(Plan(standard, 100), tmp_path, watch=interrupt)
+    (tmp_path / "parts" / "half.partial").write_bytes(b"killed here")
+    again = []
+    _, table = fly(Plan(standard, 100), tmp_path, watch=lambda t: again.append(t.num_rows))
+    assert sum(flown) + sum(again) == 100
+    assert table.equals(hundred)
+
+
+def test_a_finished_campaign_can_grow(standard, hundred, tmp_path):
+    fly(Plan(standard, 30), tmp_path)
+    again = []
+    _, table = fly(Plan(standard, 100), tmp_path, watch=lambda t: again.append(t.num_rows))
+    assert sum(again) == 70
+    assert table.equals(hundred)
+    with pytest.raises(StoreError, match="holds 100 flights; expected at least as many"):
+        fly(Plan(standard, 50), tmp_path)
+    assert fly(Plan(standard, 100), tmp_path)[1].equals(hundred)
+
+
+def test_another_campaign_is_refused(standard, tmp_path):
+    fly(Plan(standard, 25), tmp_path)
+    others = {
+        "seed was 0, now 1": Settings(standard.mission, standard.dispersions, seed=1),
+        'guidance was "peg", now "optimal"': Settings(
+            standard.mission, standard.dispersions, law="optimal"
+        ),
+        "dispersions.draws was": Settings(
+            standard.mission, standard.dispersions.model_copy(update={"draws": "sobol"})
+        ),
+        'mission.title was "Ares V cargo': Settings(
+            standard.mission.model_copy(update={"title": "Ares VI"}), standard.dispersions
+        ),
+    }
+    for words, settings in others.items():
+        with pytest.raises(StoreError) as caught:
+            Store(tmp_path, settings)
+        assert f"{tmp_path}: holds another campaign: {words}" in str(caught.value)
+        assert "\n" not in str(caught.value)
+
+
+def test_folders_that_cannot_hold_a_campaign(standard, tmp_path):
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "novel.txt").write_text("once")
+    with pytest.raises(StoreError, match="is no campaign; expected a new or empty folder"):
+        Store(tmp_path / "full", standard)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StoreError, match=r"exists|Not a directory"):
+        Store(tmp_path / "file", standard)
+    with (
+        Store(tmp_path / "held", standard),
+        pytest.raises(StoreError, match="another process flies this campaign"),
+    ):
+        Store(tmp_path / "held", standard)
+    (tmp_path / "held" / "campaign.json").write_text("{")
+    with pytest.raises(StoreError, match=r"campaign\.json is damaged"):
+        Store(tmp_path / "held", standard)
+
+
+def test_the_folder_says_what_was_flown(standard, tmp_path):
+    fly(Plan(standard, 25), tmp_path)
+    said = json.loads((tmp_path / "campaign.json").read_text())
+    assert said["guidance"] == "peg"
+    assert said["mission"]["name"] == "ares_v"
+    assert said["dispersions"]["thrust"] == [{"centre": 0.0, "size": 0.01, "even": False}]
+    assert said["simulator"]["integration_step_s"] == 1.0
+
+
+# ---- who flies
+
+
+def test_threads_fly_the_same_bit_for_bit(standard, hundred, tmp_path):
+    _, table = fly(Plan(standard, 100), tmp_path, partial(fly_on_cores, count=3))
+    assert table.equals(hundred)
+
+
+def start(arguments, **environment):
+    return subprocess.Popen(
+        [sys.executable, "-m", *arguments],
+        env={**os.environ, **environment},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory):
+    """Address of a scheduler with two workers, and the workers."""
+    folder = tmp_path_factory.mktemp("dask")
+    where = folder / "scheduler.json"
+    given = ["--scheduler-file", str(where), "--no-dashboard"]
+    scheduler = start(
+        ["distributed.cli.dask_scheduler", *given, "--host", "127.0.0.1", "--port", "0"]
+    )
+    workers = [
+        start(
+            ["distributed.cli.dask_worker", *given, "--nthreads", "1", "--no-nanny"]
+            + ["--local-directory", str(folder / name), "--name", name],
+        )
+        for name in ("one", "two")
+    ]
+    deadline = time.monotonic() + 60.0
+    while not (where.exists() and where.read_text()) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    address = json.loads(where.read_text())["address"]
+    from distributed import Client
+
+    with Client(address, set_as_default=False) as client:
+        client.wait_for_workers(2, timeout=60)
+    yield address, workers
+    for process in (*workers, scheduler):
+        process.kill()
+        process.wait()
+
+
+def test_a_cluster_flies_the_same_and_a_lost_worker_loses_no_flight(
+    standard, hundred, tmp_path, cluster
+):
+    address, workers = cluster
+    engine = partial(fly_on_cluster, address=address)
+    _, table = fly(Plan(standard, 100), tmp_path / "both", engine)
+    assert table.equals(hundred)
+
+    def kill_one(_):
+        if workers[0].poll() is None:
+            workers[0].send_signal(signal.SIGKILL)
+            workers[0].wait()
+
+    _, table = fly(Plan(standard, 100), tmp_path / "one", engine, watch=kill_one)
+    assert workers[0].poll() is not None
+    assert table.equals(hundred)
+
+
+def test_no_scheduler_is_one_line(standard, tmp_path, monkeypatch):
+    monkeypatch.setattr(engines, "CONNECT_TIMEOUT", 0.5)
+    with pytest.raises(EngineError, match="no Dask scheduler at") as caught:
+        fly(Plan(standard, 25), tmp_path, partial(fly_on_cluster, address="tcp://127.0.0.1:9"))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_chunk_names_what_it_needs_by_pickle(standard, hundred):
+    assert fly_chunk(pickle.dumps(standard), (10, 3)).equals(hundred.slice(10, 3))
+
+
+# ---- stopping early
+
+
+def test_a_campaign_stops_when_it_knows_enough(standard, tmp_path):
+    plan = Plan(standard, 2000, success_width=0.08)
+    counts = set()
+    for name, engine in (("here", fly_here), ("cores", partial(fly_on_cores, count=3))):
+        count, table = fly(plan, tmp_path / name, engine)
+        counts.add(count)
+        assert table.num_rows == count
+        assert table["flight"].to_pylist() == list(range(count))
+    assert len(counts) == 1
+    count = counts.pop()
+    low, high = stats.binomtest(count, count).proportion_ci(0.95, "exact")
+    assert high - low <= 0.08
+    assert count < 200
+    # and again: nothing more is flown
+    assert fly(plan, tmp_path / "here")[0] == count
+
+
+def test_a_campaign_stops_on_its_mass(standard, tmp_path):
+    count, table = fly(Plan(standard, 2000, mass_width_kg=1500.0), tmp_path)
+    tally = Tally()
+    tally.add(table)
+    low, high = tally.mass_intervals()[0]
+    assert high - low <= 1500.0
+    assert count < 400
+
+
+# ---- what is said
+
+
+def test_tally_of_a_campaign_in_pieces(hundred):
+    whole, pieces = Tally(), Tally()
+    whole.add(hundred)
+    for first in range(0, 100, 30):
+        pieces.add(hundred.slice(first, 30))
+    mass = hundred["m_f_kg"].to_numpy()
+    for tally in (whole, pieces):
+        assert tally.n == 100
+        assert tally.counts["succeeded"] == 100
+        assert tally.outcomes == {"success": 100}
+        assert tally.mass() == pytest.approx((np.mean(mass), np.std(mass, ddof=1)))
+        assert (tally.least, tally.most) == (mass.min(), mass.max())
+
+
+def test_intervals_are_those_of_the_textbook(hundred):
+    tally = Tally()
+    tally.add(hundred)
+    assert tally.proportion("succeeded") == pytest.approx((0.025 ** (1 / 100), 1.0))
+    mass = hundred["m_f_kg"].to_numpy()
+    (low, high), (low_std, high_std) = tally.mass_intervals()
+    expected = stats.norm.interval(0.95, mass.mean(), mass.std(ddof=1) / 10.0)
+    assert (low, high) == pytest.approx(expected, abs=0.1 * (high - low))
+    assert low_std < mass.std(ddof=1) < high_std
+
+
+def test_blocks_resample_as_well_as_flights():
+    """Many more flights than blocks: the interval of the mean keeps its width."""
+    rng = np.random.default_rng(1)
+    mass = rng.normal(170e3, 2e3, 20_000)
+    flags = np.ones(mass.size, bool)
+    columns = dict.fromkeys(
+        ("terminal_accuracy", "fairing_off", "heating_kept", "succeeded"), flags
+    )
+    tally = Tally()
+    tally.add(
+        pa.table(
+            {
+                "flight": np.arange(mass.size),
+                "m_f_kg": mass,
+                "outcome": ["success"] * mass.size,
+                **columns,
+            }
+        )
+    )
+    low, high = tally.mass_intervals()[0]
+    assert high - low == pytest.approx(2 * 1.96 * 2e3 / math.sqrt(mass.size), rel=0.12)
+
+
+def test_the_reserve_is_enough_as_often_as_it_says():
+    assert flights_needed() == 767
+    assert bound_rank(766) == 0
+    assert bound_rank(767) == 1
+    n = 3000
+    rank = bound_rank(n)
+    # the chance that the bound lies beyond the 99.7 % quantile, and just so
+    assert stats.binom.sf(rank - 1, n, 0.003) >= 0.90 > stats.binom.sf(rank, n, 0.003)
+
+
+def test_a_summary_of_a_campaign(standard, tmp_path):
+    weak = Settings(
+        standard.mission,
+        Dispersions(thrust=0.01, log_density={"mean": 0.0, "sigma": 2.5}),
+    )
+    _, table = fly(Plan(weak, 1000), tmp_path, partial(fly_on_cores, count=2))
+    summary = summarize(tmp_path / "flights.parquet", 127_880.0)
+    failed = [row for row in table.to_pylist() if not row["succeeded"]]
+    assert failed
+    assert [row["flight"] for row in summary.worst["failures"]] == [
+        row["flight"] for row in failed[:10]
+    ]
+    mass = table["m_f_kg"].to_numpy()
+    assert [row["m_f_kg"] for row in summary.worst["least final mass"]] == sorted(mass)[:5]
+    used = np.sort(
+        np.where(table["terminal_accuracy"].to_numpy(), table["propellant_used_kg"], np.inf)
+    )
+    assert summary.reserve.used_kg == used[-bound_rank(1000)]
+    assert summary.reserve.reserve_kg == pytest.approx(summary.reserve.used_kg - 127_880.0)
+    assert summary.histograms["m_f_kg"].counts.sum() == 1000
+    strongest = summary.influences["m_f_kg"][0]
+    assert strongest.name == "thrust_core"
+    assert strongest.correlation > 0.5
+    assert summary.influences["t_plf_s"][0].name == "log_density"
