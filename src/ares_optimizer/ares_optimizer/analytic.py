@@ -31,9 +31,10 @@ from ares_optimizer.analytic_parts import (
     target_of_mission,
     target_of_optimum,
 )
+from ares_optimizer.analytic_plane import plane_to_target
 from ares_optimizer.diagnose import target_obstacle
 from ares_optimizer.kernels.analytic import sample_burn
-from ares_optimizer.kernels.analytic_target import place_samples
+from ares_optimizer.kernels.analytic_plane import Plane, place_samples
 from ares_optimizer.kernels.timetable import propellant_used
 from ares_optimizer.solution import OptimizerError, Solution, SteeringArc, Trajectory, failed
 from ares_optimizer.solve import ANALYTIC_METHOD, arrays_and_state, solve
@@ -237,8 +238,9 @@ def solve_analytic(
     solution = failed(ANALYTIC_METHOD, reason)
     if not reason:
         pieces = _pieces(ascent, found)
-        planar, trajectory = _sampled(ascent, pieces)
-        solution = replace(_solution(ascent, pieces), trajectory=trajectory)
+        plane = _plane(ascent, pieces)
+        planar, trajectory = _sampled(ascent, plane, pieces)
+        solution = replace(_solution(ascent, plane, pieces), trajectory=trajectory)
         if verify:
             solution = _verified(ascent, solution, trajectory)
     solution = replace(solution, iterations=iterations, solve_ms=elapsed)
@@ -405,15 +407,44 @@ def _pieces(ascent: Ascent, found: _Found) -> list[_Piece]:
     return pieces
 
 
-def _in_space(ascent: Ascent, samples: Array) -> tuple[Array, Array, Array, Array]:
+def _plane(ascent: Ascent, pieces: Sequence[_Piece]) -> Plane:
+    """Where the planar flight lies in space."""
+    last = pieces[-1]
+    radius, speed, sine, range_angle = last.samples(np.ones(1))[0, :4].tolist()
+    state = ascent.state[0]
+    return plane_to_target(
+        np.asarray(state["position"], dtype=np.float64),
+        np.asarray(state["velocity"], dtype=np.float64),
+        float(ascent.arrays.environment[0]["mu"]),
+        ascent.arrays.target[0],
+        (radius, speed, sine, range_angle),
+        last.end_s - ascent.start_s,
+    )
+
+
+def _in_space(
+    ascent: Ascent, plane: Plane, time_s: Array, samples: Array
+) -> tuple[Array, Array, Array, Array]:
     """Position, velocity, thrust direction, shape (n, 3), and heating, shape (n,)."""
     position, velocity, direction = (np.empty((len(samples), 3)) for _ in range(3))
     rate = np.empty(len(samples))
-    place_samples(samples, ascent.heating(), position, velocity, direction, rate)
+    place_samples(
+        samples,
+        time_s - ascent.start_s,
+        plane,
+        ascent.arrays.environment,
+        ascent.arrays.atmosphere,
+        position,
+        velocity,
+        direction,
+        rate,
+    )
     return position, velocity, direction, rate
 
 
-def _sampled(ascent: Ascent, pieces: Sequence[_Piece]) -> tuple[PlanarFlight, Trajectory]:
+def _sampled(
+    ascent: Ascent, plane: Plane, pieces: Sequence[_Piece]
+) -> tuple[PlanarFlight, Trajectory]:
     """The closed forms every second and at the ends of the burns, in the plane and in space."""
     grids = [
         np.linspace(0.0, 1.0, max(2, math.ceil(piece.duration / _SAMPLE_PERIOD) + 1))
@@ -426,14 +457,15 @@ def _sampled(ascent: Ascent, pieces: Sequence[_Piece]) -> tuple[PlanarFlight, Tr
     gamma = np.arcsin(np.clip(samples[:, 2], -1.0, 1.0))
     theta = np.arctan2(samples[:, 5], samples[:, 4])
     planar = PlanarFlight(times, samples[:, 0], samples[:, 1], gamma, theta, mass)
-    position, velocity, direction, rate = _in_space(ascent, samples)
+    position, velocity, direction, rate = _in_space(ascent, plane, times, samples)
     return planar, Trajectory(times, position, velocity, mass, direction, rate)
 
 
-def _steering_arc(ascent: Ascent, piece: _Piece) -> SteeringArc:
+def _steering_arc(ascent: Ascent, plane: Plane, piece: _Piece) -> SteeringArc:
     """Linear law through the directions at start, middle and end of a burn."""
     x = np.array([0.0, 0.5, 1.0])
-    _, _, (start, middle, end), _ = _in_space(ascent, piece.samples(x))
+    times = piece.start_s + piece.duration * x
+    _, _, (start, middle, end), _ = _in_space(ascent, plane, times, piece.samples(x))
     left = float(np.linalg.norm(np.cross(start, middle)))
     right = float(np.linalg.norm(np.cross(middle, end)))
     # start + size end has to point along the middle
@@ -451,9 +483,9 @@ def _steering_arc(ascent: Ascent, piece: _Piece) -> SteeringArc:
     )
 
 
-def _solution(ascent: Ascent, pieces: Sequence[_Piece]) -> Solution:
+def _solution(ascent: Ascent, plane: Plane, pieces: Sequence[_Piece]) -> Solution:
     """Times, masses and steering; no trajectory and no counts yet."""
-    arcs = tuple(_steering_arc(ascent, piece) for piece in pieces)
+    arcs = tuple(_steering_arc(ascent, plane, piece) for piece in pieces)
     last = arcs[-1]
     reason = _propellant_line(ascent, last.end_s)
     return Solution(

@@ -9,17 +9,18 @@ from numpy.typing import NDArray
 
 from ares_models.arrays import BURN, HEATING_LIMIT, TARGET_KEPLERIAN, MissionArrays
 from ares_optimizer.analytic_options import POSITION_INTEGRALS, STEERINGS, AnalyticOptions
+from ares_optimizer.analytic_plane import tilted_plane
 from ares_optimizer.kernels import analytic as kernels
 from ares_optimizer.kernels import analytic_iteration as iteration
 from ares_optimizer.kernels import analytic_target as target_search
-from ares_optimizer.kernels.guess import target_normal
+from ares_optimizer.kernels.analytic_plane import Plane
 from ares_optimizer.kernels.timetable import propellant_used
 from ares_optimizer.solution import OptimizerError, Solution
 
 Array = NDArray[np.float64]
 
 _FORMS = {"cubic": (kernels.CUBIC, 3), "fitted": (kernels.FITTED, 5)}
-_ITERATIONS = 200
+_ITERATIONS = 100
 _SAME_TIME = 1e-6
 
 
@@ -48,7 +49,7 @@ class Ascent:
         arrays: the mission.
         state: shape (1,), dtype NAVIGATION.
         staging_s: end of the first burn; the start, if that is over.
-        up, ahead: unit vectors of the plane at the start.
+        plane: that of the start.
         radius, speed, gamma: at the start, m, m/s, rad.
         tau_s: mass over mass flow when each burn begins; nan for one that is over.
     """
@@ -56,8 +57,7 @@ class Ascent:
     arrays: MissionArrays
     state: NDArray[np.void]
     staging_s: float
-    up: tuple[float, float, float]
-    ahead: tuple[float, float, float]
+    plane: Plane
     radius: float
     speed: float
     gamma: float
@@ -88,8 +88,7 @@ class Ascent:
         return target_search.Heating(
             self.arrays.environment,
             self.arrays.atmosphere,
-            self.up,
-            self.ahead,
+            self.plane,
             float(self.arrays.jettisons[0]["value"]),
             self.drop_s,
         )
@@ -154,25 +153,16 @@ def read_ascent(arrays: MissionArrays, state: NDArray[np.void]) -> Ascent:
     speed = float(np.linalg.norm(v))
     if not speed > 0.0:
         raise OptimizerError("state.velocity is zero; expected a velocity with a direction")
-    up = r / radius
-    normal = np.array(target_normal(arrays.target[0], tuple(r), tuple(np.cross(r, v)), 1.0))
-    normal -= (normal @ up) * up
-    ahead = np.cross(normal / np.linalg.norm(normal), up)
     return Ascent(
         arrays,
         state,
         staging,
-        _vector(up),
-        _vector(ahead),
+        tilted_plane(r, v, float(arrays.environment[0]["mu"])),
         radius,
         speed,
-        math.asin(float(up @ v) / speed),
+        math.asin(float(r @ v) / (radius * speed)),
         taus,
     )
-
-
-def _vector(x: Array) -> tuple[float, float, float]:
-    return (float(x[0]), float(x[1]), float(x[2]))
 
 
 def _burns(ascent: Ascent, options: AnalyticOptions, which: str) -> NDArray[np.void]:
@@ -188,7 +178,7 @@ def _burns(ascent: Ascent, options: AnalyticOptions, which: str) -> NDArray[np.v
         burn["steps"] = options.steps[1 if between else 0]
         burn["exhaust_velocity"] = arcs[k]["exhaust_velocity"]
         burn["tau"] = ascent.tau_s[k]
-        burn["duration"] = ascent.staging_s - ascent.start_s
+        burn["duration"] = ascent.staging_s - ascent.start_s if k == 0 else 0.0
     return burns
 
 
@@ -299,19 +289,30 @@ class Work:
         return self.start_s + float(self.burns["duration"].sum())
 
     def run(self, name: str) -> None:
-        """Iterate from the guess.
+        """Iterate from the guess; if solved and in vain, from one with a time of its own.
 
         Raises:
             NoSolution: it did not converge.
         """
-        met = iteration.iterate(self.part[0], self.burns)
-        self.converged = bool(met and self.part[0]["time_to_go"] >= 0.0)
+        row = self.part[0]
+        met = iteration.iterate(row, self.burns)
+        if not met and row["solved"] and not row["timed"]:
+            before = int(row["iterations"])
+            iteration.guess_angles(row, self.burns, False)
+            met = iteration.iterate(row, self.burns)
+            row["iterations"] += before
+        self.converged = bool(met and row["time_to_go"] >= 0.0)
         if not self.converged:
-            raise NoSolution(f"{name} {_errors(self.part[0])}")
+            raise NoSolution(f"{name} {_errors(row)}")
 
 
 def _errors(part: Any) -> str:
     """By how much the latest projection of a part misses."""
+    if not math.isfinite(part["position_error"]):
+        return (
+            f"did not converge in {part['iterations']} iterations: with "
+            f"{part['time_to_go']:.1f} s to go no arc can be projected"
+        )
     text = (
         f"did not converge in {part['iterations']} iterations: with {part['time_to_go']:.1f} s to "
         f"go radius is off by {-part['position_error']:,.4g} m, speed by "

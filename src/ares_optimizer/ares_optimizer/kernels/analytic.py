@@ -583,6 +583,9 @@ def project(part: Record, burns: NDArray[Any], moments: Array) -> bool:
     Returns:
         whether the projection exists.
     """
+    part.position_error = math.nan
+    part.speed_error = math.nan
+    part.gamma_error = math.nan
     count = part.burns
     final = burns[count - 1]
     if not part.time_to_go < final.tau:

@@ -14,19 +14,18 @@ from numpy.typing import NDArray
 from ares_models.arrays import Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import heating_rate
-from ares_models.kernels.vectors import Vector, add, scale, store
 from ares_optimizer.kernels.analytic import (
     LOCAL,
     MAX_NODES,
     POWERS,
     angle_of,
-    cosine_of,
     polynomial,
     project,
     through_nodes,
     thrust_direction,
 )
 from ares_optimizer.kernels.analytic_iteration import guess_angles, iterate
+from ares_optimizer.kernels.analytic_plane import Plane, place
 from ares_optimizer.kernels.newton import factor, solve
 
 Array = NDArray[np.float64]
@@ -56,43 +55,21 @@ _TIME_ROUNDING = 1e-6  # s
 
 
 class Heating(NamedTuple):
-    """The heating limit, and the plane of the flight.
+    """The heating limit, and what it takes to know the heating.
 
     Attributes:
         environment: shape (1,), dtype ENVIRONMENT.
         atmosphere: shape (n, 5).
-        up, ahead: unit vectors, radial and horizontal at the start of the flight.
+        plane: of the flight.
         limit: W/m2.
         drop_s: mass of what is dropped over the mass flow, s.
     """
 
     environment: NDArray[Any]
     atmosphere: Array
-    up: Vector
-    ahead: Vector
+    plane: Plane
     limit: float
     drop_s: float
-
-
-@kernel
-def place(
-    radius: float, speed: float, sine: float, range_angle: float, up: Vector, ahead: Vector
-) -> tuple[Vector, Vector]:
-    """Position (m) and velocity (m/s) of a planar state.
-
-    Args:
-        radius: m.
-        speed: m/s.
-        sine: sin(gamma).
-        range_angle: rad, from ``up`` towards ``ahead``.
-        up, ahead: unit vectors of the plane.
-    """
-    cos = math.cos(range_angle)
-    sin = math.sin(range_angle)
-    radial = add(scale(cos, up), scale(sin, ahead))
-    horizon = add(scale(-sin, up), scale(cos, ahead))
-    climb = scale(speed * sine, radial)
-    return scale(radius, radial), add(climb, scale(speed * cosine_of(sine), horizon))
 
 
 @kernel
@@ -100,7 +77,7 @@ def log_heating_over_limit(
     radius: float, speed: float, sine: float, range_angle: float, heating: Heating
 ) -> float:
     """Logarithm of free molecular heating over its limit."""
-    r, v = place(radius, speed, sine, range_angle, heating.up, heating.ahead)
+    r, v = place(radius, speed, sine, range_angle, 0.0, heating.plane)
     rate = heating_rate(r, v, heating.environment[0], heating.atmosphere)
     return math.log(rate / heating.limit)
 
@@ -415,39 +392,3 @@ def find_target(
     first.target_speed = parts[1].speed
     first.target_gamma = parts[1].gamma
     return ON_THE_WAY, count, level
-
-
-@kernel
-def place_samples(
-    samples: Array,
-    heating: Heating,
-    position: Array,
-    velocity: Array,
-    direction: Array,
-    rate: Array,
-) -> None:
-    """Planar samples in space.
-
-    Args:
-        samples: shape (n, 6), see ``analytic.sample_burn``; range angles from ``heating.up``.
-        heating: plane, atmosphere, environment.
-        position, velocity, direction: shape (n, 3), written: m, m/s, unit vectors of the thrust.
-        rate: shape (n,), written: free molecular heating, W/m2.
-    """
-    for i in range(samples.shape[0]):
-        r, v = place(
-            samples[i, 0],
-            samples[i, 1],
-            samples[i, 2],
-            samples[i, 3],
-            heating.up,
-            heating.ahead,
-        )
-        cos = math.cos(samples[i, 3])
-        sin = math.sin(samples[i, 3])
-        along = samples[i, 4] * cos + samples[i, 5] * sin
-        above = samples[i, 5] * cos - samples[i, 4] * sin
-        store(position[i], r)
-        store(velocity[i], v)
-        store(direction[i], add(scale(above, heating.up), scale(along, heating.ahead)))
-        rate[i] = heating_rate(r, v, heating.environment[0], heating.atmosphere)
