@@ -233,10 +233,9 @@ class _Watch:
             TimeRemainingColumn(),
             console=console(sys.stderr),
         )
-        self._task = self._progress.add_task("flying", total=total - there, visible=total > there)
+        self._task = self._progress.add_task("flying", total=total - there)
 
     def __enter__(self) -> "_Watch":
-        self._progress.start()
         self._begun = time.monotonic()
         return self
 
@@ -248,7 +247,8 @@ class _Watch:
         self._progress.stop()
 
     def __call__(self, table: Any) -> None:
-        """Take note of a chunk of flights."""
+        """Take note of a chunk of flights; the first one shows the bar."""
+        self._progress.start()
         self.flown += table.num_rows
         self.seconds = time.monotonic() - self._begun
         self._failed += table.num_rows - int(np.count_nonzero(table["succeeded"].to_numpy()))
@@ -338,8 +338,8 @@ def _print(
     out: Console,
 ) -> None:
     tally = summary.tally
-    title = f"{settings.mission.title}, guidance {settings.law}, {tally.n:,} flights"
-    out.print(Text(title), style="bold")
+    out.print(Text(settings.mission.title), style="bold")
+    out.print(f"guidance {settings.law}, {tally.n:,} flights")
     out.print()
     table = Table(box=None, pad_edge=False)
     for column in ("", "flights", "share", "95 % interval"):

@@ -22,7 +22,7 @@ Engine = Callable[[Settings, Iterable[Chunk]], Iterator[Any]]
 #: Chunks that a core has at once: the next one is there when one is done.
 AHEAD = 2
 #: s to find the scheduler.
-CONNECT_TIMEOUT = 10.0
+CONNECT_TIMEOUT = 5.0
 #: How often a chunk whose worker was lost is begun again on another.
 RETRIES = 3
 
@@ -101,8 +101,11 @@ def fly_on_cluster(settings: Settings, chunks: Iterable[Chunk], *, address: str)
     """
     # only this engine needs it, and its import takes long
     from distributed import Client, as_completed
+    from distributed.comm import get_address_host_port
 
     try:
+        # a client refuses what is no address too, and cannot be closed then
+        get_address_host_port(address)
         client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
     except (OSError, ValueError) as error:
         raise EngineError(f"no Dask scheduler at {address!r}: {_line(error)}") from error

@@ -1,0 +1,128 @@
+"""`ares montecarlo` as one types it."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pyarrow.parquet as pq
+import pytest
+
+COMMAND = (sys.executable, "-m", "ares_bringup", "montecarlo")
+
+
+def run(*argv, cwd=None):
+    return subprocess.run(
+        [*COMMAND, *argv], capture_output=True, text=True, cwd=cwd, check=False, timeout=240
+    )
+
+
+def test_one_json_object(tmp_path):
+    done = run("-n", "40", "--json", "--out", str(tmp_path / "c"))
+    assert done.returncode == 0, done.stderr
+    said = json.loads(done.stdout)
+    assert [said[key] for key in ("n", "succeeded", "terminal_accuracy")] == [40, 40, 40]
+    assert [said[key] for key in ("fairing_off", "heating_kept")] == [40, 40]
+    mass = said["m_f_kg"]
+    assert mass["min"] < mass["mean"] < mass["max"]
+    assert 1000.0 < mass["std"] < 1500.0
+    assert said["flights_per_s"] > 0.0
+    assert said["wall_s"] > 0.0
+    assert said["outcomes"] == {"success": 40}
+    table = pq.read_table(said["results"])
+    assert table.num_rows == 40
+    assert max(table["m_f_kg"].to_pylist()) == mass["max"]
+    # again: nothing to fly, the same said
+    again = json.loads(run("-n", "40", "--json", "--out", str(tmp_path / "c")).stdout)
+    assert again["m_f_kg"] == mass
+    assert again["flights_per_s"] is None
+
+
+def test_tables_for_people(tmp_path):
+    done = run("-n", "30", "--out", "c", "--seed", "3", "--hold-time", "8", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    for words in ("guidance peg, 30 flights", "95 % interval", "heating kept", "final mass"):
+        assert words in done.stdout
+    assert "reserve       takes at least 767 flights" in done.stdout
+    assert "flights   c/flights.parquet" in done.stdout
+    again = "./ares fly --mission ares_v --guidance peg --dispersions standard --seed 3"
+    assert f"again     {again} --hold-time 8.0 --flight K" in done.stdout
+    assert "30/30" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_flights_one_by_one(tmp_path):
+    done = run("--only", "7", "--only", "123456", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    said = json.loads(done.stdout)
+    assert said["n"] == said["succeeded"] == 2
+    assert said["results"] is None
+    assert [row["flight"] for row in said["flights"]] == [7, 123456]
+    assert list(tmp_path.iterdir()) == []
+    shown = run("--only", "7", cwd=tmp_path).stdout
+    assert "flight 7: success" in shown
+    assert f"{said['flights'][0]['m_f_kg']:,.3f}" in shown
+
+
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGKILL])
+def test_an_interrupted_campaign_goes_on(tmp_path, end):
+    folder = tmp_path / "c"
+    argv = ("-n", "1500", "--json", "--out", str(folder))
+    flying = subprocess.Popen(
+        [*COMMAND, *argv], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    parts = folder / "parts"
+    deadline = time.monotonic() + 200.0
+    while time.monotonic() < deadline and not (parts.is_dir() and list(parts.glob("*.parquet"))):
+        time.sleep(0.01)
+    flying.send_signal(end)
+    out, error = flying.communicate(timeout=60)
+    assert out == ""
+    if end == signal.SIGINT:
+        assert flying.returncode == 130
+        assert f"of 1,500 flights are in {os.path.relpath(folder)}" in error or str(folder) in error
+        assert "Traceback" not in error
+    there = sum(int(path.stem.partition("-")[2]) for path in parts.glob("*.parquet"))
+    assert 0 < there < 1500
+    refused = run(*argv, "--seed", "1")
+    assert refused.returncode == 2
+    assert refused.stderr.strip().endswith("holds another campaign: seed was 0, now 1")
+    done = run(*argv)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["n"] == 1500
+    assert pq.read_table(folder / "flights.parquet")["flight"].to_pylist() == list(range(1500))
+    assert list(parts.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("argv", "words"),
+    [
+        (["-n", "0"], "Invalid value for '-n'"),
+        (["--mission", "soyuz"], "mission 'soyuz': no such mission"),
+        (["--dispersions", "wild"], "dispersions 'wild': no such dispersions; shipped are"),
+        (["--dispersions", "/nowhere.yaml"], "/nowhere.yaml: no such file"),
+        (["--cycle-period", "0"], "cycle_period_s is 0.0; expected 0.001 to 100"),
+        (["--out", "/proc/nothing"], "/proc/nothing: No such file or directory"),
+        (["--scheduler", "nowhere"], "no Dask scheduler at 'nowhere'"),
+        (["--only", "1", "--out", "c"], "--only and --out exclude each other"),
+        (["--seed", "-1"], "Invalid value for '--seed'"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_2(tmp_path, argv, words):
+    out = [] if "--out" in argv else ["--out", str(tmp_path / "c")]
+    done = run(*argv, *out, cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert words in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_dispersions_that_do_not_fit_the_mission(tmp_path):
+    file = tmp_path / "three.yaml"
+    file.write_text("thrust: [0.01, 0.01, 0.01]\n")
+    done = run("--dispersions", str(file), "--out", str(tmp_path / "c"))
+    assert done.returncode == 2
+    words = "ares: dispersions: thrust is a list of 3; expected 2: core, upper_stage"
+    assert done.stderr.strip() == words
