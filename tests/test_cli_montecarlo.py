@@ -27,7 +27,7 @@ def test_one_json_object(tmp_path):
     assert [said[key] for key in ("fairing_off", "heating_kept")] == [40, 40]
     mass = said["m_f_kg"]
     assert mass["min"] < mass["mean"] < mass["max"]
-    assert 1000.0 < mass["std"] < 1500.0
+    assert 1000.0 < mass["std"] < 4000.0
     assert said["flights_per_s"] > 0.0
     assert said["wall_s"] > 0.0
     assert said["outcomes"] == {"success": 40}
