@@ -8,6 +8,7 @@ from ares_optimizer.kernels.two_point import MAX_UNKNOWNS, OPTIONS, WORK
 MAX_SEGMENTS = 32
 
 LAW_PEG = 1
+LAW_PEG_THESIS = 2
 LAW_IGM = 3
 LAW_OPTIMAL = 4
 
@@ -24,6 +25,10 @@ ERROR_STEERING_JUMP = 3
 ERROR_TIME_TO_GO_JUMP = 4
 ERROR_PROPELLANT_SHORT = 5
 ERROR_TARGET_UNREACHABLE = 6
+
+PLANE_OF_MODE = 0
+PLANE_OF_FLIGHT = 1
+PLANE_FREE = 2
 
 HEATING_MODELLED = 0
 HEATING_MEASURED = 1
@@ -90,6 +95,32 @@ ENGINE_WATCH = np.dtype(
     align=True,
 )
 
+THESIS_MEMORY = np.dtype(
+    [
+        # the plan: the jettison, and how it is flown to
+        ("planned", np.int64),  # 0: there is none, the law is plain PEG
+        ("target", TARGET),  # the jettison's; its plane is set when a mode begins
+        ("part_two", np.float64),  # s from the jettison to cut-off
+        # m/s: start to staging, staging to jettison, jettison to cut-off
+        ("delta_v", np.float64, (3,)),
+        ("plane", np.int64),  # PLANE_*: what modes 1 and 2 hold
+        ("split_at_staging", np.int64),  # 0: mode 1 goes on to the jettison
+        ("early_rules", GUIDANCE_SETTINGS),  # of modes 1 and 2
+        ("late_rules", GUIDANCE_SETTINGS),  # of mode 3
+        ("early_arcs", ARC, (MAX_SEGMENTS,)),  # the mission's, without the last tail-off
+        # the flight
+        ("mode", np.int64),  # 1, 2, 3; 0: not begun
+        ("jettison_time", np.float64),  # predicted; nan: not yet
+        # the last solution of the mode before, which stays when the new mode finds none
+        ("fallback", np.int64),  # 1: there is one
+        ("fallback_jettison_time", np.float64),
+        ("fallback_reference_time", np.float64),
+        ("fallback_direction", np.float64, (3,)),
+        ("fallback_direction_rate", np.float64, (3,)),
+    ],
+    align=True,
+)
+
 GUIDANCE_STATE = np.dtype(
     [
         ("law", np.int64),  # LAW_* that gave the last solution
@@ -132,6 +163,7 @@ GUIDANCE_STATE = np.dtype(
         ("segments", SEGMENT, (MAX_SEGMENTS,)),
         ("segment_count", np.int64),
         ("optimal", OPTIMAL_MEMORY),
+        ("thesis", THESIS_MEMORY),
     ],
     align=True,
 )

@@ -58,6 +58,23 @@ class LawSettings:
         0,
         1000,
     )
+    jettison_hold_time_s: float = _setting(
+        50.0,
+        "Law peg_thesis: time to the jettison from which the steering of modes 1 and 2 is held.",
+        "s",
+        0.0,
+        120.0,
+    )
+    passes_per_cycle: int = _setting(
+        1, "Law peg_thesis: iterations in one cycle, in place of max_iterations.", "", 1, 10_000
+    )
+    settled_below_m_s: float = _setting(
+        10.0,
+        "Law peg_thesis: in place of velocity_to_go_tolerance_m_s.",
+        "m/s",
+        1e-9,
+        100.0,
+    )
     steering_jump_limit_deg: float = _setting(
         10.0, "A solution that turns the thrust by more is refused.", "deg", 0.0, 180.0
     )
@@ -198,6 +215,11 @@ class Law:
     def state(self) -> Any:
         """What the law thinks, record GUIDANCE_STATE."""
         return self._state[0]
+
+    @property
+    def settings(self) -> Any:
+        """Cycle and gates, record GUIDANCE_SETTINGS."""
+        return self._settings[0]
 
     @property
     def steered(self) -> bool:

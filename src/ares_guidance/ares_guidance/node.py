@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from rclpy.task import Future
 
+from ares_guidance.guess import OfflineTrajectory
 from ares_guidance.law import HEATING_SOURCES, LawSettings
-from ares_guidance.laws import LAWS, make_law
+from ares_guidance.laws import LAWS, PEG_THESIS, make_law, start_from
 from ares_models.arrays import HEATING_LIMIT, NAVIGATION
 from ares_models.mission import Start, load_mission
 from ares_msgs.msg import GuidanceStatus, NavState, ThrustCommand
@@ -39,6 +40,9 @@ ERROR_TEXTS = {
     "predicted cut-off",
 }
 
+#: Method of the optimizer that the law can ask for.
+ANALYTIC = "analytic"
+
 PARAMETERS = (
     Parameter("mission", "ares_v", "Shipped mission's name, or path of a mission file."),
     Parameter("law", "peg", "Guidance law.", choices=tuple(LAWS)),
@@ -58,9 +62,10 @@ PARAMETERS = (
     Parameter(
         "initial_guess",
         "none",
-        "Where the law starts: none, the navigation state alone; optimizer, what the service "
-        "solve_trajectory answers in time.",
-        choices=("none", "optimizer"),
+        "Where the law starts: none, the navigation state alone; optimizer or analytic, what the "
+        "service solve_trajectory answers in time, by its own method or by that one. Law "
+        "peg_thesis starts from no less than analytic.",
+        choices=("none", "optimizer", ANALYTIC),
     ),
     Parameter(
         "optimizer_timeout_s",
@@ -98,8 +103,7 @@ class GuidanceNode(FlightNode):
         """Read the mission, compile the law, create the endpoints."""
         values = self.values
         mission = load_mission(values["mission"])
-        arrays = mission.arrays(foreseen=True)
-        self._jettisons = arrays.jettisons
+        self._arrays = arrays = mission.arrays(foreseen=True)
         self._heating_jettisons = int(np.sum(arrays.jettisons["criterion"] == HEATING_LIMIT))
         self._law = make_law(
             values["law"],
@@ -113,7 +117,7 @@ class GuidanceNode(FlightNode):
         self._status_out = self.create_publisher(GuidanceStatus, GUIDANCE_STATUS, FLIGHT)
         self._nav_in = self.create_subscription(NavState, NAV_STATE, self._on_nav_state, FLIGHT)
         self._optimizer = self.create_client(SolveTrajectory, SOLVE_TRAJECTORY)
-        self._wants_guess = values["initial_guess"] == "optimizer"
+        self._wants_guess = values["initial_guess"] != "none" or values["law"] == PEG_THESIS
         self._guess: Future | None = None
         self._held_back: NavState | None = None
         self._recorded = values["expected_recorders"] == 0
@@ -207,6 +211,7 @@ class GuidanceNode(FlightNode):
             return True
         request = SolveTrajectory.Request(
             mission=self.values["mission"],
+            method="" if self.values["initial_guess"] == "optimizer" else ANALYTIC,
             use_nav_state=True,
             nav_state=message,
             time_limit=self.values["optimizer_timeout_s"],
@@ -221,23 +226,18 @@ class GuidanceNode(FlightNode):
             self._without_guess(reason or f"error {answer.error_code}", now)
             return
         try:
-            self._law.seed(_velocity_to_go(answer), self._planned_jettisons(answer))
+            start_from(self._law, _trajectory(answer), self._arrays)
         except ValueError as error:
             self._without_guess(f"unusable answer: {error}", now)
             return
         self._wants_guess = False
 
-    def _planned_jettisons(self, answer: SolveTrajectory.Response) -> NDArray[np.float64]:
-        planned = np.full(len(self._jettisons), math.inf)
-        if math.isfinite(answer.jettison_time):
-            planned[self._jettisons["criterion"] == HEATING_LIMIT] = answer.jettison_time
-        return planned
-
     def _without_guess(self, reason: str, now: int) -> None:
         self._wants_guess = False
-        self._diagnostics.report(
-            Level.WARN, f"optimizer: {reason}; starting from the navigation state alone", now
-        )
+        instead = "starting from the navigation state alone"
+        if self.values["law"] == PEG_THESIS:
+            instead = f"law {PEG_THESIS} cannot start without it: flying peg"
+        self._diagnostics.report(Level.WARN, f"optimizer: {reason}; {instead}", now)
 
     # ---- the flight
 
@@ -283,18 +283,20 @@ class GuidanceNode(FlightNode):
     def _status(self, message: NavState) -> GuidanceStatus:
         state = self._law.state
         steering = self._law.steering[0]
+        now = float(self._nav[0]["time"])
+        cutoff_time = float(steering["cutoff_time"])
         return GuidanceStatus(
             stamp=message.stamp,
             cycle=int(state["cycle"]),
-            law=LAWS[self.values["law"]],
+            law=int(state["law"]),
             phase=int(state["phase"]),
             error_code=int(state["error"]),
             converged=self._law.converged,
             iterations=int(state["iterations"]),
             total_iterations=int(state["total_iterations"]),
             stale_cycles=int(state["stale_cycles"]),
-            time_to_go=float(state["time_to_go"]) if self._law.converged else math.nan,
-            cutoff_time=float(steering["cutoff_time"]),
+            time_to_go=cutoff_time - now if self._law.converged else math.nan,
+            cutoff_time=cutoff_time,
             velocity_to_go=state["velocity_to_go"],
             predicted_position=state["predicted_position"],
             predicted_velocity=state["predicted_velocity"],
@@ -326,15 +328,34 @@ class GuidanceNode(FlightNode):
                 )
 
 
-def _velocity_to_go(answer: SolveTrajectory.Response) -> NDArray[np.float64]:
-    """The optimizer's burn as one vector: the delta-V of each arc along its mean direction."""
-    middle = 0.5 * (np.asarray(answer.arc_start_time) + np.asarray(answer.arc_end_time))
-    ahead = middle - np.asarray(answer.steering_reference_time)
-    directions = np.reshape(answer.steering_direction, (-1, 3)) + ahead[:, None] * np.reshape(
-        answer.steering_direction_rate, (-1, 3)
+def _trajectory(answer: SolveTrajectory.Response) -> OfflineTrajectory:
+    """The optimizer's answer without the message.
+
+    Raises:
+        ValueError: its lists do not belong together.
+    """
+
+    def vectors(values: Any) -> NDArray[np.float64]:
+        return np.reshape(np.asarray(values, dtype=np.float64), (-1, 3))
+
+    def numbers(values: Any) -> NDArray[np.float64]:
+        return np.asarray(values, dtype=np.float64)
+
+    return OfflineTrajectory(
+        jettison_time=answer.jettison_time,
+        cutoff_time=answer.cutoff_time,
+        arc_start_time=numbers(answer.arc_start_time),
+        arc_end_time=numbers(answer.arc_end_time),
+        arc_start_mass=numbers(answer.arc_start_mass),
+        arc_end_mass=numbers(answer.arc_end_mass),
+        arc_delta_v=numbers(answer.arc_delta_v),
+        steering_reference_time=numbers(answer.steering_reference_time),
+        steering_direction=vectors(answer.steering_direction),
+        steering_direction_rate=vectors(answer.steering_direction_rate),
+        sample_time=numbers(answer.sample_time),
+        sample_position=vectors(answer.sample_position),
+        sample_velocity=vectors(answer.sample_velocity),
     )
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    return np.asarray(answer.arc_delta_v) @ directions
 
 
 def main() -> int:

@@ -1,0 +1,284 @@
+"""PEG as the thesis flew it: one target after the other (sections 5.3.4 and 6.4).
+
+Mode 1 steers from the start through staging, mode 2 from staging, both to the jettison with
+its full state: radius, speed, flight-path angle and plane. Mode 3 steers to the mission's
+target. Each mode begins anew, from the scalar delta-V along the velocity (Eq. 6.1), and makes
+one pass of predictor and corrector in a cycle. Until the mode has settled its passes are flown
+as they come: the thesis speaks of a transient of "the first ten passes" (Fig. 6.15).
+
+Not of the thesis: a mode 2 that settles far from where mode 1 was heading is not flown. Over
+so short an arc the full target has a second solution, which climbs for minutes.
+"""
+
+import math
+from typing import Any
+
+from numpy.typing import NDArray
+
+from ares_guidance.arrays import (
+    ERROR_NONE,
+    ERROR_NOT_CONVERGED,
+    ERROR_TIME_TO_GO_JUMP,
+    LAW_PEG_THESIS,
+    PHASE_CONVERGING,
+    PHASE_HOLD,
+    PHASE_TRACKING,
+    PLANE_FREE,
+    PLANE_OF_MODE,
+)
+from ares_guidance.kernels.cycle import accept, adopt_steering, guidance_step
+from ares_guidance.kernels.start import start_guess
+from ares_models.arrays import (
+    TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
+    TARGET_RADIUS_SPEED_ANGLE_PLANE,
+    Record,
+)
+from ares_models.jit import kernel
+from ares_models.kernels.vectors import cross, dot, is_finite, load, scale, store, unit
+
+
+@kernel
+def navigation_is_sound(nav: Record, arcs: NDArray[Any]) -> bool:
+    """Whether a mode can begin here; :func:`guidance_step` refuses what is not."""
+    r = load(nav.position)
+    return (
+        is_finite(r)
+        and is_finite(load(nav.velocity))
+        and is_finite(load(nav.sensed_delta_v))
+        and math.isfinite(nav.time)
+        and math.isfinite(nav.mass)
+        and nav.mass > 0.0
+        and 0 <= nav.arc < arcs.shape[0]
+        and dot(r, r) > 0.0
+    )
+
+
+@kernel
+def mode_of(nav: Record, arcs: NDArray[Any], memory: Record) -> int:
+    """Mode of the present flight: 1, 2 or 3."""
+    if nav.jettisoned & 1 == 1:
+        return 3
+    if arcs[nav.arc].stage > 0 and memory.split_at_staging == 1:
+        return 2
+    return 1
+
+
+@kernel
+def hold_plane(nav: Record, memory: Record) -> None:
+    """Put the plane to hold into the jettison's target.
+
+    It is the plane of the present state, its node kept, brought to the target's inclination.
+
+    Args:
+        nav: record NAVIGATION.
+        memory: record THESIS_MEMORY. Changed.
+    """
+    target = memory.target
+    if memory.plane == PLANE_FREE:
+        target.kind = TARGET_RADIUS_SPEED_ANGLE_INCLINATION
+        return
+    target.kind = TARGET_RADIUS_SPEED_ANGLE_PLANE
+    if memory.mode == 0 or memory.plane == PLANE_OF_MODE:
+        h = cross(load(nav.position), load(nav.velocity))
+        target.ascending_node = math.atan2(h[0], -h[1])
+
+
+@kernel
+def keep_fallback(state: Record, steering: Record) -> None:
+    """Remember the solution in force, with the jettison as its end."""
+    memory = state.thesis
+    good = state.phase == PHASE_TRACKING or state.phase == PHASE_HOLD
+    memory.fallback = 1 if good else 0
+    memory.fallback_jettison_time = memory.jettison_time
+    memory.fallback_reference_time = steering.reference_time
+    store(memory.fallback_direction, load(steering.direction))
+    store(memory.fallback_direction_rate, load(steering.direction_rate))
+
+
+@kernel
+def fly_fallback(nav: Record, state: Record, steering: Record) -> None:
+    """Hold the remembered solution to the jettison."""
+    memory = state.thesis
+    steering.cutoff_time = memory.fallback_jettison_time
+    steering.reference_time = memory.fallback_reference_time
+    store(steering.direction, load(memory.fallback_direction))
+    store(steering.direction_rate, load(memory.fallback_direction_rate))
+    adopt_steering(nav, state, steering)
+    state.phase = PHASE_HOLD
+
+
+@kernel
+def begin_mode(
+    mode: int,
+    nav: Record,
+    environment: Record,
+    arcs: NDArray[Any],
+    jettisons: NDArray[Any],
+    target: Record,
+    settings: Record,
+    state: Record,
+    steering: Record,
+) -> None:
+    """Start a mode: its target, and Eq. 6.1 for its first velocity-to-go.
+
+    Args:
+        mode: 1, 2 or 3.
+        Others as in :func:`thesis_step`, but of the mode.
+    """
+    memory = state.thesis
+    memory.fallback = 0
+    if mode == 2 and memory.mode == 1:
+        keep_fallback(state, steering)
+    state.stale_cycles = 0
+    state.tail_gain = 0.0
+    state.next_cycle_time = nav.time
+    state.time = nav.time
+    store(state.sensed_delta_v, load(nav.sensed_delta_v))
+    if memory.fallback == 1 and memory.jettison_time - nav.time <= settings.hold_time:
+        # so late that the mode would only hold
+        memory.mode = mode
+        fly_fallback(nav, state, steering)
+        return
+    speed = memory.delta_v[mode - 1]
+    if mode == 1:
+        speed += memory.delta_v[1]
+    if mode < 3:
+        hold_plane(nav, memory)
+    memory.mode = mode
+    state.phase = PHASE_CONVERGING
+    state.seeded = 1
+    store(state.velocity_to_go, scale(speed, unit(load(nav.velocity))))
+    for j in range(state.jettison_time.shape[0]):
+        state.jettison_time[j] = math.inf
+    start_guess(nav, environment, arcs, jettisons, target, state)
+
+
+@kernel
+def fly_mode(
+    mode: int,
+    nav: Record,
+    environment: Record,
+    atmosphere: NDArray[Any],
+    arcs: NDArray[Any],
+    jettisons: NDArray[Any],
+    target: Record,
+    settings: Record,
+    state: Record,
+    saved: Record,
+    steering: Record,
+) -> None:
+    """One step of a mode, to the end of that mode.
+
+    Args:
+        mode: 1, 2 or 3.
+        Others as in :func:`thesis_step`, but of the mode.
+    """
+    if mode != state.thesis.mode:
+        begin_mode(mode, nav, environment, arcs, jettisons, target, settings, state, steering)
+    elif state.phase == PHASE_CONVERGING and steering.cutoff_time - nav.time <= settings.hold_time:
+        # too late to settle
+        adopt_steering(nav, state, steering)
+        state.phase = PHASE_HOLD
+    before = state.cycle
+    guidance_step(
+        nav, environment, atmosphere, arcs, jettisons, target, settings, state, saved, steering
+    )
+    state.law = LAW_PEG_THESIS
+    if (
+        state.phase == PHASE_CONVERGING
+        and state.cycle != before
+        and is_finite(load(state.direction))
+        and is_finite(load(state.direction_rate))
+        and math.isfinite(state.time_to_go)
+    ):
+        # not settled yet, and flown all the same
+        accept(nav, state, steering)
+        state.error = ERROR_NONE
+        state.stale_cycles = 0
+    if state.phase == PHASE_TRACKING and state.error == ERROR_NOT_CONVERGED:
+        # as after a change of engines: the passes count as unsettled again
+        state.phase = PHASE_CONVERGING
+
+
+@kernel
+def thesis_step(
+    nav: Record,
+    environment: Record,
+    atmosphere: NDArray[Any],
+    arcs: NDArray[Any],
+    jettisons: NDArray[Any],
+    target: Record,
+    settings: Record,
+    state: Record,
+    saved: Record,
+    steering: Record,
+) -> None:
+    """Answer one navigation state, mode by mode; without a plan, by the shared cycle.
+
+    In modes 1 and 2 the cycle's "cut-off" is the jettison; that of the engine is expected
+    the length of the plan's part two later.
+
+    Args:
+        nav: record NAVIGATION.
+        environment: record ENVIRONMENT, as guidance believes it.
+        atmosphere: log-density table, as guidance believes it.
+        arcs: dtype ARC; with a plan two stages.
+        jettisons: dtype JETTISON; with a plan one.
+        target: record TARGET.
+        settings: record GUIDANCE_SETTINGS, of the shared cycle.
+        state: record GUIDANCE_STATE, all zero before the first call but a plan. Changed.
+        saved: record GUIDANCE_STATE, room for the last good solution. Changed.
+        steering: record STEERING, the answer. Changed.
+    """
+    memory = state.thesis
+    if memory.planned == 0 or not navigation_is_sound(nav, arcs):
+        guidance_step(
+            nav, environment, atmosphere, arcs, jettisons, target, settings, state, saved, steering
+        )
+        return
+    mode = mode_of(nav, arcs, memory)
+    if mode == 3:
+        fly_mode(
+            mode,
+            nav,
+            environment,
+            atmosphere,
+            arcs,
+            jettisons,
+            target,
+            memory.late_rules,
+            state,
+            saved,
+            steering,
+        )
+        return
+    rules = memory.early_rules
+    steering.cutoff_time = memory.jettison_time if memory.mode > 0 else math.nan
+    fly_mode(
+        mode,
+        nav,
+        environment,
+        atmosphere,
+        memory.early_arcs[: arcs.shape[0]],
+        jettisons[:0],
+        memory.target,
+        rules,
+        state,
+        saved,
+        steering,
+    )
+    if (
+        state.phase <= PHASE_TRACKING
+        and memory.fallback == 1
+        and abs(steering.cutoff_time - memory.fallback_jettison_time) > rules.time_to_go_jump_limit
+    ):
+        fly_fallback(nav, state, steering)
+        state.error = ERROR_TIME_TO_GO_JUMP
+    memory.jettison_time = steering.cutoff_time
+    if math.isfinite(memory.jettison_time):
+        steering.jettison = 0
+        steering.jettison_time = memory.jettison_time
+        if state.phase == PHASE_CONVERGING:
+            # what has not settled drops nothing
+            steering.jettison_time = max(steering.jettison_time, nav.time + rules.hold_time)
+        steering.cutoff_time = memory.jettison_time + memory.part_two
