@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from ares_bringup.bag_paths import new_bag
 from ares_bringup.crew import Crew, describe_end, ros_arguments
 from ares_bringup.discovery import apply_discovery_settings
-from ares_bringup.options import CannotStart, FlyOptions, InitialGuess, domain_id
+from ares_bringup.options import CannotStart, FlyOptions, Guidance, InitialGuess, domain_id
 from ares_bringup.summary import (
     EXIT_CANNOT_START,
     FlightSummary,
@@ -134,6 +134,8 @@ def node_parameters(options: FlyOptions, bag: str | None) -> dict[str, dict[str,
     nodes = {SIMULATOR: simulator, GUIDANCE: guidance}
     if options.initial_guess is InitialGuess.OPTIMIZER:
         nodes[OPTIMIZER] = {"mission": options.mission}
+    elif options.initial_guess is InitialGuess.ANALYTIC or options.guidance is Guidance.PEG_THESIS:
+        nodes[OPTIMIZER] = {"mission": options.mission, "method": InitialGuess.ANALYTIC.value}
     if bag is not None:
         nodes[RECORDER] = {
             "bag": bag,
@@ -271,15 +273,28 @@ def _fly_in_processes(
     say: Say,
     modules: Mapping[str, str],
 ) -> None:
+    from ares_node.qos import SOLVE_TRAJECTORY
+
     with Crew({**os.environ, "ROS_DOMAIN_ID": str(domain)}) as crew:
+
+        def start(name: str) -> None:
+            crew.start(name, modules[name], ros_arguments(parameters[name]))
+
+        # guidance asks the optimizer first of all: on a slow machine it would ask in vain
+        late = [GUIDANCE] if OPTIMIZER in parameters else []
         # the children first: they take longer to start than what follows here
-        for name, values in parameters.items():
-            crew.start(name, modules[name], ros_arguments(values))
+        for name in parameters:
+            if name not in late:
+                start(name)
         with _graph(summary, domain, say) as (monitor, executor, stop):
             watch = _Watch(monitor, stop, parameters, say)
             looked = 0.0
             while not watch.over():
                 executor.spin_once(timeout_sec=LOOK_PERIOD)
+                if late and (
+                    monitor.count_services(SOLVE_TRAJECTORY) or OPTIMIZER not in crew.running()
+                ):
+                    start(late.pop())
                 if time.monotonic() - looked > LOOK_PERIOD:
                     looked = time.monotonic()
                     if _crew_lost(crew, summary, say):
@@ -295,12 +310,12 @@ def _crew_lost(crew: Crew, summary: FlightSummary, say: Say) -> bool:
     """Note who has ended; True if the flight cannot go on."""
     for name, status in crew.newly_ended():
         how = describe_end(status)
-        if name == OPTIMIZER:
-            say(f"{name} {how}: guidance starts without its guess")
-            continue
         if status == EXIT_CANNOT_START and (name == SIMULATOR or not summary.started):
             # it has said why; events that came are those of another simulator
             raise CannotStart("")
+        if name == OPTIMIZER:
+            say(f"{name} {how}: guidance starts without its guess")
+            continue
         if not summary.started:
             raise CannotStart(f"{name} {how}")
         if name == SIMULATOR:

@@ -17,6 +17,7 @@ class Guidance(StrEnum):
     """Guidance laws, by the names of the guidance node's parameter `law`."""
 
     PEG = "peg"
+    PEG_THESIS = "peg_thesis"
     IGM = "igm"
     OPTIMAL = "optimal"
 
@@ -33,6 +34,7 @@ class InitialGuess(StrEnum):
 
     NONE = "none"
     OPTIMIZER = "optimizer"
+    ANALYTIC = "analytic"
 
 
 class Method(StrEnum):
@@ -98,6 +100,7 @@ class FlyOptions:
         hold_time_s: time to go from which the steering is held; None: the node's default.
         heating_source: what times a heating jettison; None: the node's default.
         initial_guess: where the guidance law starts; the optimizer's node joins for its guess.
+            Law peg_thesis takes analytic for none.
         attitude_rate_limit_deg_s: fastest turn of the thrust; 0: none.
         domain_id: ROS domain; None: that of the environment.
     """

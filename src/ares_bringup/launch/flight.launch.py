@@ -67,8 +67,8 @@ def arguments() -> list[DeclareLaunchArgument]:
         DeclareLaunchArgument(
             "initial_guess",
             default_value="",
-            description="Where guidance starts: none, or optimizer, which starts that node too "
-            "and asks it.",
+            description="Where guidance starts: none, or optimizer or analytic, which start the "
+            "optimizer too and ask it.",
         ),
         DeclareLaunchArgument(
             "pace",
@@ -172,7 +172,7 @@ def nodes(context: LaunchContext) -> list[Any]:
             on_exit=end_if_not_started,
         ),
     ]
-    if given["initial_guess"] == "optimizer":
+    if flown.get("initial_guess", "none") != "none" or flown.get("law") == "peg_thesis":
         started.append(Node(**node("ares_optimizer", "optimizer", ("mission",), **clock)))
     if switches["record"]:
         bag = values.get("bag") or str(new_bag(Path(str(flown.get("mission", "flight"))).stem))
