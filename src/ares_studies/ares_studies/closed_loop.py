@@ -1,6 +1,5 @@
 """Closed-loop flights without ROS: the nodes' two steps, called in turn."""
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,12 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_guidance.arrays import GUIDANCE_STATE
-from ares_guidance.law import LawSettings
-from ares_guidance.laws import make_law
-from ares_models.arrays import NAVIGATION, STEERING
+from ares_guidance.guess import OfflineTrajectory
+from ares_guidance.law import Law, LawSettings
+from ares_guidance.laws import PEG_THESIS, make_law, start_from
+from ares_models.arrays import NAVIGATION
 from ares_models.mission import Mission
+from ares_optimizer.solution import Solution
+from ares_optimizer.solve import solve
 from ares_studies.kernels import fly
 from ares_vehicle_sim.dispersions import Dispersions
+from ares_vehicle_sim.kernels.navigation import measure
 from ares_vehicle_sim.simulator import Simulator, SimulatorOptions, true_vehicle
 
 
@@ -35,6 +38,66 @@ class Flight:
         return self.plant["events"][: self.plant["event_count"]]
 
 
+def offline_trajectory(solution: Solution) -> OfflineTrajectory:
+    """What a guidance law takes of the optimizer's solution.
+
+    Raises:
+        ValueError: the solution has no trajectory.
+    """
+    track = solution.trajectory
+    if track is None:
+        raise ValueError(f"{solution.method} has no trajectory: {solution.reason}")
+
+    def column(name: str) -> NDArray[np.float64]:
+        return np.array([getattr(arc, name) for arc in solution.arcs])
+
+    return OfflineTrajectory(
+        jettison_time=solution.t_plf_s,
+        cutoff_time=solution.t_meco_s,
+        arc_start_time=column("start_s"),
+        arc_end_time=column("end_s"),
+        arc_start_mass=column("start_mass_kg"),
+        arc_end_mass=column("end_mass_kg"),
+        arc_delta_v=column("delta_v_m_s"),
+        steering_reference_time=column("reference_time_s"),
+        steering_direction=column("direction"),
+        steering_direction_rate=column("direction_rate"),
+        sample_time=track.time_s,
+        sample_position=track.position,
+        sample_velocity=track.velocity,
+    )
+
+
+def ready_law(
+    mission: Mission,
+    name: str = "peg",
+    settings: LawSettings | None = None,
+    guess: Solution | None = None,
+    state: NDArray[np.void] | None = None,
+) -> Law:
+    """A guidance law before its first navigation state.
+
+    Args:
+        mission: what it flies.
+        name: one of `ares_guidance.laws.LAWS`.
+        settings: cycle and gates.
+        guess: where it starts; None: from the navigation state alone, or, law peg_thesis, from
+            the analytic solution.
+        state: where that solution begins, shape (1,), dtype NAVIGATION; None: at the mission's
+            start.
+
+    Raises:
+        ValueError: the law cannot fly the mission, or the guess is no start.
+    """
+    arrays = mission.arrays(foreseen=True)
+    law = make_law(name, arrays, settings)
+    if guess is None and name == PEG_THESIS:
+        guess = solve(mission, "analytic", state=state)
+    if guess is not None:
+        start_from(law, offline_trajectory(guess), arrays)
+    return law
+
+
 def fly_compiled(
     mission: Mission,
     settings: LawSettings | None = None,
@@ -42,7 +105,7 @@ def fly_compiled(
     dispersions: Dispersions | None = None,
     seed: int = 0,
     flight: int = 0,
-    law: str = "peg",
+    law: str | Law = "peg",
 ) -> Flight:
     """Fly a mission in one compiled loop.
 
@@ -53,15 +116,20 @@ def fly_compiled(
         dispersions: how the truth differs from the mission file; None: nowhere.
         seed: master seed of what is drawn.
         flight: number of the flight among those of the seed.
-        law: one of `ares_guidance.law.CODES`.
+        law: one of `ares_guidance.laws.LAWS`, or a law before its flight, as
+            :func:`ready_law` makes it, whose settings are its own.
+
+    Raises:
+        ValueError: the law cannot fly the mission.
     """
     options = options or SimulatorOptions()
     believed = mission.arrays(foreseen=True)
     vehicle = true_vehicle(mission, dispersions or Dispersions(), seed, flight)
     true, plant = vehicle.arrays, vehicle.plant
-    state = np.zeros(1, GUIDANCE_STATE)
-    steering = np.zeros(1, STEERING)
-    steering["cutoff_time"] = math.nan
+    if isinstance(law, str):
+        first = np.zeros(1, NAVIGATION)
+        measure(plant.copy()[0], first[0])
+        law = ready_law(mission, law, settings, state=first)
     fly(
         plant[0],
         true.environment[0],
@@ -74,14 +142,14 @@ def fly_compiled(
         believed.arcs,
         believed.jettisons,
         believed.target[0],
-        (settings or LawSettings()).record(law)[0],
-        state[0],
+        law.settings,
+        law.state,
         np.zeros(1, GUIDANCE_STATE)[0],
         np.zeros(1, NAVIGATION)[0],
-        steering[0],
+        law.steering[0],
         options.navigation_period_s,
     )
-    return Flight(plant[0], state[0])
+    return Flight(plant[0], law.state)
 
 
 def fly_stepwise(
@@ -91,16 +159,18 @@ def fly_stepwise(
     dispersions: Dispersions | None = None,
     seed: int = 0,
     flight: int = 0,
-    law: str = "peg",
+    law: str | Law = "peg",
 ) -> Flight:
     """Fly a mission through the objects that the nodes hold.
 
-    Args: as :func:`fly_compiled`; `law` one of `ares_guidance.laws.LAWS`.
+    Args: as :func:`fly_compiled`.
     """
     simulator = Simulator(mission, options, dispersions, seed, flight)
-    guide = make_law(law, mission.arrays(foreseen=True), settings)
+    if isinstance(law, str):
+        first = np.array([simulator.navigation])
+        law = ready_law(mission, law, settings, state=first)
     while not simulator.complete:
-        guide.step(simulator.navigation)
-        simulator.command(guide.steering)
+        law.step(simulator.navigation)
+        simulator.command(law.steering)
         simulator.advance()
-    return Flight(simulator.plant, guide.state)
+    return Flight(simulator.plant, law.state)

@@ -4,7 +4,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from ares_guidance.kernels.cycle import guidance_step
+from ares_guidance.kernels.peg_thesis import thesis_step
 from ares_models.arrays import Record
 from ares_models.jit import kernel
 from ares_vehicle_sim.kernels.navigation import measure
@@ -40,7 +40,8 @@ def fly(
     tick = 0
     while plant.complete == 0:
         measure(plant, nav)
-        guidance_step(
+        # every law: without a plan in the state it is the shared cycle
+        thesis_step(
             nav,
             believed_environment,
             believed_atmosphere,

@@ -2,6 +2,7 @@
 
 import multiprocessing
 
+from ares_guidance.peg_thesis import ThesisPeg
 from ares_models.mission import load_mission
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import fly_compiled, fly_stepwise
@@ -12,6 +13,7 @@ def fly() -> None:
     mission = load_mission("ares_v")
     fly_compiled(mission)
     fly_stepwise(mission)
+    fly_stepwise(mission, law=ThesisPeg(mission.arrays()))
 
 
 def optimize_directly() -> None:
