@@ -191,9 +191,10 @@ def seek(
     Returns: as :func:`converge`.
     """
     error = ERROR_NOT_CONVERGED
-    if settings.law == LAW_OPTIMAL and state.optimal.solved == 1:
+    solved = state.optimal.solved == 1
+    if settings.law == LAW_OPTIMAL and solved:
         error = solve_optimal(
-            nav, environment, atmosphere, arcs, jettisons, target, settings, True, False, state
+            nav, environment, atmosphere, arcs, jettisons, target, settings, solved, cold, state
         )
     if error == ERROR_NONE:
         return error, True
@@ -249,7 +250,7 @@ def seek_within_reach(
         else:
             state.lowered += lower_target(aim, environment.mu, lacking)
         error, reachable = seek(
-            nav, environment, atmosphere, arcs, jettisons, aim, settings, False, state
+            nav, environment, atmosphere, arcs, jettisons, aim, settings, cold, state
         )
     return error, reachable
 

@@ -170,9 +170,11 @@ def correct(
 ) -> bool:
     """One correction with the Jacobian of an earlier cycle; False if that is not enough."""
     work = memory.work
-    u = memory.unknowns
+    u = memory.unknowns[:]
+    # a variable, for the sake of one compiled flight
+    tangents = jettisons.shape[0] < 0
     if not shoot(
-        nav, environment, atmosphere, arcs, jettisons, target, memory.options, u, False, work
+        nav, environment, atmosphere, arcs, jettisons, target, memory.options, u, tangents, work
     ):
         return False
     n = unknown_count(nav, jettisons, memory.options)
@@ -204,6 +206,8 @@ def search(
 ) -> tuple[int, bool]:
     """The optimum by Newton's method; iterations, and whether it was found."""
     work = memory.work
+    # no literal and no nested array: each would compile the search once more
+    thorough = memory.options.max_iterations < 0
     iterations, _, status, _ = find_optimum(
         nav,
         environment,
@@ -214,8 +218,8 @@ def search(
         memory.options,
         guessed,
         restart,
-        False,
-        memory.unknowns,
+        thorough,
+        memory.unknowns[:],
         work,
     )
     memory.age = 0

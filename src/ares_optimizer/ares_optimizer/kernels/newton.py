@@ -209,6 +209,9 @@ def solve_two_point(
         iterations, norm of the last residuals, status (CONVERGED or what went wrong).
     """
     n = unknown_count(start, jettisons, options)
+    # not literals, nor a nested array for the trial: each would compile the flight once more
+    with_jacobian, residuals_only = n > 0, n < 0
+    trial = work.trial[:]
     prepare(n, work)
     if not find_floors(start, arcs, jettisons, work):
         return 0, math.inf, BAD_TIMETABLE
@@ -232,7 +235,16 @@ def solve_two_point(
             max(unknowns[i], work.floor[i] + 0.01 * span), unknowns[COLUMN_CUTOFF] - 0.01 * span
         )
     good = shoot(
-        start, environment, atmosphere, arcs, jettisons, target, options, unknowns, True, work
+        start,
+        environment,
+        atmosphere,
+        arcs,
+        jettisons,
+        target,
+        options,
+        unknowns,
+        with_jacobian,
+        work,
     )
     if not good:
         return 0, math.inf, BAD_TIMETABLE
@@ -275,7 +287,7 @@ def solve_two_point(
                 jettisons,
                 target,
                 options,
-                work.trial,
+                trial,
                 with_tangents,
                 work,
             )
@@ -313,7 +325,7 @@ def solve_two_point(
                 target,
                 options,
                 unknowns,
-                False,
+                residuals_only,
                 work,
             )
             if not good:
@@ -332,7 +344,7 @@ def solve_two_point(
                 target,
                 options,
                 unknowns,
-                True,
+                with_jacobian,
                 work,
             )
             if not good:

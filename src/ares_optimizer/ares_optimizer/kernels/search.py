@@ -133,6 +133,8 @@ def final_hamiltonian(
 
     It is what a second of burning is worth; on an optimum it is positive.
     """
+    # a variable, for the sake of one compiled flight
+    tangents = jettisons.shape[0] < 0
     shoot(
         start,
         environment,
@@ -142,7 +144,7 @@ def final_hamiltonian(
         target,
         options,
         unknowns,
-        False,
+        tangents,
         work,
     )
     # a drop that comes at once has no condition to meet, but it is flown
