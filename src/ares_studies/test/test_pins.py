@@ -115,6 +115,16 @@ def _first_iterations(mission, guess):
     return int(law.state["iterations"])
 
 
+def test_without_the_safeguard_mode_two_climbs_for_minutes(ares_v):
+    low = dispersed(thrust={"mean": -0.005})
+    trusting = LawSettings(time_to_go_jump_limit_s=1e4)
+    lost = fly_compiled(ares_v, trusting, dispersions=low, law="peg_thesis")
+    assert lost.plant["mass"] < 140_000.0
+    kept = fly_compiled(ares_v, dispersions=low, law="peg_thesis")
+    arrives(ares_v, kept)
+    assert kept.plant["mass"] > 170_000.0
+
+
 # ---- what it shows of the thesis
 
 
