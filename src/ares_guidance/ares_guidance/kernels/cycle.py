@@ -328,6 +328,22 @@ def solve(
 
 
 @kernel
+def navigation_is_sound(nav: Record, arcs: NDArray[Any]) -> bool:
+    """Whether there is anything to steer from: finite numbers, and an arc that there is."""
+    r = load(nav.position)
+    return (
+        is_finite(r)
+        and is_finite(load(nav.velocity))
+        and is_finite(load(nav.sensed_delta_v))
+        and math.isfinite(nav.time)
+        and nav.mass > 0.0
+        and math.isfinite(nav.mass)
+        and 0 <= nav.arc < arcs.shape[0]
+        and dot(r, r) > 0.0
+    )
+
+
+@kernel
 def guidance_step(
     nav: Record,
     environment: Record,
@@ -358,16 +374,7 @@ def guidance_step(
     """
     r = load(nav.position)
     v = load(nav.velocity)
-    if not (
-        is_finite(r)
-        and is_finite(v)
-        and is_finite(load(nav.sensed_delta_v))
-        and math.isfinite(nav.time)
-        and nav.mass > 0.0
-        and math.isfinite(nav.mass)
-        and 0 <= nav.arc < arcs.shape[0]
-        and dot(r, r) > 0.0
-    ):
+    if not navigation_is_sound(nav, arcs):
         state.error = ERROR_NAVIGATION_INVALID
         return
     if state.phase == PHASE_CUTOFF:

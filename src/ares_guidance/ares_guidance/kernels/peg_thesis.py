@@ -26,7 +26,7 @@ from ares_guidance.arrays import (
     PLANE_FREE,
     PLANE_OF_MODE,
 )
-from ares_guidance.kernels.cycle import accept, adopt_steering, guidance_step
+from ares_guidance.kernels.cycle import accept, adopt_steering, guidance_step, navigation_is_sound
 from ares_guidance.kernels.start import start_guess
 from ares_models.arrays import (
     TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
@@ -34,23 +34,7 @@ from ares_models.arrays import (
     Record,
 )
 from ares_models.jit import kernel
-from ares_models.kernels.vectors import cross, dot, is_finite, load, scale, store, unit
-
-
-@kernel
-def navigation_is_sound(nav: Record, arcs: NDArray[Any]) -> bool:
-    """Whether a mode can begin here; :func:`guidance_step` refuses what is not."""
-    r = load(nav.position)
-    return (
-        is_finite(r)
-        and is_finite(load(nav.velocity))
-        and is_finite(load(nav.sensed_delta_v))
-        and math.isfinite(nav.time)
-        and math.isfinite(nav.mass)
-        and nav.mass > 0.0
-        and 0 <= nav.arc < arcs.shape[0]
-        and dot(r, r) > 0.0
-    )
+from ares_models.kernels.vectors import cross, is_finite, load, scale, store, unit
 
 
 @kernel
