@@ -1,6 +1,5 @@
 """Flights of a campaign by their numbers, without Python in any of them."""
 
-import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -8,6 +7,7 @@ from numpy.typing import NDArray
 
 from ares_guidance.arrays import GUIDANCE_STATE
 from ares_guidance.law import LawSettings
+from ares_guidance.laws import make_law
 from ares_models.arrays import NAVIGATION, STEERING
 from ares_models.mission import Mission
 from ares_studies.montecarlo.arrays import RESULT
@@ -67,7 +67,7 @@ class Range:
         """Prepare.
 
         Raises:
-            ValueError: the dispersions do not fit the mission; one line.
+            ValueError: dispersions or law do not fit the mission; one line.
         """
         mission = settings.mission
         self._sampler = Sampler(mission, settings.dispersions, settings.seed)
@@ -76,8 +76,7 @@ class Range:
         believed, nominal = mission.arrays(foreseen=True), mission.arrays()
         plant = np.zeros(1, PLANT)
         plant["time"] = start.time_s
-        steering = np.zeros(1, STEERING)
-        steering["cutoff_time"] = math.nan
+        law = make_law(settings.law, believed, settings.law_settings)
         self._fixed = (
             tuple(start.position.tolist()),
             tuple(start.velocity.tolist()),
@@ -91,10 +90,10 @@ class Range:
             believed.arcs,
             believed.jettisons,
             believed.target[0],
-            settings.law_settings.record(settings.law)[0],
+            law.settings,
             plant,
-            np.zeros(1, GUIDANCE_STATE),
-            steering,
+            np.array([law.state]),
+            law.steering,
             np.zeros(1, PLANT),
             nominal.environment.copy(),
             nominal.arcs.copy(),

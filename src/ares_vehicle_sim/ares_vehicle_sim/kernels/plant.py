@@ -482,8 +482,10 @@ def flight_step(
         if not plant.time < until:
             break
         end = next_knot(plant, arcs, min(until, due))
-        steps = max(1, int(math.ceil((end - plant.time) / largest - 1e-9)))
         start = plant.time
+        steps = 1
+        if end - start > largest:
+            steps = int(math.ceil((end - start) / largest - 1e-9))
         for i in range(1, steps + 1):
             at = end if i == steps else start + (end - start) * i / steps
             integrate(plant, environment, arcs, options, at)
