@@ -186,6 +186,53 @@ def test_what_transients_explain_of_the_row_of_otis(items):
     assert (bound[1].value, bound[5].value) == (784.0, 2469.0)
 
 
+TABLES = ("2.1", "2.2", "3.1", "4.1", "5.1", "5.2", *(f"6.{i}" for i in range(1, 9)))
+FIGURES = (
+    *(f"4.{i}" for i in (*range(1, 8), *range(9, 15))),
+    *("5.3", "5.4"),
+    *(f"6.{i}" for i in (*range(1, 7), *range(8, 18))),
+)
+
+
+def test_every_table_and_figure_is_there(items):
+    assert {f"table-{number}" for number in TABLES} <= set(items)
+    assert {f"figure-{number}" for number in FIGURES} == {
+        key for key in items if key.startswith("figure")
+    }
+    for key, item in items.items():
+        assert item.title and item.see, key
+        if item.kind == "table":
+            assert all(len(row.cells) == len(item.content.columns) for row in item.content.rows)
+        else:
+            lines = [series for series in item.content.series if series.shape != "marks"]
+            assert lines, key
+            assert all(len(series.x) > 50 for series in lines), key
+
+
+def test_what_peg_flies(items):
+    assert abs(cell(items, "table-6.7", "Radius error", "here")) < 10.0
+    assert abs(cell(items, "table-6.7", "Speed error", "here")) < 0.5
+    assert abs(cell(items, "table-6.7", "Flight-path", "here")) < 1e-3
+    optimum = cell(items, "table-6.8", "Final mass", "optimum")
+    assert optimum == 173_430
+    lost = {
+        column: 174_183.1 - cell(items, "table-6.8", "Final mass", column)
+        for column in ("PEG of the thesis", "multi-stage PEG")
+    }
+    assert 0.0 < lost["multi-stage PEG"] < lost["PEG of the thesis"] < 300.0
+
+
+def test_the_prediction_of_the_thesis_jumps_at_staging(items):
+    printed_peg, ours, _ = items["figure-6.14"].content.series
+    spread = []
+    for series in (printed_peg, ours):
+        near = [
+            y for x, y in zip(series.x, series.y, strict=True) if y is not None and 330 < x < 360
+        ]
+        spread.append(max(near) - min(near))
+    assert spread[0] > 5.0 > 2.0 > spread[1]
+
+
 def test_the_linear_column_of_table_3_1_is_the_literal_equation():
     """(mu/r^3)^2 r in km/s2, at the radii of the inverse-square column."""
     table = printed.values("table-3.1")

@@ -270,7 +270,7 @@ def table_6_3(s: Sources) -> Table:
             cells += [number(case[key], of_thesis), number(ours[key], digits)]
         cells.append(number(ours["time_to_go_s"] - case["time_to_go_s"], 2, signed=True))
         steps = " and ".join(str(n) for n in case["steps"])
-        rows.append(Row(f"{i + 1}. α_s {case['scale']:g}, N {steps}", tuple(cells)))
+        rows.append(Row(f"{i + 1}. α_s = {case['scale']:g}, {steps} steps", tuple(cells)))
     spread = [max(values) - min(values) for values in times]
     return Table(
         (

@@ -205,7 +205,8 @@ _MARKS: dict[str, Marks] = {
 }
 
 
-def _levels(s: Sources, quantity: Quantity) -> tuple[Guide, ...]:
+def levels(s: Sources, quantity: Quantity) -> tuple[Guide, ...]:
+    """The heating limit, where heating is shown."""
     if quantity is HEATING:
         return (Guide(s.heating_limit_w_m2 / 1e3, "limit"),)
     return ()
@@ -226,7 +227,7 @@ def _nominal(quantity: Quantity, s: Sources) -> Figure:
         quantity.axis,
         (*curves, *_MARKS[quantity.column](s)),
         instants(s, s.optimum),
-        _levels(s, quantity),
+        levels(s, quantity),
     )
 
 
@@ -244,7 +245,7 @@ def _cases(quantity: Quantity, s: Sources) -> Figure:
             *_MARKS[quantity.column](s),
         ),
         instants(s, s.optimum),
-        _levels(s, quantity),
+        levels(s, quantity),
         f"The three are nowhere more than {about(apart)} {quantity.fine} apart."
         if apart > _ROUNDING
         else "The three are the same to the last digit.",

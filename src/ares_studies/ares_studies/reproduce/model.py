@@ -215,6 +215,13 @@ def power(value: float, digits: int = 3, *, signed: bool = False) -> Cell:
     return Cell(f"{mantissa} × 10{raised}".replace("-", MINUS), float(f"{value:.{digits - 1}e}"))
 
 
+def small(value: float) -> Cell:
+    """An error with two figures and its sign; a power of ten where zeros would fill the cell."""
+    if not 1e-3 <= abs(value) < 1e3:
+        return power(value, 2, signed=True)
+    return number(value, max(0, 1 - math.floor(math.log10(abs(value)))), signed=True)
+
+
 def about(value: float) -> str:
     """Two figures of a number, for a sentence."""
     if 0.0 < abs(value) < 1e-3:

@@ -44,9 +44,9 @@ function trace(series, unit) {
 function extent(figure) {
   if (figure.x.span) return figure.x.span;
   const xs = [
-    ...figure.series.flatMap((series) => series.x),
+    ...figure.series.flatMap((series) => series.x.filter((_, i) => series.y[i] !== null)),
     ...figure.instants.map((instant) => instant.at),
-  ].filter((x) => x !== null);
+  ];
   const low = Math.min(...xs), high = Math.max(...xs);
   return [low - 0.015 * (high - low), high + 0.025 * (high - low)];
 }

@@ -3,15 +3,15 @@
 from collections.abc import Callable
 from typing import Any, Literal
 
-from ares_studies.reproduce import analytic_figures, figures, printed, tables
+from ares_studies.reproduce import analytic_figures, analytic_tables, figures, peg, printed, tables
 from ares_studies.reproduce.headline import headline, masses
 from ares_studies.reproduce.model import Chapter, Erratum, Item, Report
 from ares_studies.reproduce.sources import Sources
 
 Progress = Callable[[str], None]
 
-TABLES = tables.TABLES
-FIGURES = {**figures.FIGURES, **analytic_figures.FIGURES}
+TABLES = {**tables.TABLES, **analytic_tables.TABLES, **peg.TABLES}
+FIGURES = {**figures.FIGURES, **analytic_figures.FIGURES, **peg.FIGURES}
 
 
 def make_report(progress: Progress) -> Report:

@@ -2,8 +2,8 @@
 
 import math
 from functools import cached_property
+from typing import Any
 
-from ares_guidance.law import Law
 from ares_models.arrays import HEATING_LIMIT, MissionArrays
 from ares_models.mission import Mission, load_mission
 from ares_models.orbits import Insertion
@@ -11,17 +11,26 @@ from ares_optimizer.analytic import AnalyticSolution, solve_analytic
 from ares_optimizer.analytic_flight import FittedPiece, PlanarFlight, fit_flight, planar_flight
 from ares_optimizer.analytic_options import AnalyticOptions
 from ares_optimizer.solution import OptimizerError, Solution
-from ares_optimizer.solve import solve, start_of
+from ares_optimizer.solve import solve
+from ares_studies.closed_loop import ready_law
 from ares_studies.history import History, Profile, profile_of, record_flight
+from ares_studies.pins import PinnedFlight, WrongThrust, pin_study, wrong_thrust_study
 from ares_studies.reproduce import printed
+from ares_studies.reproduce.model import number
 from ares_studies.transients import (
     WITH_TRANSIENTS,
     TransientRow,
     mass_after_full_flow,
     transient_study,
 )
+from ares_vehicle_sim.simulator import Simulator
 
 MISSION = "ares_v"
+
+#: Rows of the study of the pins that sentences quote.
+ALL_PINS = "peg_thesis: all pins, one pass a cycle"
+PLANE_FREE = "plane free until the jettison"
+SETTLED = "all pins, every cycle converged"
 
 
 class Sources:
@@ -194,17 +203,35 @@ class Sources:
     @cached_property
     def peg(self) -> History:
         """Multi-stage PEG, closed loop, from the navigation state alone."""
-        return record_flight(self.mission, Law(self.arrays))
+        return record_flight(self.mission, ready_law(self.mission))
 
     @cached_property
-    def first_solution(self) -> int:
-        """Iterations in which PEG starts from the navigation state alone."""
-        law = Law(self.arrays)
-        law.step(start_of(self.mission)[0])
+    def peg_printed(self) -> History:
+        """PEG as the thesis flew it, by modes, from the analytic solution."""
+        return record_flight(self.mission, ready_law(self.mission, "peg_thesis"))
+
+    def first_solution(self, guess: Solution | None = None) -> int:
+        """Iterations in which multi-stage PEG finds its first solution.
+
+        Args:
+            guess: where it starts; None: from the navigation state alone.
+        """
+        law = ready_law(self.mission, guess=guess)
+        law.step(Simulator(self.mission).navigation)
         return int(law.state["iterations"])
 
     @cached_property
-    def facts(self) -> dict[str, float]:
+    def pins(self) -> dict[str, PinnedFlight]:
+        """What each pin of the thesis' PEG costs, by name."""
+        return {row.name: row for row in pin_study(self.mission)}
+
+    @cached_property
+    def wrong_thrust(self) -> list[WrongThrust]:
+        """The same with engines that give more or less than guidance foresees."""
+        return wrong_thrust_study(mission=self.mission)
+
+    @cached_property
+    def facts(self) -> dict[str, Any]:
         """Numbers that sentences quote, by the name in their braces."""
         table = printed.values("table-4.1")
         otis = table["otis"]
@@ -222,7 +249,11 @@ class Sources:
             "otis_gap_kg": full_otis - otis["final_mass_kg"],
             "peg_full_flow_kg": full_peg,
             "peg_gap_kg": full_peg - peg["final_mass_kg"],
-            "partial_theta": partials["theta_end"],
-            "partial_gamma": partials["gamma_joint"],
+            "partial_theta": number(partials["theta_end"], 0).text,
+            "partial_gamma": number(partials["gamma_joint"], 0).text,
+            "pinned_kg": self.pins[ALL_PINS].cost_kg,
+            "plane_kg": self.pins[ALL_PINS].cost_kg - self.pins[PLANE_FREE].cost_kg,
+            "settled_kg": self.pins[SETTLED].cost_kg,
+            "low_thrust_kg": self.wrong_thrust[0].free_kg - self.wrong_thrust[0].pinned_kg,
             "jump_loss_kg": self.indirect.m_f_kg - self.jump.m_f_kg,
         }

@@ -7,7 +7,7 @@ import numpy as np
 
 from ares_optimizer.closed_form import gravity_table
 from ares_optimizer.solution import Solution
-from ares_studies.reproduce import analytic_tables, printed
+from ares_studies.reproduce import printed
 from ares_studies.reproduce.model import (
     BESIDE,
     BLANK,
@@ -273,7 +273,6 @@ def _results(solution: Solution) -> dict[str, float]:
 
 
 TABLES: dict[str, Callable[[Sources], Table]] = {
-    **analytic_tables.TABLES,
     "table-2.1": table_2_1,
     "table-2.2": table_2_2,
     "table-3.1": table_3_1,
