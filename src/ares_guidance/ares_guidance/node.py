@@ -157,6 +157,7 @@ class GuidanceNode(FlightNode):
         self._law.reset()
         self._reported = int(GuidanceStatus.NONE)
         self._without_jettison = False
+        self._fallen_back = False
 
     def _on_watch(self) -> None:
         """A command that nobody records would be missing in the bag."""
@@ -317,6 +318,16 @@ class GuidanceNode(FlightNode):
                 self._diagnostics.report(
                     Level.WARN, ERROR_TEXTS[error], now, {"stale_cycles": stale}
                 )
+        optimal = LAWS[self.values["law"]] == GuidanceStatus.LAW_OPTIMAL
+        solved = int(self._law.state["law"]) in (GuidanceStatus.LAW_OPTIMAL, 0)
+        if optimal and solved == self._fallen_back:
+            self._fallen_back = not solved
+            level, text = (
+                (Level.OK, "optimal solution again")
+                if solved
+                else (Level.WARN, "no optimal solution: flying peg")
+            )
+            self._diagnostics.report(level, text, now)
         without = self._jettison_after_cutoff()
         if without != self._without_jettison:
             self._without_jettison = without
