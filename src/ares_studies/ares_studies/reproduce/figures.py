@@ -1,6 +1,7 @@
 """The figures of the thesis, each a function of the sources."""
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -234,7 +235,6 @@ def _nominal(quantity: Quantity, s: Sources) -> Figure:
 def _cases(quantity: Quantity, s: Sources) -> Figure:
     """Figures 4.7 and 4.9 to 4.14: 11, 14 and 20 parameters."""
     profiles = (s.optimum_profile, s.optimum14_profile, s.optimum20_profile)
-    apart = max(_apart(quantity, profiles[0], other) for other in profiles[1:])
     return Figure(
         TIME,
         quantity.axis,
@@ -246,9 +246,7 @@ def _cases(quantity: Quantity, s: Sources) -> Figure:
         ),
         instants(s, s.optimum),
         levels(s, quantity),
-        f"The three are nowhere more than {about(apart)} {quantity.fine} apart."
-        if apart > _ROUNDING
-        else "The three are the same to the last digit.",
+        _how_far(quantity, profiles),
     )
 
 
@@ -256,11 +254,19 @@ def _cases(quantity: Quantity, s: Sources) -> Figure:
 _ROUNDING = 1e-6
 
 
-def _apart(quantity: Quantity, one: Profile, other: Profile) -> float:
-    """Greatest distance of two flights at whole seconds, in units of the column."""
-    times = np.arange(np.ceil(one.time_s[0]), min(one.time_s[-1], other.time_s[-1]))
-    values = [np.interp(times, p.time_s, getattr(p, quantity.column)) for p in (one, other)]
-    return float(np.max(np.abs(values[0] - values[1])))
+def _how_far(quantity: Quantity, profiles: Sequence[Profile]) -> str:
+    """A sentence: greatest distance between flights at whole seconds."""
+    begin = math.ceil(profiles[0].time_s[0])
+    times = np.arange(begin, min(profile.time_s[-1] for profile in profiles))
+    values = [np.interp(times, p.time_s, getattr(p, quantity.column)) for p in profiles]
+    spread = np.ptp(values, axis=0)
+    unit = quantity.fine
+    if quantity.axis.log:
+        spread, unit = 100.0 * spread / values[0], "%"
+    apart = float(np.max(spread))
+    if apart < _ROUNDING:
+        return "The three are the same to the last digit."
+    return f"The three are nowhere more than {about(apart)} {unit} apart."
 
 
 FIGURES: dict[str, Callable[[Sources], Figure]] = {

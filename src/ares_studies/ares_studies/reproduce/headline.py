@@ -62,7 +62,7 @@ def masses(s: Sources) -> tuple[Dot, ...]:
         ("thesis, PEG", "thesis", peg, 0),
         ("thesis, optimum", "thesis", table["thesis"]["final_mass_kg"], 0),
         ("thesis' PEG, flown here", "third", s.pins[ALL_PINS].m_f_kg, 1),
-        ("the same, settled", "third", s.pins[SETTLED].m_f_kg, 1),
+        ("thesis' PEG, settled", "third", s.pins[SETTLED].m_f_kg, 1),
         ("multi-stage PEG", "here", float(s.peg.flight.plant["mass"]), 1),
         ("jump condition", "here", s.jump.m_f_kg, 1),
         ("optimum", "here", s.optimum.m_f_kg, 1),

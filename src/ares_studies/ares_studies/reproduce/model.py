@@ -215,8 +215,14 @@ def power(value: float, digits: int = 3, *, signed: bool = False) -> Cell:
     return Cell(f"{mantissa} × 10{raised}".replace("-", MINUS), float(f"{value:.{digits - 1}e}"))
 
 
+#: Errors below it, in whatever unit, are those of rounding.
+_NOTHING = 1e-9
+
+
 def small(value: float) -> Cell:
     """An error with two figures and its sign; a power of ten where zeros would fill the cell."""
+    if abs(value) < _NOTHING:
+        return word("< 10⁻⁹")
     if not 1e-3 <= abs(value) < 1e3:
         return power(value, 2, signed=True)
     return number(value, max(0, 1 - math.floor(math.log10(abs(value)))), signed=True)

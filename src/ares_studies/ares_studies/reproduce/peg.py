@@ -22,7 +22,6 @@ from ares_studies.reproduce.figures import (
     levels,
 )
 from ares_studies.reproduce.model import (
-    BESIDE,
     Axis,
     Column,
     Figure,
@@ -91,7 +90,15 @@ def table_6_7(s: Sources) -> Table:
         else:
             cells = beside("", thesis[key], here[key], digits).cells
             rows.append(Row(label, (*cells, number(ours[key], digits)), note))
-    return Table((*BESIDE, Column(OURS, "here")), tuple(rows))
+    return Table(
+        (
+            Column("PEG", "thesis"),
+            Column("PEG of the thesis", "here"),
+            Column("difference"),
+            Column(OURS, "here"),
+        ),
+        tuple(rows),
+    )
 
 
 _NOTES_6_7 = {
