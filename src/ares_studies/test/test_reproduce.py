@@ -146,6 +146,14 @@ def test_differences_are_differences(report):
     assert seen > 40
 
 
+def test_a_sentence_stands_where_a_table_differs(report):
+    for key, table in tables(report):
+        for row in table.rows:
+            for column, found in zip(table.columns, row.cells, strict=True):
+                if column.title == "difference" and found.value:
+                    assert row.note or table.finding, f"{key}: {row.label}"
+
+
 def test_errata_are_cited_by_their_names(report):
     known = [erratum.key for erratum in report.errata]
     assert known == [f"E{i + 1}" for i in range(len(known))]

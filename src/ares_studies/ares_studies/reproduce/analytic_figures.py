@@ -127,6 +127,19 @@ def _part_one(quantity: Planar, s: Sources) -> Figure:
     )
 
 
+def _printed_ends(quantity: Planar, *which: str) -> Series:
+    """Cut-off as Table 6.5 prints it."""
+    table = printed.values("table-6.5")
+    return marks(
+        "thesis, printed",
+        "thesis",
+        [
+            (table[key]["cutoff_s"], table[key][quantity.key], f"Table 6.5: {key}, cut-off")
+            for key in which
+        ],
+    )
+
+
 def _part_two(quantity: Planar, s: Sources) -> Figure:
     """Figures 6.3 and 6.4."""
 
@@ -136,7 +149,7 @@ def _part_two(quantity: Planar, s: Sources) -> Figure:
     return Figure(
         TIME,
         quantity.axis,
-        tuple(_curves(quantity, s, piece)),
+        (*_curves(quantity, s, piece), _printed_ends(quantity, "analytic")),
         instants(s, s.optimum)[1:],
         finding=_off(quantity, s, piece),
     )
@@ -148,19 +161,10 @@ def _both(quantity: Planar, s: Sources) -> Figure:
     def whole(walk: Walk) -> PlanarFlight:
         return walk.flight
 
-    table = printed.values("table-6.5")
-    points = [
-        (
-            table[which]["cutoff_s"],
-            table[which][quantity.key],
-            f"Table 6.5: {words}, cut-off",
-        )
-        for which, words in (("optimum", "optimum"), ("analytic", "analytic"))
-    ]
     return Figure(
         TIME,
         quantity.axis,
-        (*_curves(quantity, s, whole), marks("thesis, printed", "thesis", points)),
+        (*_curves(quantity, s, whole), _printed_ends(quantity, "optimum", "analytic")),
         instants(s, s.optimum)[:2],
         finding=_off(quantity, s, whole),
     )

@@ -164,6 +164,16 @@ def angle_marks() -> Series:
     )
 
 
+def _angle_marks(_: Sources) -> tuple[Series, ...]:
+    target = printed.values("table-2.1")["target"]["flight_path_angle_deg"]
+    who, role, key = _PROGRAMS[1]
+    end = printed.values("table-4.1")[key]["cutoff_s"]
+    return (
+        angle_marks(),
+        marks(who, role, [(end, target, f"{who}: cut-off, at the target angle")]),
+    )
+
+
 def _heating_marks(s: Sources) -> tuple[Series, ...]:
     table = printed.values("table-4.1")
     limit = s.heating_limit_w_m2 / 1e3
@@ -200,7 +210,7 @@ _MARKS: dict[str, Marks] = {
     "speed_m_s": _speed_marks,
     "mass_kg": _mass_marks,
     "thrust_n": _thrust_marks,
-    "flight_path_angle_deg": lambda _: (angle_marks(),),
+    "flight_path_angle_deg": _angle_marks,
     "heating_w_m2": _heating_marks,
     "pitch_deg": _pitch_marks,
 }

@@ -58,6 +58,7 @@ _INSERTION_ROWS = (
 )
 _NOTES_2_1 = {
     ("initial", "radius"): "The vectors give the next whole metre.",
+    ("initial", "speed"): "The print is rounded up.",
     ("initial", "flight_path_angle"): (
         "The vectors of Eqs. 2.17 and 2.19 give 10.44 deg, and they are what is flown [E1]."
     ),
@@ -171,6 +172,8 @@ def table_4_1(s: Sources) -> Table:
     notes = {
         "jettison_s": "Lofted higher, the vehicle leaves the heating sooner. The time follows the "
         "density above 110 km, which the thesis does not print [E7].",
+        "burn_s": "The earlier the jettison, the longer the burn that is left.",
+        "cutoff_s": "Less propellant is needed, and flow is constant.",
         "final_mass_kg": f"With the jettison held at the thesis' {s.held.t_plf_s:.2f} s it is "
         f"still {s.held.m_f_kg:,.1f} kg [E2].",
     }
@@ -183,8 +186,12 @@ def table_4_1(s: Sources) -> Table:
         for key, label, digits, fine in _RESULT_ROWS
     ]
     for label, solution, note in (
-        ("Final mass, jettison held at the thesis' time, kg", s.held, ""),
-        ("Final mass, altitude above a sphere, kg", s.spherical, ""),
+        ("Final mass, jettison held at the thesis' time, kg", s.held, "Not the cause."),
+        (
+            "Final mass, altitude above a sphere, kg",
+            s.spherical,
+            "The ellipsoid of Eq. 2.15 read as a sphere: not the cause either.",
+        ),
         (
             "Final mass, heating ignored, kg",
             s.unheated,
