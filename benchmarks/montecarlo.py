@@ -1,0 +1,78 @@
+"""Flights per second of a campaign: ours on one core and on all, RocketPy's, Basilisk's.
+
+    ./ares exec python benchmarks/montecarlo.py [--flights N] [--peers N] [--law peg]
+
+What a flight is, differs: see benchmarks/README.md. Ours is timed with the Parquet file and
+without start-up; `--flights` are flown by ours, `--peers` by everybody.
+"""
+
+import argparse
+import json
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from functools import partial
+from pathlib import Path
+
+from ares_models.mission import load_mission
+from ares_studies.montecarlo.campaign import Plan, fly_campaign
+from ares_studies.montecarlo.engines import cores, fly_here, fly_on_cores
+from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.store import Store
+from ares_vehicle_sim.dispersions import load_dispersions
+
+PEERS = {"RocketPy": "montecarlo_rocketpy.py", "Basilisk": "montecarlo_basilisk.py"}
+
+
+def ours(settings, flights, engine):
+    """Flights per second, and the peak memory of this process, MB."""
+    Range(settings).fly(0, 1)
+    with tempfile.TemporaryDirectory() as folder, Store(Path(folder), settings) as store:
+        begun = time.perf_counter()
+        fly_campaign(Plan(settings, flights), store, engine, lambda _: None)
+        seconds = time.perf_counter() - begun
+    return flights / seconds, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+
+
+def peer(script, flights, processes):
+    """What a peer's script prints; None where the peer is not installed."""
+    done = subprocess.run(
+        [sys.executable, str(Path(__file__).with_name(script)), str(flights), str(processes)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode:
+        print(done.stderr.strip().splitlines()[-1])
+        return None
+    return json.loads(done.stdout.strip().splitlines()[-1])
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--flights", type=int, default=10_000)
+    parser.add_argument("--peers", type=int, default=100)
+    parser.add_argument("--law", default="peg")
+    given = parser.parse_args()
+    settings = Settings(load_mission("ares_v"), load_dispersions("standard"), law=given.law)
+    engines = {"1 core": fly_here, f"{cores()} cores": partial(fly_on_cores, count=cores())}
+    print(f"{'':<28}{'flights':>10}{'flights/s':>12}{'peak MB':>10}")
+    for flights in (given.peers, given.flights):
+        for name, engine in engines.items():
+            rate, memory = ours(settings, flights, engine)
+            print(f"{f'ours, {given.law}, {name}':<28}{flights:>10,}{rate:>12,.0f}{memory:>10,.0f}")
+    for name, script in PEERS.items():
+        for processes in (1, cores()):
+            found = peer(script, given.peers, processes)
+            if found is None:
+                break
+            label = f"{name}, {processes} process{'es' if processes > 1 else ''}"
+            print(f"{label:<28}{given.peers:>10,}{found['flights_per_s']:>12,.2f}")
+            if "bare_flights_per_s" in found and processes == 1:
+                print(f"{name + ', bare flight':<28}{'':>10}{found['bare_flights_per_s']:>12,.1f}")
+
+
+if __name__ == "__main__":
+    main()
