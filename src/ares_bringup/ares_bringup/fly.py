@@ -11,7 +11,14 @@ from typing import TYPE_CHECKING, Any
 from ares_bringup.bag_paths import new_bag
 from ares_bringup.crew import Crew, describe_end, ros_arguments
 from ares_bringup.discovery import apply_discovery_settings
-from ares_bringup.options import CannotStart, FlyOptions, Guidance, InitialGuess, domain_id
+from ares_bringup.options import (
+    CannotStart,
+    FlyOptions,
+    Guidance,
+    HeatingSource,
+    InitialGuess,
+    domain_id,
+)
 from ares_bringup.summary import (
     EXIT_CANNOT_START,
     FlightSummary,
@@ -91,6 +98,20 @@ def mission_facts(name: str) -> MissionFacts:
     )
 
 
+def _margin(dispersions: str) -> float:
+    """Margin to the heating limit of a guidance that measures nothing.
+
+    Raises:
+        CannotStart: the dispersions are wrong; one line.
+    """
+    from ares_vehicle_sim.dispersions import load_dispersions
+
+    try:
+        return load_dispersions(dispersions).heating_margin()
+    except ValueError as error:
+        raise CannotStart(" ".join(str(error).split())) from error
+
+
 def node_parameters(options: FlyOptions, bag: str | None) -> dict[str, dict[str, Any]]:
     """Parameters of each node that takes part in the flight, by node name.
 
@@ -131,6 +152,8 @@ def node_parameters(options: FlyOptions, bag: str | None) -> dict[str, dict[str,
         guidance["hold_time_s"] = float(options.hold_time_s)
     if options.heating_source is not None:
         guidance["heating_source"] = options.heating_source.value
+        if options.heating_source is HeatingSource.MODEL and "dispersions" in simulator:
+            guidance["heating_margin"] = _margin(simulator["dispersions"])
     nodes = {SIMULATOR: simulator, GUIDANCE: guidance}
     if options.initial_guess is InitialGuess.OPTIMIZER:
         nodes[OPTIMIZER] = {"mission": options.mission}

@@ -27,7 +27,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ares_bringup.bag_paths import new_bag, workspace_root
-from ares_bringup.options import CannotStart
+from ares_bringup.options import CannotStart, HeatingSource
 from ares_bringup.report import console, number, shown_path
 from ares_guidance.law import CODES, LawSettings
 from ares_models.atmosphere import AtmosphereError
@@ -103,9 +103,12 @@ class CampaignOptions:
             "heating_source": self.heating_source,
         }
         try:
+            dispersions = load_dispersions(self.dispersions)
+            if self.heating_source == HeatingSource.MODEL:
+                given["heating_margin"] = dispersions.heating_margin()
             return Settings(
                 mission=load_mission(self.mission),
-                dispersions=load_dispersions(self.dispersions),
+                dispersions=dispersions,
                 seed=self.seed,
                 law=self.guidance,
                 law_settings=LawSettings(**{k: v for k, v in given.items() if v is not None}),

@@ -93,7 +93,7 @@ class LawSettings:
     )
     heating_source: str = "measured"
     heating_margin: float = _setting(
-        1e-4, "Fraction of the heating limit that the jettison stays below.", "", 0.0, 0.5
+        1e-4, "Fraction of the heating limit that the jettison stays below.", "", 0.0, 0.99
     )
 
     def __post_init__(self) -> None:

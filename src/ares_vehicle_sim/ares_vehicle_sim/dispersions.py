@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import NormalDist
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -18,6 +19,9 @@ from ares_models.mission_parts import Latitude, Moment, Number, Part, Turn, fail
 
 #: How far beyond the largest sigma a mean or a bound may be.
 MAX_SIGMAS = 5.0
+
+#: Share of flights in which a heating limit is to be kept without measuring it.
+KEPT = 0.997
 
 
 class DispersionsError(InputError):
@@ -50,6 +54,11 @@ class Spread:
     def active(self) -> bool:
         """Anything but zero for certain."""
         return self.centre != 0.0 or self.size != 0.0
+
+    @property
+    def sigma(self) -> float:
+        """Standard deviation."""
+        return self.size / math.sqrt(3.0) if self.even else self.size
 
 
 #: One for all components, or one for each.
@@ -213,6 +222,19 @@ class Dispersions(Part):
                 fail((key,), "a value", "no such key beside initial_covariance")
         self.initial_root()
         return self
+
+    def heating_margin(self, kept: float = KEPT) -> float:
+        """What guidance must stay below a heating limit when it measures nothing, a fraction.
+
+        The jettison keeps the limit in this share of flights, if the density is right on board
+        but for ``log_density`` and the limit but for ``jettison_limit``; an atmosphere of
+        ``nrlmsis`` is not counted.
+        """
+        limit = max(self.jettison_limit, key=lambda spread: spread.sigma)
+        (density,) = self.log_density
+        spread = math.hypot(density.sigma, limit.sigma)
+        worst = density.centre - limit.centre + NormalDist().inv_cdf(kept) * spread
+        return max(0.0, -math.expm1(-worst))
 
     def initial_root(self) -> NDArray[np.float64] | None:
         """Lower triangle L with L L^T the covariance, shape (6, 6); None if none is given."""

@@ -1,5 +1,7 @@
 """The dispersions file: what it may say, and one clear line when it is wrong."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -141,3 +143,19 @@ def test_a_covariance_may_leave_some_of_the_state_exact():
     covariance[0, 5] = covariance[5, 0] = 1.0
     with pytest.raises(ValueError, match="no covariance where the variance is 0"):
         Dispersions(initial_covariance=covariance.tolist())
+
+
+@pytest.mark.parametrize(
+    ("text", "margin"),
+    [
+        ("", 0.0),
+        ("log_density: 0.3", 1.0 - math.exp(-2.7478 * 0.3)),
+        ("log_density: {mean: -0.1, sigma: 0.3}", 1.0 - math.exp(0.1 - 2.7478 * 0.3)),
+        ("{log_density: 0.3, jettison_limit: 0.2}", 1.0 - math.exp(-2.7478 * 0.36056)),
+        ("log_density: {mean: -3.0, sigma: 0.1}", 0.0),
+    ],
+)
+def test_a_limit_that_nobody_measures_takes_a_margin(tmp_path, text, margin):
+    path = tmp_path / "some.yaml"
+    path.write_text(text)
+    assert load_dispersions(path).heating_margin() == pytest.approx(margin, abs=1e-4)
