@@ -75,6 +75,8 @@ def held_cutoff(
     # thrust that comes after the command is counted with the burn
     t = max(state.time_to_go, 0.0)
     for _ in range(CUTOFF_SEARCH_STEPS):
+        # no burn lasts longer than the mass
+        t = min(t, 0.98 * tau)
         l_t = -ve * math.log1p(-t / tau)
         middle = t
         if t != 0.0:
