@@ -47,9 +47,12 @@ def test_tables_for_people(tmp_path):
         assert words in done.stdout
     assert "reserve       takes at least 767 flights" in done.stdout
     assert "flights   c/flights.parquet" in done.stdout
+    assert "report    c/report.html" in done.stdout
     again = "./ares fly --mission ares_v --guidance peg --dispersions standard --seed 3"
     assert f"again     {again} --hold-time 8.0 --flight K" in done.stdout
     assert "30/30" in done.stderr
+    page = (tmp_path / "c" / "report.html").read_text(encoding="utf-8")
+    assert f"{again} --hold-time 8.0 --flight" in page
     assert "Traceback" not in done.stderr
 
 

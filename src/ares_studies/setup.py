@@ -12,7 +12,7 @@ setup(
     maintainer="Ares maintainers",
     maintainer_email="ares-maintainers@example.org",
     packages=find_packages(exclude=["test", "test.*"]),
-    package_data={PACKAGE: ["py.typed", "reproduce/*.yaml", "reproduce/page.*"]},
+    package_data={PACKAGE: ["py.typed", "*/*.yaml", "*/*.html", "*/*.css", "*/*.js"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

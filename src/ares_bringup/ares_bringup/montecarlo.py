@@ -36,6 +36,7 @@ from ares_models.mission import load_mission
 from ares_studies.montecarlo.campaign import Plan, fly_campaign
 from ares_studies.montecarlo.engines import EngineError, choose
 from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.report import make_report, render
 from ares_studies.montecarlo.statistics import Summary, Tally, summarize
 from ares_studies.montecarlo.store import Store, StoreError
 from ares_studies.montecarlo.table import FLAGS, make_table
@@ -170,7 +171,8 @@ def montecarlo(options: CampaignOptions, begun: float) -> int:
                     _say_interrupted(store, options)
                     return EXIT_INTERRUPTED
             summary = summarize(store.flights, nominal_propellant(settings))
-            _report(options, settings, summary, watch, store.flights, begun)
+            report = _write_report(options, settings, summary, store)
+            _report(options, settings, summary, watch, (store.flights, report), begun)
     return EXIT_DONE
 
 
@@ -270,19 +272,41 @@ class _Watch:
 # ---- when it is over
 
 
+def _write_report(
+    options: CampaignOptions, settings: Settings, summary: Summary, store: Store
+) -> Path:
+    """The page of the campaign, beside its flights."""
+    facts = {
+        "flights": f"{summary.tally.n:,}",
+        "guidance": settings.law,
+        "mission": options.mission,
+        "dispersions": options.dispersions,
+        "seed": str(settings.seed),
+        "heating": settings.law_settings.heating_source,
+        "guidance cycle": f"{settings.law_settings.cycle_period_s:g} s",
+        "file": str(store.flights.absolute()),
+    }
+    page = render(make_report(settings, summary, facts, options.command("fly")))
+    path = store.folder / REPORT
+    path.write_text(page, encoding="utf-8")
+    return path
+
+
 def _report(
     options: CampaignOptions,
     settings: Settings,
     summary: Summary,
     watch: _Watch,
-    results: Path,
+    files: tuple[Path, Path],
     begun: float,
 ) -> None:
+    results, report = files
     said = {
         **_verdict(summary.tally),
         "flights_per_s": watch.rate,
         "wall_s": time.monotonic() - begun,
         "results": str(results.absolute()),
+        "report": str(report.absolute()),
         "mission": settings.mission.name,
         "guidance": settings.law,
         "seed": settings.seed,
@@ -373,6 +397,7 @@ def _print(
     rate = f", {number(said['flights_per_s'], 0)} flights/s" if said["flights_per_s"] else ""
     out.print(f"wall time {said['wall_s']:.1f} s{rate}")
     out.print(f"flights   {shown_path(said['results'])}", soft_wrap=True)
+    out.print(f"report    {shown_path(said['report'])}", soft_wrap=True)
     out.print(f"again     {options.command('fly')} --flight K", soft_wrap=True)
 
 

@@ -33,6 +33,7 @@ from ares_studies.montecarlo.engines import (
 )
 from ares_studies.montecarlo.flights import Range, Settings
 from ares_studies.montecarlo.kernels import judge_insertion
+from ares_studies.montecarlo.report import drawn_name, make_report, render
 from ares_studies.montecarlo.statistics import Tally, bound_rank, flights_needed, summarize
 from ares_studies.montecarlo.store import Store, StoreError
 from ares_studies.montecarlo.table import Outcome, make_table
@@ -506,3 +507,44 @@ def test_a_summary_of_a_campaign(standard, tmp_path):
     assert strongest.name == "thrust_core"
     assert strongest.correlation > 0.5
     assert summary.influences["t_plf_s"][0].name == "log_density"
+
+
+def test_the_page_shows_the_campaign(standard, tmp_path):
+    settings = Settings(
+        standard.mission, Dispersions(thrust=0.01, log_density={"mean": 0.0, "sigma": 2.0})
+    )
+    _, table = fly(Plan(settings, 200), tmp_path)
+    summary = summarize(tmp_path / "flights.parquet", 127_880.0)
+    facts = {"flights": "200", "guidance": "peg", "file": "flights.parquet"}
+    report = make_report(settings, summary, facts, "./ares fly --seed 0")
+    json.dumps(report.to_json(), allow_nan=False)
+    items = {item.title: item for chapter in report.chapters for item in chapter.items}
+    bars = items["Final mass"].content.series[0]
+    assert sum(bars.y) == 200 + 0.5
+    cloud = items["Radius against speed"].content.series
+    assert sum(len(series.x) for series in cloud) == 200
+    failed = table.filter(np.logical_not(table["succeeded"].to_numpy()))
+    assert [case.flight for case in report.cases["failures"]] == failed["flight"].to_pylist()[:10]
+    page = render(report)
+    first = report.cases["least final mass"][0]
+    assert first.command == f"./ares fly --seed 0 --flight {first.flight}"
+    for words in (first.command, "200 flights, guidance peg", "payload fairing on at cut-off"):
+        assert words in page
+    # nothing is loaded from elsewhere
+    head = page[: page.index('<script type="application/json"')]
+    assert "http" not in head.replace("http-equiv", "")
+
+
+@pytest.mark.parametrize(
+    ("column", "name"),
+    [
+        ("thrust_upper_stage", "thrust upper stage"),
+        ("initial_position_m_crossrange", "initial position crossrange"),
+        ("log_density", "density"),
+        ("navigation_position_bias_m_x", "navigation position x"),
+        ("jettison_mass_payload_fairing", "mass of payload fairing"),
+        ("start_delay_s_core", "start delay core"),
+    ],
+)
+def test_what_is_drawn_has_a_name_for_people(column, name):
+    assert drawn_name(column) == name

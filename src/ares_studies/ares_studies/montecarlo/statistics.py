@@ -231,7 +231,7 @@ HISTOGRAMS = (
     "inclination_error_deg",
 )
 #: Results whose sensitivities are told.
-TOLD = ("m_f_kg", "t_plf_s", "heating_peak_after_jettison_w_m2")
+TOLD = ("m_f_kg", "t_plf_s", "t_meco_s")
 #: Lists of worst flights: title, column, and whether low is bad.
 LISTS = (
     ("least final mass", "m_f_kg", True),
@@ -274,8 +274,8 @@ class _Gathered:
         self.tally = Tally()
         self.tail = _Tail(int((1.0 - RESERVE_SHARE) * count) + 1)
         self.spans: dict[str, Interval] = {}
-        self.worst: dict[str, list[dict[str, Any]]] = {name: [] for name, _, _ in LISTS}
-        self.worst[FAILURES] = []
+        self.worst: dict[str, list[dict[str, Any]]] = {FAILURES: []}
+        self.worst |= {name: [] for name, _, _ in LISTS}
         self.sample: dict[str, Array] = {}
 
     def add(self, table: Any) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 #: Whose number it is; decides the colour. `other` and `third` are further results of ours.
 Role = Literal["here", "other", "third", "thesis", "otis"]
-Shape = Literal["line", "dashes", "dots", "step", "band", "marks"]
+Shape = Literal["line", "dashes", "dots", "step", "bars", "band", "marks", "cloud"]
 
 BLANK = "–"
 MINUS = "\N{MINUS SIGN}"

@@ -10,9 +10,9 @@ const figures = Object.fromEntries(
 const coarse = matchMedia("(pointer: coarse)").matches;
 const dark = matchMedia("(prefers-color-scheme: dark)");
 const FONT = { family: "system-ui, -apple-system, 'Segoe UI', Roboto, Arial, sans-serif", size: 13 };
-const WIDTH = { line: 2, dashes: 2, dots: 2.5, step: 1.6, band: 8 };
+const WIDTH = { line: 2, dashes: 2, dots: 2.5, step: 1.6, bars: 1.2, band: 8 };
 const DASH = { dashes: "7px,5px", dots: "2px,5px" };
-const LAYER = { band: 0, dashes: 0, line: 1, step: 1, dots: 2, marks: 3 };
+const LAYER = { band: 0, dashes: 0, bars: 0, cloud: 0, line: 1, step: 1, dots: 2, marks: 3 };
 const SYMBOL = { thesis: "diamond", otis: "square" };
 
 const colour = (name) =>
@@ -31,12 +31,18 @@ function trace(series, unit) {
       },
     };
   }
+  if (series.shape === "cloud") {
+    return {
+      ...common, mode: "markers", text: series.texts, type: "scattergl", opacity: 0.5,
+      hovertemplate: "%{text}<extra></extra>", marker: { color: paint, size: 4 },
+    };
+  }
   return {
     ...common, mode: "lines", opacity: series.shape === "band" ? 0.4 : 1,
-    hovertemplate: `%{y} ${unit}`,
+    hovertemplate: `%{y} ${unit}`, fill: series.shape === "bars" ? "tozeroy" : "none",
     line: {
       color: paint, width: WIDTH[series.shape], dash: DASH[series.shape] || "solid",
-      shape: series.shape === "step" ? "hv" : "linear",
+      shape: ["step", "bars"].includes(series.shape) ? "hv" : "linear",
     },
   };
 }

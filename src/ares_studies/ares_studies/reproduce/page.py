@@ -4,7 +4,7 @@ import json
 import re
 from collections.abc import Sequence
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 from plotly.offline import get_plotlyjs
 
@@ -71,6 +71,33 @@ def dump(report: Report) -> str:
     return json.dumps(report.to_json(), allow_nan=False, ensure_ascii=False, separators=(",", ":"))
 
 
+def make_environment(*packages: str) -> Environment:
+    """Templates of this package and of others, with the marks of prose.
+
+    Args:
+        packages: where more templates lie.
+    """
+    loaders = [PackageLoader(package, "") for package in (__package__, *packages)]
+    environment = Environment(
+        loader=ChoiceLoader(loaders),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+    )
+    environment.filters["prose"] = prose
+    return environment
+
+
+def embedded(data: str) -> Markup:
+    """JSON as the content of a script element."""
+    return Markup(data.replace("</", "<\\/"))
+
+
+def plotly() -> Markup:
+    """The library that draws, as the content of a script element."""
+    return Markup(get_plotlyjs().replace("</script", "<\\/script"))
+
+
 def render(report: Report, data: str, json_name: str) -> str:
     """The page.
 
@@ -79,18 +106,12 @@ def render(report: Report, data: str, json_name: str) -> str:
         data: the same as JSON, which the figures are drawn from.
         json_name: name of the file that holds it beside the page.
     """
-    environment = Environment(
-        loader=PackageLoader("ares_studies.reproduce", ""),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-    )
-    environment.filters["prose"] = prose
+    environment = make_environment()
     environment.filters["place"] = _place
     return environment.get_template("page.html").render(
         report=report,
         palettes=PALETTES,
         json_name=json_name,
-        data=Markup(data.replace("</", "<\\/")),
-        plotly=Markup(get_plotlyjs().replace("</script", "<\\/script")),
+        data=embedded(data),
+        plotly=plotly(),
     )

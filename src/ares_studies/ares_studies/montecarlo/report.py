@@ -1,0 +1,392 @@
+"""A campaign's page: what came of it, why, and the flights worth a second look."""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_studies.montecarlo.flights import Settings
+from ares_studies.montecarlo.statistics import (
+    CONFIDENCE,
+    FAILURES,
+    LISTS,
+    SAMPLE,
+    TOLD,
+    Summary,
+)
+from ares_studies.montecarlo.table import DRAWN, LIMITS
+from ares_studies.reproduce.model import (
+    Axis,
+    Cell,
+    Chapter,
+    Column,
+    Figure,
+    Guide,
+    Item,
+    Role,
+    Row,
+    Series,
+    Shape,
+    Table,
+    about,
+    number,
+    word,
+)
+from ares_studies.reproduce.page import PALETTES, embedded, make_environment, plotly
+from ares_vehicle_sim.draws import FIELDS
+
+Array = NDArray[np.float64]
+
+#: Points of a scatter plot.
+CLOUD = 3000
+
+#: Names for people: of what is drawn, and of the results.
+DRAWN_NAMES = {
+    "initial_position_m": "initial position",
+    "initial_velocity_m_s": "initial velocity",
+    "log_density": "density",
+    "specific_impulse": "specific impulse",
+    "jettison_limit": "heating limit",
+    "stage_mass": "stage mass",
+    "jettison_mass": "mass of",
+    "latency_s": "guidance latency",
+    "start_delay_s": "start delay",
+    "start_scale": "start duration",
+    "nrlmsis.date_days": "date",
+    "nrlmsis.f107a": "solar flux, mean",
+    "nrlmsis.f107_deviation": "solar flux of the day",
+    "nrlmsis.ap": "geomagnetic index",
+    "navigation.position_bias_m": "navigation position",
+    "navigation.velocity_bias_m_s": "navigation velocity",
+    "navigation.sensed_delta_v_scale": "accelerometer scale",
+    "navigation.mass_scale": "mass estimate",
+    "navigation.heating_scale": "heating measurement",
+}
+RESULT_NAMES = {
+    "m_f_kg": ("final mass", "kg", 1),
+    "t_plf_s": ("fairing jettison", "s", 2),
+    "t_meco_s": ("cut-off", "s", 2),
+    "propellant_used_kg": ("propellant used by the last stage", "kg", 0),
+    "heating_at_jettison_w_m2": ("heating at the jettison", "W/m2", 1),
+    "heating_peak_after_jettison_w_m2": ("highest heating from the jettison on", "W/m2", 1),
+    "radius_error_m": ("radius error", "m", 2),
+    "speed_error_m_s": ("speed error", "m/s", 4),
+    "flight_path_angle_error_deg": ("flight-path angle error", "deg", 6),
+    "inclination_error_deg": ("inclination error", "deg", 6),
+}
+FLAG_NAMES = {
+    "succeeded": "success: all three below",
+    "terminal_accuracy": "terminal accuracy",
+    "fairing_off": "fairing off before cut-off",
+    "heating_kept": "heating limit kept at the jettison",
+}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A flight worth a second look."""
+
+    flight: int
+    why: str
+    command: str
+
+
+@dataclass(frozen=True)
+class CampaignReport:
+    """Everything on the page.
+
+    Attributes:
+        title: what was flown.
+        facts: how it was flown, by name.
+        headline: counts.
+        masses: final mass and propellant.
+        chapters: figures and tables.
+        cases: flights to look at again, by what is special about them.
+    """
+
+    title: str
+    facts: Mapping[str, str]
+    headline: Table
+    masses: Table
+    chapters: tuple[Chapter, ...]
+    cases: Mapping[str, tuple[Case, ...]]
+
+    def to_json(self) -> dict[str, Any]:
+        """Ready for ``json.dumps(allow_nan=False)``."""
+        return asdict(self)
+
+
+def render(report: CampaignReport) -> str:
+    """The page, with everything in it."""
+    data = json.dumps(report.to_json(), allow_nan=False, ensure_ascii=False, separators=(",", ":"))
+    return (
+        make_environment("ares_studies.montecarlo")
+        .get_template("report.html")
+        .render(report=report, palettes=PALETTES, data=embedded(data), plotly=plotly())
+    )
+
+
+def make_report(
+    settings: Settings, summary: Summary, facts: Mapping[str, str], command: str
+) -> CampaignReport:
+    """What the page shows.
+
+    Args:
+        settings: what was flown.
+        summary: what came of it.
+        facts: how it was flown, for people.
+        command: flies flight k again with ``--flight k`` behind it.
+    """
+    chapters = (
+        Chapter(1, "Results", _results_text(summary), tuple(_result_figures(summary))),
+        Chapter(
+            2,
+            "Insertion",
+            "Flown minus target at the end of the flight. Terminal accuracy asks for "
+            + ", ".join(f"{limit:g} {unit}" for _, limit, _, unit in LIMITS[:3])
+            + " at most.",
+            tuple(_insertion_figures(summary)),
+        ),
+        Chapter(
+            3,
+            "What moves it",
+            f"Rank correlation (Spearman) of what was drawn with what came of it, in the first "
+            f"{min(SAMPLE, summary.tally.n):,} flights: 1 and -1 move together or against each "
+            "other, 0 is no influence that is monotonic.",
+            tuple(_influence_items(summary)),
+        ),
+    )
+    return CampaignReport(
+        title=settings.mission.title,
+        facts=facts,
+        headline=_headline(summary),
+        masses=_masses(summary),
+        chapters=_numbered(chapters),
+        cases=_cases(summary, command),
+    )
+
+
+def drawn_name(column: str) -> str:
+    """Name of a drawn quantity for people: ``thrust_core`` is ``thrust, core``."""
+    for base in sorted(FIELDS, key=len, reverse=True):
+        flat = base.replace(".", "_")
+        if column == flat or column.startswith(flat + "_"):
+            name = DRAWN_NAMES.get(base, base)
+            part = column[len(flat) + 1 :].replace("_", " ")
+            return f"{name} {part}".strip()
+    return column
+
+
+def _headline(summary: Summary) -> Table:
+    tally = summary.tally
+    rows = []
+    for name, label in FLAG_NAMES.items():
+        low, high = tally.proportion(name)
+        count = tally.counts[name]
+        cells = (
+            Cell(f"{count:,}", count),
+            Cell(f"{100.0 * count / tally.n:.3f} %", count / tally.n),
+            Cell(f"{100.0 * low:.3f} to {100.0 * high:.3f} %"),
+        )
+        rows.append(Row(label, cells))
+    columns = (Column("flights"), Column("share"), Column(f"{100 * CONFIDENCE:.0f} % interval"))
+    return Table(columns, tuple(rows), _failures_text(summary))
+
+
+def _failures_text(summary: Summary) -> str:
+    failures = {k: n for k, n in summary.tally.outcomes.items() if k != "success"}
+    if not failures:
+        return "No flight failed."
+    told = ", ".join(
+        f"{n:,} {name.replace('_', ' ')}"
+        for name, n in sorted(failures.items(), key=lambda item: -item[1])
+    )
+    return f"Failures by their first reason: {told}."
+
+
+def _masses(summary: Summary) -> Table:
+    tally, reserve = summary.tally, summary.reserve
+    rows = []
+    intervals = tally.mass_intervals()
+    for label, value, (low, high) in zip(
+        ("final mass, mean, kg", "final mass, standard deviation, kg"),
+        tally.mass(),
+        intervals,
+        strict=True,
+    ):
+        interval = f"{number(low, 1).text} to {number(high, 1).text}"
+        rows.append(Row(label, (number(value, 1), word(interval))))
+    rows.append(Row("final mass, least, kg", (number(tally.least, 1), word(""))))
+    rows.append(Row("final mass, most, kg", (number(tally.most, 1), word(""))))
+    bound = "with 90 % confidence"
+    if not math.isfinite(reserve.used_kg):
+        bound = f"takes {reserve.needed} flights" if tally.n < reserve.needed else "no bound"
+    rows.append(
+        Row("propellant for 99.7 % of flights, kg", (number(reserve.used_kg, 0), word(bound)))
+    )
+    rows.append(
+        Row("of it beyond the nominal flight, kg", (number(reserve.reserve_kg, 0), word("")))
+    )
+    columns = (Column("value"), Column(f"{100 * CONFIDENCE:.0f} % interval"))
+    return Table(columns, tuple(rows))
+
+
+def _results_text(summary: Summary) -> str:
+    peak = summary.sample["heating_peak_after_jettison_w_m2"]
+    limit = summary.sample["heating_limit_w_m2"]
+    over = peak / limit
+    over = over[np.isfinite(over)]
+    text = "Final mass as flown: a fairing that stayed on is in it."
+    if over.size:
+        # the jettison itself stands at the limit
+        beyond = int(np.count_nonzero(over > 1.001))
+        text += (
+            f" From the jettison on the heating passed the limit again in {beyond:,} of the first "
+            f"{over.size:,} flights that dropped the fairing, at most {over.max():.2f} times it."
+        )
+    return text
+
+
+def _item(title: str, see: str, figure: Figure) -> Item:
+    """A figure that gets its number later."""
+    return Item("", "figure", "", title[0].upper() + title[1:], see, figure)
+
+
+def _numbered(chapters: Sequence[Chapter]) -> tuple[Chapter, ...]:
+    """The same with names for the tables and figures, in their order."""
+    counts = {"table": 0, "figure": 0}
+    done = []
+    for chapter in chapters:
+        items = []
+        for item in chapter.items:
+            counts[item.kind] += 1
+            k = counts[item.kind]
+            items.append(replace(item, key=f"{item.kind}-{k}", name=f"{item.kind.title()} {k}"))
+        done.append(replace(chapter, items=tuple(items)))
+    return tuple(done)
+
+
+def _histogram(
+    summary: Summary, name: str, instants: Sequence[Guide] = (), *, log: bool = False
+) -> Item:
+    title, unit, _ = RESULT_NAMES[name]
+    histogram = summary.histograms[name]
+    edges, counts = histogram.edges, histogram.counts.astype(float)
+    flights = Axis("flights", "")
+    if log:
+        flights = Axis("flights", "", log=True, span=(0.5, 2.0 * float(counts.max())))
+        counts = np.maximum(counts, 0.5)
+    series = Series("flights", "here", "bars", tuple(edges.tolist()), (*counts.tolist(), 0.5))
+    return _item(title, "", Figure(Axis(title, unit), flights, (series,), tuple(instants)))
+
+
+def _result_figures(summary: Summary) -> list[Item]:
+    names = (
+        "m_f_kg",
+        "propellant_used_kg",
+        "t_plf_s",
+        "t_meco_s",
+        "heating_peak_after_jettison_w_m2",
+    )
+    limits = summary.sample["heating_limit_w_m2"]
+    limits = limits[np.isfinite(limits)]
+    guides: dict[str, list[Guide]] = {}
+    if limits.size and np.ptp(limits) == 0.0:
+        guides["heating_peak_after_jettison_w_m2"] = [Guide(float(limits[0]), "limit")]
+    if math.isfinite(summary.reserve.used_kg):
+        guides["propellant_used_kg"] = [
+            Guide(summary.reserve.nominal_kg, "nominal"),
+            Guide(summary.reserve.used_kg, "99.7 %"),
+        ]
+    return [
+        # nearly all stand at the limit: the others are told apart by a logarithm
+        _histogram(summary, name, guides.get(name, []), log=name.startswith("heating"))
+        for name in names
+        if name in summary.histograms
+    ]
+
+
+def _cloud(summary: Summary, x: str, y: str, title: str, x_axis: Axis, y_axis: Axis) -> Item:
+    """A scatter plot of two columns; flights that failed stand out."""
+    xs, ys = summary.sample[x][:CLOUD], summary.sample[y][:CLOUD]
+    flights = summary.sample["flight"][:CLOUD]
+    good = summary.sample["succeeded"][:CLOUD].astype(bool)
+    known = np.isfinite(xs) & np.isfinite(ys)
+    kinds: tuple[tuple[str, Role, Shape, NDArray[np.bool_]], ...] = (
+        ("success", "here", "cloud", good),
+        ("failure", "thesis", "marks", ~good),
+    )
+    series = []
+    for name, role, shape, which in kinds:
+        chosen = np.flatnonzero(known & which)
+        if chosen.size:
+            texts = tuple(f"flight {flight}" for flight in flights[chosen].tolist())
+            x_points, y_points = tuple(xs[chosen].tolist()), tuple(ys[chosen].tolist())
+            series.append(Series(name, role, shape, x_points, y_points, texts))
+    return _item(title, f"The first {len(xs):,} flights.", Figure(x_axis, y_axis, tuple(series)))
+
+
+def _insertion_figures(summary: Summary) -> list[Item]:
+    items = []
+    pairs = (
+        ("speed_error_m_s", "radius_error_m", "Radius against speed"),
+        ("inclination_error_deg", "flight_path_angle_error_deg", "Angle against inclination"),
+    )
+    for x, y, title in pairs:
+        axes = [Axis(*RESULT_NAMES[name][:2]) for name in (x, y)]
+        items.append(_cloud(summary, x, y, title, *axes))
+    names = ("radius_error_m", "flight_path_angle_error_deg")
+    return items + [_histogram(summary, name) for name in names if name in summary.histograms]
+
+
+def _influence_items(summary: Summary) -> list[Item]:
+    found = {name: {i.name: i for i in summary.influences[name]} for name in TOLD}
+    told = [name for name in TOLD if found[name]]
+    if not told:
+        return []
+    order = list(found[told[0]]) + [name for name in found[told[-1]] if name not in found[told[0]]]
+    rows = []
+    for draw in order:
+        cells = tuple(
+            number(found[name][draw].correlation, 2, signed=True)
+            if draw in found[name]
+            else word("")
+            for name in told
+        )
+        rows.append(Row(drawn_name(draw), cells))
+    columns = tuple(Column(RESULT_NAMES[name][0]) for name in told)
+    strongest = next(iter(found[told[0]].values()))
+    finding = (
+        f"{drawn_name(strongest.name)[0].upper()}{drawn_name(strongest.name)[1:]} moves the "
+        f"{RESULT_NAMES[told[0]][0]} most: {about(strongest.correlation**2)} of the variance of "
+        "its ranks."
+    )
+    table = Table(columns, tuple(rows), finding)
+    items = [Item("", "table", "", "Rank correlation with what was drawn", "", table)]
+    for name in told:
+        draw = next(iter(found[name]))
+        title, unit, _ = RESULT_NAMES[name]
+        x_axis = Axis(f"drawn: {drawn_name(draw)}", "as in the dispersions file")
+        heading = f"{title} against what moves it most"
+        items.append(_cloud(summary, DRAWN + draw, name, heading, x_axis, Axis(title, unit)))
+    return items
+
+
+def _cases(summary: Summary, command: str) -> dict[str, tuple[Case, ...]]:
+    columns = {title: name for title, name, _ in LISTS}
+    cases = {}
+    for title, rows in summary.worst.items():
+        found = []
+        for row in rows:
+            why = row["failure"]
+            if title != FAILURES:
+                _, unit, decimals = RESULT_NAMES[columns[title]]
+                why = f"{number(row[columns[title]], decimals).text} {unit}"
+            found.append(Case(row["flight"], why, f"{command} --flight {row['flight']}"))
+        if found:
+            cases[title] = tuple(found)
+    return cases
