@@ -6,12 +6,15 @@ from ares_guidance.peg_thesis import ThesisPeg
 from ares_models.mission import load_mission
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import fly_compiled, fly_stepwise
+from ares_studies.montecarlo.flights import Range, Settings
+from ares_vehicle_sim.dispersions import Dispersions
 
 
 def fly() -> None:
-    """Fly the default mission both ways: whatever the nodes call is compiled by then."""
+    """Fly the default mission all ways: whatever the nodes call is compiled by then."""
     mission = load_mission("ares_v")
     fly_compiled(mission)
+    Range(Settings(mission, Dispersions())).fly(0, 1)
     fly_stepwise(mission)
     fly_stepwise(mission, law=ThesisPeg(mission.arrays()))
 
