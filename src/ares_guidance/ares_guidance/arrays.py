@@ -56,6 +56,7 @@ SEGMENT = np.dtype(
     [
         ("start", np.float64),  # s from now
         ("duration", np.float64),  # s; inf for the free burn
+        ("gain", np.float64),  # m/s over the whole of it; inf for the free burn
         ("exhaust_velocity", np.float64),  # m/s
         ("tau", np.float64),  # s, mass over mass flow at the start of the segment
         ("arc", np.int64),

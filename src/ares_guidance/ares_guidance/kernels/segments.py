@@ -123,10 +123,13 @@ def plan_segments(nav: Record, arcs: NDArray[Any], jettisons: NDArray[Any], stat
                 count += 1
                 if math.isfinite(segment_end):
                     segment.capacity = segment.duration
+                    ratio = segment.duration / segment.tau
+                    segment.gain = -exhaust_velocity * math.log1p(-ratio)
                     mass -= mass_flow * (segment_end - cursor)
                 else:
                     floor = stage_floor_mass(arc.stage, arcs, jettisons, dropped)
                     segment.capacity = (mass - floor) / mass_flow
+                    segment.gain = math.inf
             cursor = segment_end
             if drop < 0:
                 break
@@ -171,11 +174,15 @@ def thrust_integrals(state: Record, until: float, cutoff: float) -> Integrals:
             q_sum += j_sum * gap
             p_sum += h_sum * gap
             clock = segment.start
-        tb = min(segment.duration, min(until, cutoff) - segment.start)
+        tb = min(until, cutoff) - segment.start
         ve = segment.exhaust_velocity
         tau = segment.tau
         t1 = segment.start
-        li = -ve * math.log1p(-tb / tau)
+        if tb < segment.duration:
+            li = -ve * math.log1p(-tb / tau)
+        else:
+            tb = segment.duration
+            li = segment.gain
         ji = tau * li - ve * tb
         si = tb * li - ji
         half = 0.5 * ve * tb * tb
@@ -211,11 +218,9 @@ def burn_time_to_go(state: Record, delta_v: float) -> tuple[float, int]:
     last = state.segment_count - 1
     for i in range(state.segment_count):
         segment = state.segments[i]
-        if i < last:
-            gain = -segment.exhaust_velocity * math.log1p(-segment.duration / segment.tau)
-            if gain < left:
-                left -= gain
-                continue
+        if i < last and segment.gain < left:
+            left -= segment.gain
+            continue
         tb = -segment.tau * math.expm1(-max(left, 0.0) / segment.exhaust_velocity)
         return segment.start + tb, i
     return 0.0, last
