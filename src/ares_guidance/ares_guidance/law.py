@@ -153,6 +153,8 @@ class Law:
         steering: shape (1,), dtype STEERING, the present answer.
     """
 
+    _answer = staticmethod(guidance_step)
+
     def __init__(
         self, arrays: MissionArrays, settings: LawSettings | None = None, law: str = "peg"
     ) -> None:
@@ -242,7 +244,7 @@ class Law:
         """
         before = int(self.state["cycle"])
         arrays = self._arrays
-        guidance_step(
+        self._answer(
             nav,
             arrays.environment[0],
             arrays.atmosphere,

@@ -50,6 +50,8 @@ class ThesisPeg(Law):
     multi-stage PEG.
     """
 
+    _answer = staticmethod(thesis_step)
+
     def __init__(
         self,
         arrays: MissionArrays,
@@ -112,24 +114,6 @@ class ThesisPeg(Law):
         target["radius"] = plan.radius_m
         target["speed"] = plan.speed_m_s
         target["flight_path_angle"] = plan.flight_path_angle_rad
-
-    def step(self, nav: Any) -> bool:
-        """Answer one navigation state; see `Law.step`."""
-        before = int(self.state["cycle"])
-        arrays = self._arrays
-        thesis_step(
-            nav,
-            arrays.environment[0],
-            arrays.atmosphere,
-            arrays.arcs,
-            arrays.jettisons,
-            arrays.target[0],
-            self._settings[0],
-            self._state[0],
-            self._saved[0],
-            self.steering[0],
-        )
-        return int(self.state["cycle"]) != before
 
 
 def _rules(settings: LawSettings) -> tuple[Any, Any]:
