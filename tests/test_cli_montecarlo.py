@@ -9,6 +9,7 @@ import time
 
 import pyarrow.parquet as pq
 import pytest
+from distributed import LocalCluster
 
 COMMAND = (sys.executable, "-m", "ares_bringup", "montecarlo")
 
@@ -67,6 +68,16 @@ def test_flights_one_by_one(tmp_path):
     shown = run("--only", "7", cwd=tmp_path).stdout
     assert "flight 7: success" in shown
     assert f"{said['flights'][0]['m_f_kg']:,.3f}" in shown
+
+
+def test_a_dask_cluster_of_two_workers(tmp_path):
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        argv = ("-n", "60", "--json", "--out", str(tmp_path / "there"))
+        there = run(*argv, "--scheduler", cluster.scheduler_address)
+    assert there.returncode == 0, there.stderr
+    here = run("-n", "60", "--json", "--out", str(tmp_path / "here"))
+    tables = [pq.read_table(json.loads(done.stdout)["results"]) for done in (there, here)]
+    assert tables[0].equals(tables[1])
 
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGKILL])

@@ -154,6 +154,7 @@ class Sampler:
 
         Raises:
             DispersionsError: the dispersions do not fit the mission; one line.
+            AtmosphereError: NRLMSIS is asked for and not there.
         """
         self._dispersions = dispersions
         self._seed = seed
@@ -164,13 +165,11 @@ class Sampler:
         _check_starts(mission, dispersions)
         self._sobol = _Sobol(self._quantities, seed) if dispersions.draws == "sobol" else None
         self.columns = tuple(column for q in self._quantities for column in q.columns)
+        # now, not in every flight, shows whether NRLMSIS is there
+        self.draw(0, 1)
 
     def draw(self, first: int, count: int) -> Draws:
-        """Draw the flights numbered ``first`` to ``first + count - 1``.
-
-        Raises:
-            AtmosphereError: NRLMSIS is asked for and not there.
-        """
+        """Draw the flights numbered ``first`` to ``first + count - 1``."""
         source = self._sobol or self
         drawn = {q.name: q.values(source.words(q, first, count)) for q in self._quantities}
         if self._root is not None:

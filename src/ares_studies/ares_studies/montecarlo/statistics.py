@@ -1,7 +1,7 @@
 """What a campaign says: counts, intervals, reserve, sensitivities, worst flights.
 
 Everything is gathered from the file of flights one group of rows at a time, so that the
-memory does not grow with the campaign, but for a few numbers in a thousand flights (the tail
+memory does not grow with the campaign, but for three numbers in a thousand flights (the tail
 that the reserve is read from).
 """
 
@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 from scipy import stats
 
+from ares_studies.montecarlo.store import GROUP
 from ares_studies.montecarlo.table import DRAWN, FLAGS
 
 Array = NDArray[np.float64]
@@ -28,8 +28,8 @@ RESAMPLES = 2000
 #: The reserve is enough in this share of flights, with this confidence.
 RESERVE_SHARE = 0.997
 RESERVE_CONFIDENCE = 0.90
-#: Flights that sensitivities and scatter plots are made of, from the first on.
-SAMPLE = 20_000
+#: Flights that sensitivities and scatter plots are made of: the file's first group of rows.
+SAMPLE = GROUP
 #: Flights of each list of worst ones.
 WORST = 5
 BINS = 80
@@ -250,10 +250,10 @@ def summarize(path: Path, nominal_kg: float) -> Summary:
         path: its file of flights.
         nominal_kg: propellant that the last stage uses in the flight that nothing disperses.
     """
-    gathered = _Gathered(pq.read_metadata(path).num_rows)
     with pq.ParquetFile(path) as file:
-        for batch in file.iter_batches(SAMPLE):
-            gathered.add(pa.Table.from_batches([batch]))
+        gathered = _Gathered(file.metadata.num_rows)
+        for group in range(file.num_row_groups):
+            gathered.add(file.read_row_group(group))
         histograms = _histograms(file, gathered.spans)
     rank = bound_rank(gathered.tally.n)
     used = gathered.tail.largest(rank) if rank else np.nan
@@ -324,8 +324,8 @@ def _histograms(file: Any, spans: dict[str, Interval]) -> dict[str, Histogram]:
         for name, (low, high) in spans.items()
     }
     counts = {name: np.zeros(BINS, np.int64) for name in spans}
-    for batch in file.iter_batches(SAMPLE, columns=list(spans)):
-        table = pa.Table.from_batches([batch])
+    for group in range(file.num_row_groups):
+        table = file.read_row_group(group, columns=list(spans))
         for name in spans:
             counts[name] += np.histogram(_finite(table, name), edges[name])[0]
     return {name: Histogram(edges[name], counts[name]) for name in spans}
