@@ -366,7 +366,7 @@ def _print(
 ) -> None:
     tally = summary.tally
     out.print(Text(settings.mission.title), style="bold")
-    out.print(f"guidance {settings.law}, {tally.n:,} flights")
+    out.print(f"guidance {settings.law}, {tally.n:,} {'flights' if tally.n > 1 else 'flight'}")
     out.print()
     table = Table(box=None, pad_edge=False)
     for column in ("", "flights", "share", "95 % interval"):
@@ -381,7 +381,7 @@ def _print(
     out.print()
     names = ("final mass    mean", "              std")
     for name, value, (low, high) in zip(names, tally.mass(), tally.mass_intervals(), strict=True):
-        out.print(f"{name} {value:,.1f} kg ({low:,.1f} to {high:,.1f})")
+        out.print(f"{name} {number(value, 1)} kg ({number(low, 1)} to {number(high, 1)})")
     out.print(f"              {tally.least:,.1f} to {tally.most:,.1f} kg")
     out.print("reserve       " + _reserve(summary, tally.n))
     for name, influences in summary.influences.items():

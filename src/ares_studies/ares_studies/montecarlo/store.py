@@ -24,6 +24,8 @@ SETTINGS = "campaign.json"
 PARTS = "parts"
 FLIGHTS = "flights.parquet"
 
+#: Columns with few different values.
+TEXTS = ["outcome", "failure"]
 #: Rows of a group in the final file.
 GROUP = 20_000
 _PARTIAL = ".partial"
@@ -152,7 +154,7 @@ class Store:
         """Keep a chunk of flights, a pyarrow.Table."""
         path = self._part(table["flight"][0].as_py(), table.num_rows)
         partial = path.with_suffix(_PARTIAL)
-        pq.write_table(table, partial, compression="zstd")
+        pq.write_table(table, partial, compression="none", use_dictionary=TEXTS)
         os.replace(partial, path)
 
     def finish(self, count: int) -> None:
@@ -161,7 +163,9 @@ class Store:
         writer = None
         for table in self._joined(count):
             if writer is None:
-                writer = pq.ParquetWriter(partial, table.schema, compression="zstd")
+                writer = pq.ParquetWriter(
+                    partial, table.schema, compression="zstd", use_dictionary=TEXTS
+                )
             writer.write_table(table, row_group_size=GROUP)
         if writer is not None:
             writer.close()
