@@ -112,6 +112,15 @@ def thrust_now(plant: Record, arcs: NDArray[Any], t: float) -> tuple[float, floa
 
 
 @kernel
+def burns_steadily(plant: Record, arc: Record, t: float) -> bool:
+    """Whether the present arc, and it alone, gives its full thrust from ``t`` to its end."""
+    if plant.tail_arc >= 0 or plant.inserted == 1 or plant.complete == 1 or arc.kind != BURN:
+        return False
+    knots = arc.start_knots
+    return knots == 0 or t - plant.arc_start_time >= arc.start_time[knots - 1]
+
+
+@kernel
 def commanded_direction(plant: Record, t: float) -> Vector:
     """Unit thrust direction of the command in force at time ``t``."""
     command = plant.command
@@ -361,10 +370,14 @@ def integrate(
     """
     t = plant.time
     h = end - t
-    # sampled just inside the step: a knot may be a jump
-    inset = 1e-12 * h
-    t0, f0 = thrust_now(plant, arcs, t + inset)
-    t1, f1 = thrust_now(plant, arcs, end - inset)
+    arc = arcs[plant.arc]
+    t0 = t1 = arc.thrust
+    f0 = f1 = arc.mass_flow
+    if not burns_steadily(plant, arc, t):
+        # sampled just inside the step: a knot may be a jump
+        inset = 1e-12 * h
+        t0, f0 = thrust_now(plant, arcs, t + inset)
+        t1, f1 = thrust_now(plant, arcs, end - inset)
     tm = 0.5 * (t0 + t1)
     fm = 0.5 * (f0 + f1)
     if math.isfinite(options.attitude_rate_limit):
