@@ -65,11 +65,14 @@ def files(tmp_path):
     return paths
 
 
-@pytest.mark.parametrize("name", FLIGHTS)
-def test_flight_k_of_a_campaign_is_flight_k_of_the_graph(graph, files, name):
+@pytest.mark.parametrize(
+    ("name", "law"),
+    [*((name, "peg") for name in FLIGHTS), (STANDARD, "optimal"), (STANDARD, "igm")],
+)
+def test_flight_k_of_a_campaign_is_flight_k_of_the_graph(graph, files, name, law):
     mission = load_mission("ares_v")
     flight = FLIGHTS[name]
-    flyer = Range(Settings(mission, load_dispersions(files[name]), SEED))
+    flyer = Range(Settings(mission, load_dispersions(files[name]), SEED, law))
     result = flyer.fly(flight, 1).results[0]
     graph.start(
         VehicleSimNode,
@@ -79,7 +82,7 @@ def test_flight_k_of_a_campaign_is_flight_k_of_the_graph(graph, files, name):
         navigation_period_s=CAMPAIGN.navigation_period_s,
         integration_step_s=CAMPAIGN.integration_step_s,
     )
-    graph.start(GuidanceNode)
+    graph.start(GuidanceNode, law=law)
     graph.spin(lambda: any(e.type == FlightEvent.FLIGHT_COMPLETE for e in graph.events), 60.0)
     flown = {event.type: event for event in graph.events}
     end, drop = flown[FlightEvent.FLIGHT_COMPLETE], flown[FlightEvent.JETTISON]

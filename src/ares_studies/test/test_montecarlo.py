@@ -35,7 +35,7 @@ from ares_studies.montecarlo.flights import Range, Settings
 from ares_studies.montecarlo.kernels import judge_insertion
 from ares_studies.montecarlo.report import drawn_name, make_report, render
 from ares_studies.montecarlo.statistics import Tally, bound_rank, flights_needed, summarize
-from ares_studies.montecarlo.store import Store, StoreError
+from ares_studies.montecarlo.store import GROUP, Store, StoreError
 from ares_studies.montecarlo.table import Outcome, make_table
 from ares_vehicle_sim.dispersions import Dispersions, load_dispersions
 from ares_vehicle_sim.simulator import CAMPAIGN, SimulatorOptions
@@ -507,6 +507,26 @@ def test_a_summary_of_a_campaign(standard, tmp_path):
     assert strongest.name == "thrust_core"
     assert strongest.correlation > 0.5
     assert summary.influences["t_plf_s"][0].name == "log_density"
+
+
+def test_a_summary_takes_no_more_memory_for_more_flights(hundred, tmp_path, monkeypatch):
+    held = []
+    add = Tally.add
+
+    def watched(tally, table):
+        held[-1] = max(held[-1], pa.total_allocated_bytes())
+        add(tally, table)
+
+    monkeypatch.setattr(Tally, "add", watched)
+    for copies in (600, 3000):
+        path = tmp_path / f"{copies}.parquet"
+        many = pa.concat_tables([hundred] * copies).combine_chunks()
+        many = many.set_column(0, "flight", pa.array(np.arange(many.num_rows)))
+        pq.write_table(many, path, row_group_size=GROUP)
+        del many
+        held.append(0)
+        assert summarize(path, 127_880.0).tally.n == 100 * copies
+    assert held[1] < 1.2 * held[0]
 
 
 def test_the_page_shows_the_campaign(standard, tmp_path):
