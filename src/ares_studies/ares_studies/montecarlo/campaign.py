@@ -1,6 +1,7 @@
 """A campaign from its first chunk to the file of all flights."""
 
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,7 +35,7 @@ class Plan:
 
     @property
     def may_stop(self) -> bool:
-        """It may end before `count` flights."""
+        """Whether it may end before `count` flights."""
         return self.success_width is not None or self.mass_width_kg is not None
 
     def narrow_enough(self, tally: Tally) -> bool:
@@ -101,23 +102,21 @@ def fly_campaign(plan: Plan, store: Store, engine: Engine, watch: Callable[[Any]
         StoreError: the folder holds more flights than are asked for.
         EngineError: the engine cannot be had.
     """
+    if store.count() > plan.count:
+        raise StoreError(f"{store.folder}: holds {store.count()} flights, more than {plan.count}")
     store.reopen()
     spans = store.spans()
-    flown = max((first + count for first, count in spans), default=0)
-    if flown > plan.count and not plan.may_stop:
-        raise StoreError(f"{store.folder}: holds {flown} flights; expected at least as many")
     order = _InOrder(plan, store) if plan.may_stop else None
-    tables = engine(plan.settings, missing(spans, plan.count))
     if order is None or order.stop_at is None:
-        for table in tables:
-            store.write(table)
-            watch(table)
-            if order is not None:
-                order.add(table["flight"][0].as_py(), table.num_rows)
-                if order.stop_at is not None:
-                    break
-    # ends threads and connections
-    tables.close()  # type: ignore[attr-defined]
+        # closing ends threads and connections, whatever happens
+        with closing(engine(plan.settings, missing(spans, plan.count))) as tables:
+            for table in tables:
+                store.write(table)
+                watch(table)
+                if order is not None:
+                    order.add(table["flight"][0].as_py(), table.num_rows)
+                    if order.stop_at is not None:
+                        break
     count = order.stop_at if order is not None and order.stop_at is not None else plan.count
     store.finish(count)
     return count

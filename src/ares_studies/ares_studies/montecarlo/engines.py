@@ -7,17 +7,22 @@ they get done. What a flight comes to does not depend on who flew it.
 import os
 import pickle
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from functools import partial
 from itertools import islice
 from typing import Any
 
+import numpy as np
+
+from ares_studies.montecarlo.arrays import RESULT
 from ares_studies.montecarlo.flights import Flown, Range, Settings
 from ares_studies.montecarlo.table import make_table
 
 Chunk = tuple[int, int]
-Engine = Callable[[Settings, Iterable[Chunk]], Iterator[Any]]
+#: Chunks of flights, each a pyarrow.Table.
+Tables = Generator[Any, None, None]
+Engine = Callable[[Settings, Iterable[Chunk]], Tables]
 
 #: Chunks that a core has at once: the next one is there when one is done.
 AHEAD = 2
@@ -56,14 +61,14 @@ def cores() -> int:
     return len(os.sched_getaffinity(0))
 
 
-def fly_here(settings: Settings, chunks: Iterable[Chunk]) -> Iterator[Any]:
+def fly_here(settings: Settings, chunks: Iterable[Chunk]) -> Tables:
     """Fly in this thread."""
     pickled = pickle.dumps(settings)
     for chunk in chunks:
         yield fly_chunk(pickled, chunk)
 
 
-def fly_on_cores(settings: Settings, chunks: Iterable[Chunk], *, count: int) -> Iterator[Any]:
+def fly_on_cores(settings: Settings, chunks: Iterable[Chunk], *, count: int) -> Tables:
     """Fly in as many threads; compiled flights leave the interpreter's lock alone.
 
     Args:
@@ -88,7 +93,7 @@ def fly_on_cores(settings: Settings, chunks: Iterable[Chunk], *, count: int) -> 
         pool.shutdown(cancel_futures=True)
 
 
-def fly_on_cluster(settings: Settings, chunks: Iterable[Chunk], *, address: str) -> Iterator[Any]:
+def fly_on_cluster(settings: Settings, chunks: Iterable[Chunk], *, address: str) -> Tables:
     """Fly on the workers of a Dask cluster; a chunk whose worker is lost is flown by another.
 
     Args:
@@ -151,10 +156,6 @@ def _can_fly() -> None:
 
 def _lost(settings: Settings, chunk: Chunk, error: BaseException) -> Any:
     """A chunk that no worker brought to its end, as failed flights."""
-    import numpy as np
-
-    from ares_studies.montecarlo.arrays import RESULT
-
     flyer = Range(settings)
     first, count = chunk
     flown = Flown(
