@@ -384,6 +384,13 @@ def test_a_cluster_flies_the_same_and_a_lost_worker_loses_no_flight(
     assert table.equals(hundred)
 
 
+def test_a_chunk_that_no_worker_brings_home_is_logged(standard):
+    table = engines.lost(standard, (5, 3), RuntimeError("all\nworkers gone"))
+    assert table["flight"].to_pylist() == [5, 6, 7]
+    assert set(table["outcome"].to_pylist()) == {Outcome.ERROR}
+    assert set(table["failure"].to_pylist()) == {"RuntimeError: all workers gone"}
+
+
 def test_no_scheduler_is_one_line(standard, tmp_path, monkeypatch):
     monkeypatch.setattr(engines, "CONNECT_TIMEOUT", 0.5)
     with pytest.raises(EngineError, match="no Dask scheduler at") as caught:

@@ -7,6 +7,7 @@ they get done. What a flight comes to does not depend on who flew it.
 import os
 import pickle
 import threading
+from collections import Counter
 from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from functools import partial
@@ -14,6 +15,7 @@ from itertools import islice
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 
 from ares_studies.montecarlo.arrays import RESULT
 from ares_studies.montecarlo.flights import Flown, Range, Settings
@@ -119,20 +121,31 @@ def fly_on_cluster(settings: Settings, chunks: Iterable[Chunk], *, address: str)
         pickled = pickle.dumps(settings)
         waiting = iter(chunks)
         queue = as_completed(loop=client.loop, with_results=True, raise_errors=False)
-        where: dict[str, Chunk] = {}
+        where: dict[Any, Chunk] = {}
+        losses: Counter[Chunk] = Counter()
+
+        def submit(chunk: Chunk) -> None:
+            future = client.submit(fly_chunk, pickled, chunk, pure=False, retries=RETRIES)
+            where[future.key] = chunk
+            queue.add(future)
+
         while True:
             room = AHEAD * max(1, sum(client.nthreads().values())) - len(where)
             for chunk in islice(waiting, max(0, room)):
-                future = client.submit(fly_chunk, pickled, chunk, pure=False, retries=RETRIES)
-                where[future.key] = chunk
-                queue.add(future)
+                submit(chunk)
             if not where:
                 return
             future, result = next(queue)
             chunk = where.pop(future.key)
-            if future.status != "finished":
-                result = _lost(settings, chunk, future.exception())
-            yield result
+            if isinstance(result, pa.Table):
+                yield result
+                continue
+            # a worker was lost with it; what goes wrong in a flight is in the table
+            losses[chunk] += 1
+            if losses[chunk] <= RETRIES:
+                submit(chunk)
+            else:
+                yield lost(settings, chunk, result)
 
 
 def _check_workers(client: Any, address: str) -> None:
@@ -154,7 +167,7 @@ def _can_fly() -> None:
     __import__(fly_chunk.__module__)
 
 
-def _lost(settings: Settings, chunk: Chunk, error: BaseException) -> Any:
+def lost(settings: Settings, chunk: Chunk, error: object) -> Any:
     """A chunk that no worker brought to its end, as failed flights."""
     flyer = Range(settings)
     first, count = chunk
@@ -167,7 +180,7 @@ def _lost(settings: Settings, chunk: Chunk, error: BaseException) -> Any:
     return make_table(flown, flyer.columns, settings.mission.jettison_names)
 
 
-def _line(error: BaseException) -> str:
+def _line(error: object) -> str:
     return " ".join(str(error).split())
 
 
