@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.context import Context
+from rclpy.duration import Duration
 from rclpy.executors import Executor
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.node import Node
@@ -382,6 +383,8 @@ def test_two_recorders_write_equal_bags(
         )
         source.publish(0, 300)
         recorder.drain_and_close(source.executor)
+        for publisher in (source.nav, source.event, source.diagnostics):
+            assert publisher.wait_for_all_acked(Duration(seconds=20))
         process.terminate()
         process.communicate(timeout=30)
     finally:

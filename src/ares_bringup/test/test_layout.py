@@ -49,7 +49,8 @@ def test_a_good_flight(flight, tmp_path):
     assert summary.bag == str(tmp_path / "bag")
     assert summary.t_plf_s == 30.0
     assert summary.guidance_cycles >= 29
-    assert summary.realtime_factor > 1.0
+    # unknown if a slow machine hears begin and end in one go
+    assert summary.realtime_factor is None or summary.realtime_factor > 1.0
     assert 0.0 < summary.wall_s < 60.0
     assert said == []
 
