@@ -11,6 +11,8 @@ from ares_models.kernels.vectors import load, norm, store, sub
 
 #: s; shorter spans measure noise.
 SHORTEST = 0.5
+#: s after the ignition command, by which an engine that starts late has started.
+LATEST = 3.0
 #: A ratio closer to 1 than this is the mission's own engine, seen through rounding.
 SAME = 2e-5
 #: A change beyond this is a failure and taken at once; a smaller one is smoothed.
@@ -24,7 +26,7 @@ def steady(nav: Record, since: float, arcs: NDArray[Any]) -> bool:
     """Whether the present arc has burnt at full thrust, alone, since a time."""
     arc = arcs[nav.arc]
     begun = nav.arc_start_time
-    if arc.kind != BURN or since < begun:
+    if arc.kind != BURN or since < begun + LATEST:
         return False
     if arc.start_knots > 0 and since < begun + arc.start_time[arc.start_knots - 1]:
         return False
