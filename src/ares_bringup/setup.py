@@ -23,5 +23,10 @@ setup(
     ],
     python_requires=">=3.11",
     zip_safe=False,
-    entry_points={"console_scripts": ["ares = ares_bringup.cli:main"]},
+    entry_points={
+        "console_scripts": [
+            "ares = ares_bringup.cli:main",
+            "judge = ares_bringup.judge:main",
+        ]
+    },
 )
