@@ -350,6 +350,9 @@ class RecorderNode(FlightNode):
             self.destroy_timer(self._timer)
         self._inputs.clear()
         self._note_the_flight()
+        if self._writer is not None and not self._received:
+            # a flight that never began leaves no bag
+            self._writer.discard()
         self._try(lambda writer: writer.close())
         if self._writer is not None:
             self._counts = self._writer.counts

@@ -234,6 +234,14 @@ class BagWriter:
         except OSError as error:
             raise self._fail(error) from error
 
+    def discard(self) -> None:
+        """Remove a bag that is open; nothing of it is left."""
+        self._open = False
+        self._output.close()
+        with suppress(OSError):
+            self.file.unlink()
+            self.path.rmdir()
+
     def _information(self) -> dict[str, object]:
         span = None if self._first is None else (self._first, self._last)
         counts = [(topic, self.counts[topic.name]) for topic in self._topics.values()]

@@ -1,0 +1,332 @@
+"""One table of causes, three ways to fly: the same exit status and the same words.
+
+`ros2 launch` is the real one where launch is installed; elsewhere `stand_ins/ros2` runs the
+launch file, its processes are real.
+"""
+
+import math
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import psutil
+import pytest
+import yaml
+
+from ares_guidance.node import GuidanceNode
+from ares_vehicle_sim.node import VehicleSimNode
+
+FLY, IN_PROCESS, LAUNCH = "ares fly", "ares fly --in-process", "ros2 launch"
+EVERY_WAY = (FLY, IN_PROCESS, LAUNCH)
+PROCESSES = (FLY, LAUNCH)
+#: A word in the command line of each node's process.
+PROGRAMS = {
+    "guidance": "ares_guidance",
+    "vehicle_sim": "ares_vehicle_sim",
+    "recorder": "ares_bags",
+}
+INCLINATION = math.radians(28.5)
+#: Wall time in s after which a flight counts as hanging.
+PATIENCE = 120.0
+
+
+def mission(**changes):
+    """150 s of one burn, with changes of single values, `target.radius_m=...`."""
+    content = {
+        "name": "short_burn",
+        "title": "Kick stage to a circular orbit",
+        "source": "made up",
+        "environment": {
+            "mu_m3_s2": 3.986004418e14,
+            "g0_m_s2": 9.80665,
+            "earth": {
+                "equatorial_radius_m": 6378137.0,
+                "polar_radius_m": 6356752.3,
+                "rotation_rate_rad_s": 7.292115e-5,
+            },
+            "altitude": "ellipsoid",
+            "atmosphere": {"model": "us76"},
+        },
+        "initial_state": {
+            "time_s": 1000.0,
+            "position_m": [6578137.0, 0.0, 0.0],
+            "velocity_m_s": [0.0, 7300.0 * math.cos(INCLINATION), 7300.0 * math.sin(INCLINATION)],
+        },
+        "stages": [
+            {
+                "name": "kick stage",
+                "ignition_mass_kg": 10000.0,
+                "propellant_kg": 2000.0,
+                "thrust_n": 30000.0,
+                "isp_s": 320.0,
+                "burn_time_s": "free",
+            }
+        ],
+        "jettisons": [
+            {
+                "name": "cover",
+                "mass_kg": 100.0,
+                "stage": "kick stage",
+                "heating_limit_w_m2": 1135.0,
+            }
+        ],
+        "target": {
+            "radius_m": 6578137.0,
+            "speed_m_s": 7784.3,
+            "flight_path_angle_deg": 0.0,
+            "inclination_deg": 28.5,
+        },
+    }
+    for path, value in changes.items():
+        *folders, name = path.split(".")
+        place = content
+        for folder in folders:
+            place = place[int(folder) if folder.isdigit() else folder]
+        place[name] = value
+    return content
+
+
+@dataclass
+class Flight:
+    """A flight under way."""
+
+    process: psutil.Popen
+    graph: object
+
+    def in_the_air(self):
+        self.graph.spin(lambda: len(self.graph.states) > 20, PATIENCE)
+
+    def node(self, name):
+        for child in self.process.children(recursive=True):
+            with suppress(psutil.Error):
+                if PROGRAMS[name] in " ".join(child.cmdline()):
+                    return child
+        return None
+
+    def kill(self, name):
+        self.in_the_air()
+        self.node(name).kill()
+
+    def stop_for(self, name, seconds):
+        self.in_the_air()
+        node = self.node(name)
+        node.suspend()
+        time.sleep(seconds)
+        node.resume()
+
+    def kill_at_once(self, name):
+        while self.node(name) is None:
+            time.sleep(0.005)
+        self.node(name).kill()
+
+    def signal(self, number):
+        self.in_the_air()
+        self.process.send_signal(number)
+
+    def join(self, kind):
+        self.in_the_air()
+        self.graph.start(kind, mission=str(self.graph.mission))
+
+
+def nothing(_flight): ...
+
+
+@dataclass(frozen=True)
+class Cause:
+    """Why a flight ends as it does.
+
+    Attributes:
+        status: exit status.
+        says: what must be in the output.
+        options: by the names of launch arguments; `--name-with-dashes` for `ares fly`.
+        mission: content of the mission file.
+        act: what is done to the flight.
+        ways: which ways to fly it makes sense in.
+        bag: whether a bag is left.
+    """
+
+    status: int
+    says: tuple[str, ...] = ()
+    options: dict[str, str] = field(default_factory=dict)
+    mission: dict = field(default_factory=mission)
+    act: Callable[[Flight], None] = nothing
+    ways: tuple[str, ...] = EVERY_WAY
+    bag: bool = True
+
+
+def refused(says, **options):
+    return Cause(2, (says,), options, bag=False)
+
+
+SLOW = {"pace": "20"}
+
+CAUSES = {
+    "all is well": Cause(0, ("main-engine cut-off",)),
+    "no such mission": refused("no such mission", mission="nonsense"),
+    "a broken mission file": Cause(2, ("target",), mission=mission(target={}), bag=False),
+    "no such law": refused("expected one of", guidance="nonsense"),
+    "no such dispersions": refused("no such dispersions", dispersions="nonsense"),
+    "a bag that exists": refused("exists; expected a new folder", bag="{tmp}"),
+    "a bag below a file": refused("cannot be created", bag="{tmp}/mission.yaml/bag"),
+    "a pace that is no number": refused("pace", pace="fast"),
+    "a negative pace": refused("pace", pace="-1"),
+    "a negative seed": refused("seed", seed="-1"),
+    "no such initial guess": refused("expected one of", initial_guess="nonsense"),
+    "no such namespace": refused("must not have a token that starts", namespace="1bad"),
+    "no such domain": refused("domain", domain_id="400"),
+    "propellant short": Cause(
+        1,
+        ("propellant ran out before the target was reached",),
+        mission=mission(**{"stages.0.propellant_kg": 900.0}),
+    ),
+    "a cover that stays on": Cause(
+        1,
+        ("cover was not jettisoned",),
+        mission=mission(**{"jettisons.0.heating_limit_w_m2": 1e-9}),
+    ),
+    "impact": Cause(
+        1,
+        ("the vehicle met the ground",),
+        mission=mission(
+            **{
+                "initial_state.position_m": [6390000.0, 0.0, 0.0],
+                "initial_state.velocity_m_s": [-1000.0, 1000.0, 500.0],
+            }
+        ),
+    ),
+    "a missed target": Cause(
+        1,
+        ("target missed: ",),
+        mission=mission(
+            **{
+                "initial_state.velocity_m_s": [
+                    0.0,
+                    7664.9 * math.cos(INCLINATION),
+                    7664.9 * math.sin(INCLINATION),
+                ]
+            }
+        ),
+    ),
+    "Ctrl-C": Cause(130, ("interrupted",), SLOW, act=lambda f: f.signal(signal.SIGINT)),
+    "SIGTERM": Cause(130, (), SLOW, act=lambda f: f.signal(signal.SIGTERM)),
+    "a second guidance": Cause(0, ("a second guidance",), SLOW, act=lambda f: f.join(GuidanceNode)),
+    "a second simulator": Cause(
+        0, ("another simulator",), SLOW, act=lambda f: f.join(VehicleSimNode)
+    ),
+    "guidance killed": Cause(
+        1,
+        ("flown without an answer from guidance", "guidance was killed by SIGKILL in flight"),
+        SLOW,
+        act=lambda f: f.kill("guidance"),
+        ways=PROCESSES,
+    ),
+    "guidance stopped for a while": Cause(
+        1,
+        ("flown without an answer from guidance", "guidance answers again"),
+        {"pace": "5"},
+        act=lambda f: f.stop_for("guidance", 8.0),
+        ways=PROCESSES,
+    ),
+    "recorder killed": Cause(
+        1,
+        ("recorder was killed by SIGKILL in flight: the bag is incomplete",),
+        SLOW,
+        act=lambda f: f.kill("recorder"),
+        ways=PROCESSES,
+    ),
+    "simulator killed": Cause(
+        1,
+        ("vehicle_sim was killed by SIGKILL in flight", "did not come to its end"),
+        SLOW,
+        act=lambda f: f.kill("vehicle_sim"),
+        ways=PROCESSES,
+    ),
+    "guidance killed before the start": Cause(
+        2,
+        ("guidance was killed by SIGKILL",),
+        act=lambda f: f.kill_at_once("guidance"),
+        ways=PROCESSES,
+        bag=False,
+    ),
+}
+
+
+def ros2():
+    """The `ros2` command, or what stands in for it."""
+    found = shutil.which("ros2")
+    return [found] if found else [sys.executable, str(Path(__file__).parent / "stand_ins/ros2")]
+
+
+def command(way, options):
+    if way == LAUNCH:
+        words = [f"{name}:={value}" for name, value in options.items()]
+        return [*ros2(), "launch", "ares_bringup", "flight.launch.py", *words]
+    words = [sys.executable, "-m", "ares_bringup.cli", "fly"]
+    if way == IN_PROCESS:
+        words.append("--in-process")
+    for name, value in options.items():
+        words += [f"--{name.replace('_', '-')}", value]
+    return words
+
+
+@pytest.mark.parametrize(
+    ("name", "way"),
+    [(name, way) for name, cause in CAUSES.items() for way in cause.ways],
+    ids=lambda text: text.replace(" ", "-"),
+)
+def test_the_verdict_is_the_same_whoever_starts_the_flight(
+    graph, ros_environment, tmp_path, name, way
+):
+    cause = CAUSES[name]
+    graph.mission = tmp_path / "mission.yaml"
+    graph.mission.write_text(yaml.safe_dump(cause.mission))
+    options = {"mission": str(graph.mission), "bag": str(tmp_path / "bag")}
+    options |= {key: value.format(tmp=tmp_path) for key, value in cause.options.items()}
+    with (tmp_path / "output").open("w") as output:
+        process = psutil.Popen(
+            command(way, options),
+            env={**ros_environment, "ROS_LOG_DIR": str(tmp_path / "log"), "COLUMNS": "200"},
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=output,
+            cwd=tmp_path,
+        )
+    try:
+        cause.act(Flight(process, graph))
+        status = wait(process, graph)
+        left = [child.pid for child in psutil.process_iter() if str(tmp_path) in words_of(child)]
+    finally:
+        for child in [process, *process.children(recursive=True)] if process.is_running() else ():
+            child.kill()
+    said = (tmp_path / "output").read_text()
+    assert status == cause.status, said
+    for words in cause.says:
+        assert words in said
+    assert "Traceback" not in said
+    assert not left, said
+    assert (tmp_path / "bag").exists() == cause.bag, said
+
+
+def words_of(process):
+    with suppress(psutil.Error):
+        return " ".join(process.cmdline())
+    return ""
+
+
+def wait(process, graph):
+    """The exit status; nodes of the test go on meanwhile."""
+    deadline = time.monotonic() + PATIENCE
+    while process.poll() is None:
+        assert time.monotonic() < deadline, "hangs"
+        graph.executor.spin_once(timeout_sec=0.02)
+    return process.returncode
+
+
+def test_the_table_has_causes_enough():
+    assert len(CAUSES) >= 20
