@@ -1,9 +1,15 @@
 """The one decorator under which every compiled kernel of the project lives."""
 
+import os
 from collections.abc import Callable
 from typing import TypeVar, cast
 
-import numba
+from ares_models.kernel_cache import VARIABLE, choose_folder
+
+if not os.environ.get(VARIABLE):
+    os.environ[VARIABLE] = str(choose_folder())
+
+import numba  # noqa: E402  it reads the variable when it is imported
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
 
