@@ -6,10 +6,11 @@ from typing import TypeVar, cast
 
 from ares_models.kernel_cache import VARIABLE, choose_folder
 
+# numba reads it when it is imported
 if not os.environ.get(VARIABLE):
     os.environ[VARIABLE] = str(choose_folder())
 
-import numba  # noqa: E402  it reads the variable when it is imported
+import numba
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
 
