@@ -7,15 +7,27 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.executors import Executor
 from rclpy.qos import HistoryPolicy, QoSProfile
+from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 
 from ares_bags.errors import BagError
 from ares_bags.schema import Qos, Topic
-from ares_bags.types import message_class, stamp_of_cdr, starts_with_stamp
-from ares_bags.writer import BagWriter
-from ares_node.diagnostics import Diagnostics, Level
+from ares_bags.types import (
+    flight_of_cdr,
+    message_class,
+    names_its_flight,
+    stamp_of_cdr,
+    starts_with_stamp,
+)
+from ares_bags.writer import INCOMPLETE_KEY, BagWriter
+from ares_msgs.msg import FlightMember
+from ares_node.diagnostics import Diagnostics, Level, of_another_flight
+from ares_node.identity import id_text
+from ares_node.membership import FLIGHT_ID, Membership, Role, State
 from ares_node.node import FlightNode, NodeError
 from ares_node.parameters import Parameter
 from ares_node.qos import (
@@ -41,8 +53,10 @@ TYPES = {
 
 #: Wall time in s without a message after which the queues count as empty.
 QUIET_TIME = 0.2
-#: Wall time in s after which draining ends although messages still come.
+#: Wall time in s after which draining ends although messages still come, or states are missing.
 DRAIN_LIMIT = 5.0
+#: Topics whose messages are numbered without gaps.
+NUMBERED = (NAV_STATE, VEHICLE_STATE)
 #: Stamps beyond this flight time (115 days) are those of a wall clock.
 WALL_CLOCK_NS = 10**7 * 10**9
 
@@ -61,6 +75,7 @@ PARAMETERS = (
         minimum=0.01,
         maximum=60.0,
     ),
+    FLIGHT_ID,
     Parameter("mission", "", "Mission name for the bag's custom data."),
     Parameter("law", "", "Guidance law for the bag's custom data."),
     Parameter("seed", 0, "Seed of the flight for the bag's custom data.", minimum=0),
@@ -83,10 +98,12 @@ def qos_of(profile: QoSProfile) -> Qos:
 
 
 class RecorderNode(FlightNode):
-    """Writes flight messages to a bag, raw, with flight time as log time.
+    """Writes the messages of one flight to a bag, raw, with flight time as log time.
 
-    A write error ends the bag, not the flight: it is reported once on /diagnostics and on
-    standard error, `error` says what happened, and the process will exit with status 1.
+    The bag is closed when the flight is over. A write error ends the bag, not the flight: it
+    is reported once on /diagnostics and on standard error, `error` says what happened, and the
+    process will exit with status 1. So it is with messages that did not arrive: navigation
+    states are numbered.
 
     Attributes:
         error: why the bag is incomplete, one line; None if it is not.
@@ -103,6 +120,8 @@ class RecorderNode(FlightNode):
         self._closed = False
         self._latest = 0
         self._received = 0
+        self._expected: dict[str, int] = {}
+        self._missing = 0
         self._inputs: list[Subscription] = []
 
     @property
@@ -127,7 +146,8 @@ class RecorderNode(FlightNode):
             )
         except BagError as error:
             raise NodeError(str(error)) from error
-        self._diagnostics = Diagnostics(self)
+        self._membership = Membership(self, Role.RECORDER, flight_id=self.values["flight_id"])
+        self._diagnostics = Diagnostics(self, lambda: self._membership.flight_id)
 
     def activate(self) -> None:
         """Subscribe."""
@@ -136,10 +156,22 @@ class RecorderNode(FlightNode):
         for name, (type_name, kind) in self._types.items():
             qos = RECORDER_EVENTS if name == FLIGHT_EVENT else RECORDER
             full_name = self.resolve_topic_name(name)
-            take = partial(self._take, full_name, type_name, qos)
-            self._inputs.append(self.create_subscription(kind, name, take, qos, raw=True))
+            take = partial(self._take, full_name, type_name, qos, self._filter(name, kind))
+            # gaps in numbers tell more than the middleware does
+            lost = None if name in NUMBERED else self._on_lost
+            self._inputs.append(
+                self.create_subscription(
+                    kind,
+                    name,
+                    take,
+                    qos,
+                    raw=True,
+                    event_callbacks=SubscriptionEventCallbacks(message_lost=lost),
+                )
+            )
         # messages that came last before a pause must not wait for the next one
         self._timer = self.wall_timer(self.values["flush_interval_s"], self._on_timer)
+        self._membership.listen(self._on_member)
 
     def deactivate(self) -> None:
         """Take what is still in the queues and close the bag."""
@@ -148,6 +180,7 @@ class RecorderNode(FlightNode):
     def cleanup(self) -> None:
         """Close a bag that was never recorded to."""
         self.drain_and_close()
+        self._membership.close()
 
     def drain(self, executor: Executor) -> None:
         """See `drain_and_close`."""
@@ -156,6 +189,7 @@ class RecorderNode(FlightNode):
     def drain_and_close(self, executor: Executor | None = None) -> None:
         """Take messages until none has come for 0.2 s (5 s at most), then close the bag.
 
+        Where the simulator has said how many states there were, all of them are waited for.
         Does nothing if the bag is closed already.
 
         Args:
@@ -176,7 +210,8 @@ class RecorderNode(FlightNode):
             if self._received != received:
                 received = self._received
                 quiet_since = now
-            if now - quiet_since >= QUIET_TIME or now - begin >= DRAIN_LIMIT:
+            quiet = now - quiet_since >= QUIET_TIME and not self._outstanding()
+            if quiet or now - begin >= DRAIN_LIMIT:
                 break
             if executor is None:
                 time.sleep(0.005)
@@ -207,15 +242,75 @@ class RecorderNode(FlightNode):
                 while taken := subscription.handle.take_message(subscription.msg_type, True):
                     subscription.callback(taken[0])
 
-    def _take(self, name: str, type_name: str, requested: QoSProfile, data: bytes) -> None:
+    # ---- the flight
+
+    def _on_member(self, _member: FlightMember) -> None:
+        self._membership.witness()
+        simulator = self._membership.simulator
+        if simulator is not None and simulator.state == State.OVER:
+            self.drain_and_close()
+
+    def _on_lost(self, info: Any) -> None:
+        self._missing += info.total_count_change
+
+    def _outstanding(self) -> int:
+        """States that the simulator has sent and that have not come yet."""
+        simulator = self._membership.simulator
+        if simulator is None or simulator.state != State.OVER:
+            return 0
+        # the last state of the truth is the end of the flight, which has no navigation state
+        last = int(simulator.last_sequence)
+        sent = {NAV_STATE: last, VEHICLE_STATE: last + 1}
+        return sum(sent[name] - next_one for name, next_one in self._expected.items())
+
+    def _filter(self, name: str, kind: Any) -> Callable[[bytes], bool]:
+        """What tells the messages of this flight, and counts the numbered ones."""
+        if name == DIAGNOSTICS:
+            return self._is_our_report
+        if not names_its_flight(kind):
+            return lambda _data: True
+        if name in NUMBERED:
+            self._expected[name] = 0
+            return partial(self._is_our_state, name)
+        return lambda data: self._is_ours(flight_of_cdr(data)[0])
+
+    def _is_ours(self, flight_id: int) -> bool:
+        if not self._membership.flight_id:
+            self._membership.say(self._membership.state, flight_id=flight_id)
+        return self._membership.belongs(flight_id)
+
+    def _is_our_state(self, name: str, data: bytes) -> bool:
+        flight_id, sequence = flight_of_cdr(data)
+        if not self._is_ours(flight_id):
+            return False
+        self._missing += max(sequence - self._expected[name], 0)
+        self._expected[name] = sequence + 1
+        return True
+
+    def _is_our_report(self, data: bytes) -> bool:
+        reports = deserialize_message(data, DiagnosticArray).status
+        foreign = any(of_another_flight(report, self._membership.flight_id) for report in reports)
+        self._membership.foreign += foreign
+        return not foreign
+
+    def _take(
+        self,
+        name: str,
+        type_name: str,
+        requested: QoSProfile,
+        is_ours: Callable[[bytes], bool],
+        data: bytes,
+    ) -> None:
+        try:
+            stamp = stamp_of_cdr(data)
+            if not is_ours(data):
+                return
+        except struct.error:
+            self.lost += 1
+            return
         self._received += 1
         writer = self._writer
         if writer is None or writer.error is not None:
-            self.lost += 1
-            return
-        try:
-            stamp = stamp_of_cdr(data)
-        except struct.error:
             self.lost += 1
             return
         if 0 <= stamp < WALL_CLOCK_NS:
@@ -254,11 +349,28 @@ class RecorderNode(FlightNode):
         if self._inputs:
             self.destroy_timer(self._timer)
         self._inputs.clear()
+        self._note_the_flight()
         self._try(lambda writer: writer.close())
         if self._writer is not None:
             self._counts = self._writer.counts
         self._writer = None
         self._closed = True
+        self._membership.say(State.FAILED if self.error else State.OVER, reason=self.error or "")
+
+    def _note_the_flight(self) -> None:
+        """Say in the bag which flight it holds, and what is missing in it."""
+        writer, mine = self._writer, self._membership
+        if writer is None or writer.error is not None:
+            return
+        if mine.flight_id:
+            writer.custom_data["flight_id"] = id_text(mine.flight_id)
+        if mine.foreign:
+            writer.custom_data["foreign_messages"] = str(mine.foreign)
+        missing = self._missing + self._outstanding()
+        if missing:
+            reason = f"{missing} messages did not arrive"
+            writer.custom_data[INCOMPLETE_KEY] = reason
+            self._report(BagError(f"bag {self.values['bag']} is incomplete: {reason}"))
 
     def _try(self, work: Callable[[BagWriter], None]) -> None:
         if self._writer is not None and self._writer.error is None:

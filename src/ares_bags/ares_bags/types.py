@@ -9,6 +9,8 @@ from ares_bags.schema import split_type_name
 
 _LITTLE = Struct("<iI")
 _BIG = Struct(">iI")
+_LITTLE_FLIGHT = Struct("<QI")
+_BIG_FLIGHT = Struct(">QI")
 
 
 def message_class(type_name: str) -> Any:
@@ -41,3 +43,18 @@ def stamp_of_cdr(data: bytes) -> int:
     """
     sec, nanosec = (_LITTLE if data[1] & 1 else _BIG).unpack_from(data, 4)
     return int(sec) * 1_000_000_000 + int(nanosec)
+
+
+def names_its_flight(kind: Any) -> bool:
+    """Whether a message class begins with a stamp and the identity of a flight."""
+    return list(kind.get_fields_and_field_types())[:2] == ["stamp", "flight_id"]
+
+
+def flight_of_cdr(data: bytes) -> tuple[int, int]:
+    """Flight and, where the third field is one, sequence of a serialised flight message.
+
+    Raises:
+        struct.error: fewer than 24 bytes.
+    """
+    flight, sequence = (_LITTLE_FLIGHT if data[1] & 1 else _BIG_FLIGHT).unpack_from(data, 12)
+    return int(flight), int(sequence)

@@ -71,6 +71,7 @@ class BagWriter:
         path: the bag's folder.
         counts: messages taken so far, by topic; after an error, messages that are on disk.
         error: the write error, None as long as all is well.
+        custom_data: texts by name for the bag's metadata; may be added to until `close`.
     """
 
     def __init__(
@@ -95,7 +96,7 @@ class BagWriter:
         self.path = Path(path)
         self.counts: dict[str, int] = {}
         self.error: BagError | None = None
-        self._custom_data = dict(custom_data or {})
+        self.custom_data = dict(custom_data or {})
         self._flush_interval = flush_interval_s
         self._flush_bytes = flush_bytes
         self._topics: dict[str, Topic] = {}
@@ -236,7 +237,7 @@ class BagWriter:
     def _information(self) -> dict[str, object]:
         span = None if self._first is None else (self._first, self._last)
         counts = [(topic, self.counts[topic.name]) for topic in self._topics.values()]
-        return bag_information(self.file.name, counts, span, self._custom_data)
+        return bag_information(self.file.name, counts, span, self.custom_data)
 
     def _fail(self, error: OSError) -> BagError:
         self._open = False
@@ -245,7 +246,7 @@ class BagWriter:
         with suppress(OSError):
             self._output.close()
         try:
-            information = seal(self.file, {**self._custom_data, INCOMPLETE_KEY: why})
+            information = seal(self.file, {**self.custom_data, INCOMPLETE_KEY: why})
         except OSError:
             self.counts = dict.fromkeys(self.counts, 0)
             saved = "nothing of it can be read"

@@ -51,7 +51,7 @@ HELP = f"""Fly ascent guidance on ROS 2, and look at what was flown.
 \b
 Environment:
   ARES_BAGS      folder of new bags; default `bags` of the workspace
-  ROS_DOMAIN_ID  ROS domain of the flight; default 0
+  ROS_DOMAIN_ID  ROS domain of flights; default: each flight gets one of its own
 """
 
 SETTINGS: dict[str, Any] = {
@@ -139,8 +139,13 @@ def fly(
     ] = 0.0,
     domain_id: Annotated[
         int | None,
-        typer.Option(min=0, max=MAX_DOMAIN_ID, help="ROS domain; default: ROS_DOMAIN_ID."),
+        typer.Option(
+            min=0,
+            max=MAX_DOMAIN_ID,
+            help="ROS domain; default: ROS_DOMAIN_ID, else one that no other flight has.",
+        ),
     ] = None,
+    namespace: Annotated[str, typer.Option(help="Namespace of all nodes and topics.")] = "ares",
 ) -> None:
     """Fly a mission through the graph, record it, say how it went."""
     if bag is not None and no_record:
@@ -167,6 +172,7 @@ def fly(
             initial_guess=initial_guess,
             attitude_rate_limit_deg_s=attitude_rate_limit,
             domain_id=domain_id,
+            namespace=namespace,
         ),
         begun=_BEGUN,
     )

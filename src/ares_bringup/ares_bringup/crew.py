@@ -17,9 +17,9 @@ LOOK_PERIOD = 0.005
 CLOSE_TIMEOUT = 10.0
 
 
-def ros_arguments(parameters: Mapping[str, object]) -> list[str]:
-    """Command line that sets the parameters of a node; texts are quoted for YAML."""
-    arguments = ["--ros-args"]
+def ros_arguments(parameters: Mapping[str, object], namespace: str) -> list[str]:
+    """Command line that sets namespace and parameters of a node; texts are quoted for YAML."""
+    arguments = ["--ros-args", "-r", f"__ns:={namespace}"]
     for name, value in parameters.items():
         arguments += ["-p", f"{name}:={json.dumps(value, ensure_ascii=False)}"]
     return arguments

@@ -4,7 +4,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +24,8 @@ from ares_bringup.summary import (
     FlightSummary,
     MissionFacts,
 )
+from ares_node.domains import claim_domain
+from ares_node.identity import id_text, new_id
 
 if TYPE_CHECKING:
     from rclpy.executors import Executor
@@ -98,6 +100,26 @@ def mission_facts(name: str) -> MissionFacts:
     )
 
 
+def absolute_namespace(namespace: str) -> str:
+    """A namespace with its leading slash.
+
+    Raises:
+        CannotStart: ROS has no such namespace.
+    """
+    from rclpy.exceptions import InvalidNamespaceException
+    from rclpy.validate_namespace import validate_namespace
+
+    absolute = namespace if namespace.startswith("/") else f"/{namespace}"
+    try:
+        validate_namespace(absolute)
+    except InvalidNamespaceException as error:
+        reason = str(error).partition(": ")[2].splitlines()[0].rstrip(":")
+        raise CannotStart(f"namespace is {namespace!r}; {reason}") from error
+    if absolute == "/":
+        raise CannotStart(f"namespace is {namespace!r}; expected a name")
+    return absolute
+
+
 def _margin(dispersions: str) -> float:
     """Margin to the heating limit of a guidance that measures nothing.
 
@@ -112,21 +134,25 @@ def _margin(dispersions: str) -> float:
         raise CannotStart(" ".join(str(error).split())) from error
 
 
-def node_parameters(options: FlyOptions, bag: str | None) -> dict[str, dict[str, Any]]:
+def node_parameters(
+    options: FlyOptions, bag: str | None, flight_id: int
+) -> dict[str, dict[str, Any]]:
     """Parameters of each node that takes part in the flight, by node name.
 
     Args:
         options: the flight.
         bag: where to record; None for no recorder.
+        flight_id: identity of the flight.
     """
-    recorders = int(bag is not None)
     simulator: dict[str, Any] = {
+        "flight_id": flight_id,
         "mission": options.mission,
         "pace": float(options.pace),
         "seed": options.seed,
         "attitude_rate_limit_deg_s": float(options.attitude_rate_limit_deg_s),
         "start_timeout_s": START_TIMEOUT,
-        "expected_recorders": recorders,
+        "expected_recorders": int(bag is not None),
+        "expected_judges": 1,
     }
     if options.dispersions is not None:
         simulator["dispersions"] = options.dispersions
@@ -141,9 +167,9 @@ def node_parameters(options: FlyOptions, bag: str | None) -> dict[str, dict[str,
     if options.navigation_period_s is not None:
         simulator["navigation_period_s"] = float(options.navigation_period_s)
     guidance: dict[str, Any] = {
+        "flight_id": flight_id,
         "mission": options.mission,
         "law": options.guidance.value,
-        "expected_recorders": recorders,
         "initial_guess": options.initial_guess.value,
     }
     if options.cycle_period_s is not None:
@@ -161,6 +187,7 @@ def node_parameters(options: FlyOptions, bag: str | None) -> dict[str, dict[str,
         nodes[OPTIMIZER] = {"mission": options.mission, "method": InitialGuess.ANALYTIC.value}
     if bag is not None:
         nodes[RECORDER] = {
+            "flight_id": flight_id,
             "bag": bag,
             "mission": options.mission,
             "law": options.guidance.value,
@@ -191,21 +218,40 @@ def fly(
     """
     begun = time.monotonic() if begun is None else begun
     domain = domain_id(options)
+    namespace = absolute_namespace(options.namespace)
     facts = mission_facts(options.mission)
     bag = None
     if options.record:
         bag = str((options.bag or new_bag(facts.name)).absolute())
-    summary = FlightSummary(facts, options.guidance.value, bag)
-    parameters = node_parameters(options, bag)
+    summary = FlightSummary(facts, options.guidance.value, bag, new_id(), namespace=namespace)
+    parameters = node_parameters(options, bag, summary.flight_id)
     apply_discovery_settings()
-    if options.in_process:
-        _fly_in_process(summary, parameters, domain, say)
-    else:
-        _fly_in_processes(summary, parameters, domain, say, modules)
+    with ExitStack() as held:
+        summary.domain_id = held.enter_context(_own_domain()) if domain is None else domain
+        say(
+            f"flight {id_text(summary.flight_id)} on its own graph: "
+            f"ROS_DOMAIN_ID={summary.domain_id} ros2 topic list"
+        )
+        if options.in_process:
+            _fly_in_process(summary, parameters, say)
+        else:
+            _fly_in_processes(summary, parameters, say, modules)
     if bag is not None and not Path(bag).exists():
         summary.bag = None
     summary.wall_s = time.monotonic() - begun
     return summary
+
+
+@contextmanager
+def _own_domain() -> Iterator[int]:
+    try:
+        domain, lock = claim_domain()
+    except TimeoutError as error:
+        raise CannotStart(f"{error}; name one with --domain-id") from error
+    try:
+        yield domain
+    finally:
+        os.close(lock)
 
 
 class _Watch:
@@ -249,7 +295,7 @@ class _Watch:
 
 @contextmanager
 def _graph(
-    summary: FlightSummary, domain: int, say: Say
+    summary: FlightSummary, say: Say
 ) -> Iterator[tuple["FlightMonitor", "Executor", "StopSignals"]]:
     """A private context with the monitor on an executor, and the signals as a flag."""
     import rclpy
@@ -267,21 +313,21 @@ def _graph(
         rclpy.init(
             args=[],
             context=context,
-            domain_id=domain,
+            domain_id=summary.domain_id,
             signal_handler_options=SignalHandlerOptions.NO,
         )
         try:
             executor = EventsExecutor(context=context)
             stop.install()
             stop.wake_with(executor.wake)
-            monitor = FlightMonitor(summary, say, context=context)
+            monitor = FlightMonitor(summary, say, context=context, namespace=summary.namespace)
             try:
                 executor.add_node(monitor)
                 yield monitor, executor, stop
             finally:
                 stop.wake_with(None)
                 executor.shutdown()
-                monitor.destroy_node()
+                monitor.leave()
         finally:
             context.try_shutdown()
 
@@ -292,16 +338,15 @@ def _graph(
 def _fly_in_processes(
     summary: FlightSummary,
     parameters: Mapping[str, Mapping[str, Any]],
-    domain: int,
     say: Say,
     modules: Mapping[str, str],
 ) -> None:
     from ares_node.qos import SOLVE_TRAJECTORY
 
-    with Crew({**os.environ, "ROS_DOMAIN_ID": str(domain)}) as crew:
+    with Crew({**os.environ, "ROS_DOMAIN_ID": str(summary.domain_id)}) as crew:
 
         def start(name: str) -> None:
-            crew.start(name, modules[name], ros_arguments(parameters[name]))
+            crew.start(name, modules[name], ros_arguments(parameters[name], summary.namespace))
 
         # guidance asks the optimizer first of all: on a slow machine it would ask in vain
         late = [GUIDANCE] if OPTIMIZER in parameters else []
@@ -309,7 +354,7 @@ def _fly_in_processes(
         for name in parameters:
             if name not in late:
                 start(name)
-        with _graph(summary, domain, say) as (monitor, executor, stop):
+        with _graph(summary, say) as (monitor, executor, stop):
             watch = _Watch(monitor, stop, parameters, say)
             looked = 0.0
             while not watch.over():
@@ -334,7 +379,7 @@ def _crew_lost(crew: Crew, summary: FlightSummary, say: Say) -> bool:
     for name, status in crew.newly_ended():
         how = describe_end(status)
         if status == EXIT_CANNOT_START and (name == SIMULATOR or not summary.started):
-            # it has said why; events that came are those of another simulator
+            # it has said why
             raise CannotStart("")
         if name == OPTIMIZER:
             say(f"{name} {how}: guidance starts without its guess")
@@ -380,10 +425,9 @@ def _end_crew(crew: Crew, summary: FlightSummary, listen: Callable[[], None]) ->
 def _fly_in_process(
     summary: FlightSummary,
     parameters: Mapping[str, Mapping[str, Any]],
-    domain: int,
     say: Say,
 ) -> None:
-    with _graph(summary, domain, say) as (monitor, executor, stop):
+    with _graph(summary, say) as (monitor, executor, stop):
         nodes: dict[str, FlightNode] = {}
         try:
             # the recorder first, the simulator last: all is connected when it looks
@@ -425,7 +469,11 @@ def _started(
 
     overrides = [Parameter(key, value=value) for key, value in values.items()]
     try:
-        node = _node_class(name)(context=monitor.context, parameter_overrides=overrides)
+        node = _node_class(name)(
+            context=monitor.context,
+            namespace=monitor.get_namespace(),
+            parameter_overrides=overrides,
+        )
     except (ParameterError, ParameterException) as error:
         raise CannotStart(f"{name}: {' '.join(str(error).split())}") from error
     executor.add_node(node)

@@ -9,7 +9,9 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 
 from ares_bringup.summary import ENDS, Diagnostic, Event, FlightSummary, Status
-from ares_msgs.msg import FlightEvent, GuidanceStatus
+from ares_msgs.msg import FlightEvent, FlightMember, GuidanceStatus
+from ares_node.diagnostics import hardware_id, of_another_flight
+from ares_node.membership import Membership, Role, State
 from ares_node.qos import (
     DIAGNOSTIC,
     DIAGNOSTICS,
@@ -17,30 +19,20 @@ from ares_node.qos import (
     FLIGHT,
     FLIGHT_EVENT,
     GUIDANCE_STATUS,
-    NAMESPACE,
 )
 from ares_node.time import seconds_from_stamp
-from ares_vehicle_sim.arrays import FLIGHT_STARTED
 
 _LEVELS = {
     DiagnosticStatus.WARN: "WARN",
     DiagnosticStatus.ERROR: "ERROR",
     DiagnosticStatus.STALE: "STALE",
 }
-_OURS = NAMESPACE + "/"
-
-#: Wall time in s after which the end of a flight counts although guidance was never heard.
-DOUBT_TIMEOUT = 10.0
 #: Warnings and errors that are passed on while the flight goes on.
 MAX_SAID = 20
 
 
 class FlightMonitor(Node):
     """Collects what the summary of a flight needs, and nothing that comes at the full rate.
-
-    Events stay on the graph for those who join late, so those of an earlier flight whose
-    simulator still runs come first. A simulator flies only if there is no other, so that the
-    last flight that begins is the one to watch.
 
     Attributes:
         summary: filled while the flight goes on.
@@ -53,23 +45,23 @@ class FlightMonitor(Node):
         say: Callable[[str], None],
         **kwargs: Any,
     ) -> None:
-        """Create the subscriptions.
+        """Create the endpoints.
 
         Args:
-            summary: what to fill.
+            summary: what to fill; its flight_id says which flight is watched.
             say: gets one line for each warning or error of a node.
-            **kwargs: passed on to rclpy (`context`, ...).
+            **kwargs: passed on to rclpy (`context`, `namespace`, ...).
         """
         super().__init__(
-            "flight_monitor",
-            namespace=NAMESPACE,
+            "judge",
             enable_rosout=False,
             start_parameter_services=False,
             **kwargs,
         )
         self.summary = summary
         self.last_heard = time.monotonic()
-        self._end_seen_at: float | None = None
+        self._membership = Membership(self, Role.JUDGE, flight_id=summary.flight_id)
+        self._ended = False
         self._say = say
         self._said = 0
         self._first_status: tuple[float, float] | None = None
@@ -82,22 +74,34 @@ class FlightMonitor(Node):
                 (DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, DIAGNOSTIC),
             )
         ]
+        self._membership.listen(self._on_member)
 
     @property
     def ended(self) -> bool:
         """The flight has begun and come to its end."""
-        if self._end_seen_at is None or not self.summary.started:
-            return False
-        # without a word from guidance these may be the events of an earlier flight
-        return (
-            self.summary.guidance_cycles > 0 or time.monotonic() - self._end_seen_at > DOUBT_TIMEOUT
-        )
+        return self._ended and self.summary.started
+
+    def recorders(self, *states: State) -> list[FlightMember]:
+        """Recorders of this flight in one of some states; all without."""
+        return self._membership.others(Role.RECORDER, *states)
+
+    def leave(self) -> None:
+        """Take part no more, and free the node."""
+        self._membership.close()
+        self.destroy_node()
+
+    def _on_member(self, _member: FlightMember) -> None:
+        self._membership.witness()
+
+    def _is_ours(self, flight_id: int) -> bool:
+        ours = self._membership.belongs(flight_id)
+        self.summary.foreign_messages = self._membership.foreign
+        return ours
 
     def _on_event(self, message: FlightEvent) -> None:
+        if not self._is_ours(message.flight_id):
+            return
         now = self.last_heard = time.monotonic()
-        if message.type == FLIGHT_STARTED and self.summary.started:
-            self.summary.forget_flight()
-            self._end_seen_at = self._first_status = None
         self.summary.add_event(
             Event(
                 type=message.type,
@@ -109,12 +113,14 @@ class FlightMonitor(Node):
             )
         )
         if message.type in ENDS:
-            self._end_seen_at = now
+            self._ended = True
             if self._first_status is not None:
                 flight_time, wall_time = self._first_status
                 self.summary.set_rate(message.time - flight_time, now - wall_time)
 
     def _on_status(self, message: GuidanceStatus) -> None:
+        if not self._is_ours(message.flight_id):
+            return
         now = self.last_heard = time.monotonic()
         if self._first_status is None:
             # not an event: the first ones may have waited for this reader
@@ -133,10 +139,13 @@ class FlightMonitor(Node):
         )
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        self.last_heard = time.monotonic()
         for status in message.status:
+            if of_another_flight(status, self.summary.flight_id):
+                self._is_ours(0)
+                continue
             level = _LEVELS.get(status.level)
-            if level is not None and status.name.startswith(_OURS):
+            if level is not None and status.hardware_id == hardware_id(self.summary.flight_id):
+                self.last_heard = time.monotonic()
                 line = Diagnostic(
                     time=seconds_from_stamp(message.header.stamp),
                     node=status.name.rsplit("/", maxsplit=1)[-1],

@@ -102,7 +102,8 @@ class FlyOptions:
         initial_guess: where the guidance law starts; the optimizer's node joins for its guess.
             Law peg_thesis takes analytic for none.
         attitude_rate_limit_deg_s: fastest turn of the thrust; 0: none.
-        domain_id: ROS domain; None: that of the environment.
+        domain_id: ROS domain; None: that of ROS_DOMAIN_ID, else one that no other flight has.
+        namespace: namespace of all nodes and topics.
     """
 
     mission: str = "ares_v"
@@ -121,10 +122,14 @@ class FlyOptions:
     initial_guess: InitialGuess = InitialGuess.NONE
     attitude_rate_limit_deg_s: float = 0.0
     domain_id: int | None = None
+    namespace: str = "ares"
 
 
-def domain_id(options: FlyOptions) -> int:
-    """The ROS domain of a flight: of the options, else of ROS_DOMAIN_ID, else 0.
+def domain_id(options: FlyOptions) -> int | None:
+    """The ROS domain that a flight is told to take: of the options, else of ROS_DOMAIN_ID.
+
+    Returns:
+        None if it is told nothing.
 
     Raises:
         CannotStart: it is not an integer from 0 to 232.
@@ -132,7 +137,9 @@ def domain_id(options: FlyOptions) -> int:
     if options.domain_id is not None:
         text, source = str(options.domain_id), "domain id"
     else:
-        text, source = os.environ.get("ROS_DOMAIN_ID", "") or "0", "ROS_DOMAIN_ID"
+        text, source = os.environ.get("ROS_DOMAIN_ID", ""), "ROS_DOMAIN_ID"
+        if not text:
+            return None
     if not text.isascii() or not text.isdigit() or int(text) > MAX_DOMAIN_ID:
         raise CannotStart(f"{source} is {text!r}; expected an integer from 0 to {MAX_DOMAIN_ID}")
     return int(text)

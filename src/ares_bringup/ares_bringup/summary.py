@@ -16,6 +16,8 @@ from ares_vehicle_sim.arrays import (
     DEPLETION,
     FLIGHT_COMPLETE,
     FLIGHT_STARTED,
+    GUIDANCE_BACK,
+    GUIDANCE_LOST,
     IGNITION,
     IMPACT,
     JETTISON_DONE,
@@ -32,6 +34,8 @@ EVENT_NAMES = {
     DEPLETION: "propellant depleted",
     FLIGHT_COMPLETE: "flight complete",
     IMPACT: "impact",
+    GUIDANCE_LOST: "no answer from guidance",
+    GUIDANCE_BACK: "guidance answers again",
 }
 
 ENDS = (FLIGHT_COMPLETE, IMPACT)
@@ -259,6 +263,10 @@ class FlightSummary:
         facts: the mission.
         guidance: name of the law.
         bag: absolute path of the bag; None if nothing is recorded.
+        flight_id: identity of the flight.
+        domain_id: ROS domain of its graph.
+        namespace: namespace of its nodes, with the leading slash.
+        foreign_messages: messages of other flights that came to the judge and were left out.
         events: in the order of arrival.
         first_converged: first status with an accepted solution.
         last_converged: last one.
@@ -277,6 +285,10 @@ class FlightSummary:
     facts: MissionFacts
     guidance: str
     bag: str | None = None
+    flight_id: int = 0
+    domain_id: int = 0
+    namespace: str = "/ares"
+    foreign_messages: int = 0
     events: list[Event] = field(default_factory=list)
     first_converged: Status | None = None
     last_converged: Status | None = None
@@ -296,12 +308,6 @@ class FlightSummary:
     def add_event(self, event: Event) -> None:
         """Take an event."""
         self.events.append(event)
-
-    def forget_flight(self) -> None:
-        """Forget events and guidance: another flight has begun."""
-        self.events.clear()
-        self.first_converged = self.last_converged = None
-        self.guidance_cycles = self.max_stale_cycles = 0
 
     def add_status(self, status: Status) -> None:
         """Take a guidance status; a gap in the cycle numbers counts as lost messages."""
@@ -380,6 +386,18 @@ class FlightSummary:
         status = self.first_converged
         return status.total_iterations if status and self.seen_from_start else None
 
+    @property
+    def unguided_s(self) -> float:
+        """Flight time for which guidance gave no answer, s."""
+        total, since = 0.0, None
+        for event in self.events:
+            if event.type == GUIDANCE_LOST and since is None:
+                since = event.time
+            elif since is not None and event.type in (GUIDANCE_BACK, *ENDS):
+                total += event.time - since
+                since = None
+        return total
+
     # ---- the verdict
 
     @property
@@ -417,6 +435,8 @@ class FlightSummary:
                 for index, name in enumerate(self.facts.jettisons)
                 if self.first(JETTISON_DONE, index) is None
             ]
+        if self.first(GUIDANCE_LOST):
+            lines = [*lines, f"flown without an answer from guidance for {self.unguided_s:.1f} s"]
         return lines + self.problems
 
     @property
@@ -456,6 +476,11 @@ class FlightSummary:
             "wall_s": self.wall_s,
             "realtime_factor": self.realtime_factor,
             "bag": self.bag,
+            "flight_id": f"{self.flight_id:016x}",
+            "domain_id": self.domain_id,
+            "namespace": self.namespace,
+            "foreign_messages": self.foreign_messages,
+            "unguided_s": self.unguided_s,
             "outcome": self.outcome.value,
             "exit_status": self.exit_code,
             "shortcomings": self.shortcomings(),

@@ -3,6 +3,7 @@
 import math
 import sys
 import time
+from contextlib import ExitStack
 from dataclasses import fields
 from typing import Any
 
@@ -15,9 +16,11 @@ from ares_guidance.law import HEATING_SOURCES, LawSettings
 from ares_guidance.laws import LAWS, PEG_THESIS, make_law, start_from
 from ares_models.arrays import HEATING_LIMIT, NAVIGATION
 from ares_models.mission import Start, load_mission
-from ares_msgs.msg import GuidanceStatus, NavState, ThrustCommand
+from ares_msgs.msg import FlightMember, GuidanceStatus, NavState, ThrustCommand
 from ares_msgs.srv import SolveTrajectory
 from ares_node.diagnostics import Diagnostics, Level
+from ares_node.identity import id_text
+from ares_node.membership import FLIGHT_ID, OPEN, Membership, Role, State
 from ares_node.node import FlightNode
 from ares_node.parameters import Parameter
 from ares_node.qos import (
@@ -46,13 +49,7 @@ ANALYTIC = "analytic"
 PARAMETERS = (
     Parameter("mission", "ares_v", "Shipped mission's name, or path of a mission file."),
     Parameter("law", "peg", "Guidance law.", choices=tuple(LAWS)),
-    Parameter(
-        "expected_recorders",
-        0,
-        "Recorders that must be connected before the first answer.",
-        minimum=0,
-        maximum=16,
-    ),
+    FLIGHT_ID,
     Parameter(
         "heating_source",
         "measured",
@@ -88,8 +85,12 @@ PARAMETERS = (
     if item.metadata
 )
 
-#: Wall time in s between looks for the recorders, until they are there.
+#: Wall time in s between looks for the optimizer's answer, until it is there.
 WATCH_PERIOD = 0.02
+#: Wall time in s between looks for another flight, and without a navigation state after which
+#: a flight that was joined unasked counts as gone.
+JOIN_PERIOD = 0.5
+GONE_AFTER = 5.0
 
 
 class GuidanceNode(FlightNode):
@@ -105,14 +106,19 @@ class GuidanceNode(FlightNode):
         mission = load_mission(values["mission"])
         self._arrays = arrays = mission.arrays(foreseen=True)
         self._heating_jettisons = int(np.sum(arrays.jettisons["criterion"] == HEATING_LIMIT))
-        self._law = make_law(
-            values["law"],
-            arrays,
-            LawSettings(**{item.name: values[item.name] for item in fields(LawSettings)}),
-        )
+        self._mission_name = mission.name
         self._nav = np.zeros(1, NAVIGATION)
-        self._rehearse(mission.start())
-        self._diagnostics = Diagnostics(self)
+        with ExitStack() as failed:
+            self._membership = Membership(self, Role.GUIDANCE, mission.name, values["flight_id"])
+            failed.callback(self._membership.close)
+            self._law = make_law(
+                values["law"],
+                arrays,
+                LawSettings(**{item.name: values[item.name] for item in fields(LawSettings)}),
+            )
+            self._rehearse(mission.start())
+            failed.pop_all()
+        self._diagnostics = Diagnostics(self, lambda: self._membership.flight_id)
         self._command_out = self.create_publisher(ThrustCommand, THRUST_COMMAND, FLIGHT)
         self._status_out = self.create_publisher(GuidanceStatus, GUIDANCE_STATUS, FLIGHT)
         self._nav_in = self.create_subscription(NavState, NAV_STATE, self._on_nav_state, FLIGHT)
@@ -120,20 +126,26 @@ class GuidanceNode(FlightNode):
         self._wants_guess = values["initial_guess"] != "none" or values["law"] == PEG_THESIS
         self._guess: Future | None = None
         self._held_back: NavState | None = None
-        self._recorded = values["expected_recorders"] == 0
         self._last_ns: int | None = None
+        self._heard_at = -math.inf
+        self._told: set[int] = set()
         self._looked_since: float | None = None
+        self._active = False
         self._forget()
+        self._membership.listen(self._on_member)
 
     def activate(self) -> None:
         """Begin to answer."""
         self._active = True
         self._watch = self.wall_timer(WATCH_PERIOD, self._on_watch)
+        self._joining = self.wall_timer(JOIN_PERIOD, self._join)
+        self._join()
 
     def deactivate(self) -> None:
         """Stop answering."""
         self._active = False
         self.destroy_timer(self._watch)
+        self.destroy_timer(self._joining)
 
     def cleanup(self) -> None:
         """Free the endpoints."""
@@ -141,6 +153,7 @@ class GuidanceNode(FlightNode):
         self.destroy_publisher(self._status_out)
         self.destroy_subscription(self._nav_in)
         self.destroy_client(self._optimizer)
+        self._membership.close()
 
     def _rehearse(self, start: Start) -> None:
         """One step from the mission's start: the law is compiled before anybody waits for it."""
@@ -159,24 +172,71 @@ class GuidanceNode(FlightNode):
         self._without_jettison = False
         self._fallen_back = False
 
-    def _on_watch(self) -> None:
-        """A command that nobody records would be missing in the bag."""
-        expected = self.values["expected_recorders"]
-        if not self._recorded:
-            self._recorded = (
-                self._status_out.get_subscription_count() >= expected
-                and self._command_out.get_subscription_count() >= 1 + expected
+    # ---- the flight that is guided
+
+    def _on_member(self, member: FlightMember) -> None:
+        if member.role == Role.VEHICLE_SIM and self._active:
+            self._join()
+
+    def _join(self) -> None:
+        """Agree on a flight, or see why not."""
+        mine = self._membership
+        gone = time.monotonic() - self._heard_at > GONE_AFTER
+        simulator = mine.simulator
+        before = mine.flight_id
+        simulator = mine.join(again=simulator is None or simulator.state not in OPEN or gone)
+        if simulator is None:
+            return
+        if mine.flight_id != before:
+            self._last_ns = None
+            self._forget()
+        if simulator.mission not in ("", self._mission_name):
+            self._tell(
+                f"flight {id_text(mine.flight_id)} flies mission {simulator.mission}, this "
+                f"guidance is for {self._mission_name}: it has no part in it",
             )
-        if self._recorded and self._held_back is not None and self._ready(self._held_back):
-            message, self._held_back = self._held_back, None
-            self._answer(message)
-        if self._recorded and not self._wants_guess:
+        elif simulator.guidance_id == mine.member_id:
+            if mine.state is not State.READY:
+                mine.agree(mine.member_id)
+                self._take_held_back()
+        elif simulator.guidance_id:
+            mine.say(State.PRESENT)
+            self._tell(
+                f"flight {id_text(mine.flight_id)} has another guidance: this one has no part in it"
+            )
+
+    @property
+    def _guiding(self) -> bool:
+        return self._membership.state is State.READY
+
+    def _tell(self, text: str) -> None:
+        """Report once per flight."""
+        if self._membership.flight_id not in self._told:
+            self._told.add(self._membership.flight_id)
+            self._diagnostics.report(Level.WARN, text, 0)
+
+    def _on_watch(self) -> None:
+        self._take_held_back()
+        if not self._wants_guess:
             self._watch.cancel()
 
+    def _take_held_back(self) -> None:
+        message = self._held_back
+        if message is not None and self._guiding and self._ready(message):
+            self._held_back = None
+            self._answer(message)
+
     def _on_nav_state(self, message: NavState) -> None:
-        if not getattr(self, "_active", False):
+        if not self._active:
             return
-        if self._recorded and self._ready(message):
+        if not self._membership.belongs(message.flight_id):
+            if self._membership.foreign == 1:
+                flight = id_text(message.flight_id)
+                text = f"navigation states of another flight, {flight}: not answered"
+                self._diagnostics.report(Level.WARN, text, ns_from_stamp(message.stamp))
+            return
+        self._heard_at = time.monotonic()
+        if self._guiding and self._ready(message):
             self._answer(message)
         else:
             self._held_back = message
@@ -263,6 +323,8 @@ class GuidanceNode(FlightNode):
             self._command_out.publish(
                 ThrustCommand(
                     stamp=message.stamp,
+                    flight_id=self._membership.flight_id,
+                    guidance_id=self._membership.member_id,
                     nav_stamp=message.stamp,
                     reference_time=float(steering["reference_time"]),
                     direction=steering["direction"],
@@ -288,6 +350,8 @@ class GuidanceNode(FlightNode):
         cutoff_time = float(steering["cutoff_time"])
         return GuidanceStatus(
             stamp=message.stamp,
+            flight_id=self._membership.flight_id,
+            guidance_id=self._membership.member_id,
             cycle=int(state["cycle"]),
             law=int(state["law"]),
             phase=int(state["phase"]),

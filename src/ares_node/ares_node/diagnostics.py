@@ -1,6 +1,6 @@
 """One-line reports: on /diagnostics with flight time, what is wrong on /rosout too."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import Enum
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -8,6 +8,7 @@ from rcl_interfaces.msg import Log
 from rclpy.duration import Duration
 from rclpy.node import Node
 
+from ares_node.identity import id_text
 from ares_node.qos import DIAGNOSTIC, DIAGNOSTICS, LOG, LOG_QOS
 from ares_node.time import stamp_from_ns
 
@@ -32,16 +33,41 @@ def folded(text: str) -> str:
     return " ".join(text.split())
 
 
+#: What the hardware id of a report on a flight begins with.
+FLIGHT_PREFIX = "flight:"
+
+
+def hardware_id(flight_id: int) -> str:
+    """The hardware id of reports on a flight; empty if there is no flight."""
+    return FLIGHT_PREFIX + id_text(flight_id) if flight_id else ""
+
+
+def of_another_flight(status: DiagnosticStatus, flight_id: int) -> bool:
+    """Whether a report says that it is on a flight, and that this is another one."""
+    return bool(
+        status.hardware_id.startswith(FLIGHT_PREFIX)
+        and status.hardware_id != hardware_id(flight_id)
+    )
+
+
 class Diagnostics:
     """Publisher of a node's reports; each report is one array with one status.
 
-    The status name is the node's full name without the leading slash (`ares/recorder`).
-    Warnings and errors are log records on /rosout too; the console is not written to, since
-    whoever starts the node has its own way to show them.
+    The status name is the node's full name without the leading slash (`ares/recorder`), the
+    hardware id is `flight:` and the identity of the flight, as soon as there is one. Warnings
+    and errors are log records on /rosout too; the console is not written to, since whoever
+    starts the node has its own way to show them.
     """
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: Node, flight_id: Callable[[], int] = lambda: 0) -> None:
+        """Create the publishers.
+
+        Args:
+            node: whose reports these are.
+            flight_id: gives the flight that the node takes part in; 0 for none.
+        """
         self._node = node
+        self._flight_id = flight_id
         self._name = node.get_fully_qualified_name().lstrip("/")
         self._publisher = node.create_publisher(DiagnosticArray, DIAGNOSTICS, DIAGNOSTIC)
         self._log = node.create_publisher(Log, LOG, LOG_QOS)
@@ -64,6 +90,7 @@ class Diagnostics:
         status = DiagnosticStatus(
             level=level.value,
             name=self._name,
+            hardware_id=hardware_id(self._flight_id()),
             message=folded(message),
             values=[KeyValue(key=key, value=str(value)) for key, value in (values or {}).items()],
         )

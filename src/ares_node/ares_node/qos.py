@@ -13,6 +13,7 @@ VEHICLE_STATE = "vehicle_state"
 THRUST_COMMAND = "thrust_command"
 GUIDANCE_STATUS = "guidance_status"
 FLIGHT_EVENT = "flight_event"
+FLIGHT_MEMBER = "flight_member"
 CLOCK = "/clock"
 DIAGNOSTICS = "/diagnostics"
 LOG = "/rosout"
@@ -39,6 +40,9 @@ def reliable(depth: int, *, keep_for_late: bool = False) -> QoSProfile:
 FLIGHT = reliable(1000)
 #: flight_event: both ends.
 EVENTS = reliable(100, keep_for_late=True)
+#: flight_member: each writer's last word; the reader hears all of them.
+MEMBER = reliable(1, keep_for_late=True)
+MEMBERS = reliable(100, keep_for_late=True)
 #: /diagnostics, publishing side.
 DIAGNOSTIC = reliable(1000)
 #: /rosout, publishing side, as every ROS 2 node offers it.

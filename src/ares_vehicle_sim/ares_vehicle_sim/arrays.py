@@ -18,6 +18,9 @@ CUTOFF = 6
 DEPLETION = 7
 FLIGHT_COMPLETE = 8
 IMPACT = 9
+# of the node, not of the plant
+GUIDANCE_LOST = 10
+GUIDANCE_BACK = 11
 
 EVENT = np.dtype(
     [

@@ -4,16 +4,20 @@ import math
 import re
 import sys
 import time
+from contextlib import ExitStack
 from typing import Any
 
 import numpy as np
-from rclpy.publisher import Publisher
+from rclpy.duration import Duration
+from rclpy.executors import Executor
 from rosgraph_msgs.msg import Clock
 
 from ares_models.arrays import STEERING
 from ares_models.mission import load_mission
-from ares_msgs.msg import FlightEvent, NavState, ThrustCommand, VehicleState
+from ares_msgs.msg import FlightEvent, FlightMember, NavState, ThrustCommand, VehicleState
 from ares_node.diagnostics import Diagnostics, Level
+from ares_node.identity import id_text, new_id
+from ares_node.membership import FLIGHT_ID, Membership, Role, State
 from ares_node.node import FlightNode, NodeError
 from ares_node.parameters import Parameter
 from ares_node.qos import (
@@ -28,14 +32,20 @@ from ares_node.qos import (
 )
 from ares_node.run import EXIT_CANNOT_START, EXIT_OK, run_node
 from ares_node.time import NANOSECONDS, ns_from_seconds, ns_from_stamp, stamp_from_ns
-from ares_vehicle_sim.arrays import TRUTH_FIELDS
+from ares_vehicle_sim.arrays import GUIDANCE_BACK, GUIDANCE_LOST, TRUTH_FIELDS
 from ares_vehicle_sim.dispersions import Dispersions, load_dispersions
 from ares_vehicle_sim.simulator import CommandRefused, Simulator, SimulatorOptions
 
 #: Wall time in s between looks at the graph and at the clock.
 WATCH_PERIOD = 0.02
-#: Wall time in s that other nodes get to be discovered before the flight starts.
-DISCOVERY_TIME = 0.2
+#: Wall time in s between lines on what the start waits for.
+WAITING_LINE_PERIOD = 10.0
+#: Wall time in s after which nobody counts as preparing any more.
+LONGEST_PREPARATION = 900.0
+#: Wall time in s that a paced flight makes up for; a longer gap is left as it is.
+LONGEST_CATCH_UP = 0.5
+#: Wall time in s for the last messages to be acknowledged.
+ACKNOWLEDGE_TIMEOUT = 5.0
 #: After this many answers in a row were lost, the flight goes on without waiting for more.
 LINK_LOST_AFTER = 3
 #: Each further answer is waited for this much shorter than the one before.
@@ -93,14 +103,23 @@ PARAMETERS = (
     Parameter(
         "start_timeout_s",
         30.0,
-        "Wall time to wait for guidance and the recorders before giving up.",
+        "Wall time to wait for guidance, recorders and judges before giving up; while they still "
+        "prepare it does not run out.",
         unit="s",
         minimum=0.0,
     ),
+    FLIGHT_ID,
     Parameter(
         "expected_recorders",
         0,
-        "Recorders that must be connected before the flight starts.",
+        "Recorders that must be ready before the flight starts.",
+        minimum=0,
+        maximum=16,
+    ),
+    Parameter(
+        "expected_judges",
+        0,
+        "Judges that must be ready before the flight starts.",
         minimum=0,
         maximum=16,
     ),
@@ -115,8 +134,9 @@ PARAMETERS = (
 class VehicleSimNode(FlightNode):
     """Publishes navigation state, truth, events and the clock; flies the commands.
 
-    The flight starts when guidance and the expected recorders are connected. Each
-    navigation state waits for the command that answers it, then the vehicle moves on.
+    The flight starts when a guidance and the expected recorders and judges have agreed on it
+    (see FlightMember). Each navigation state waits for the command that answers it, then the
+    vehicle moves on.
     """
 
     def __init__(self, **kwargs: Any) -> None:
@@ -131,8 +151,10 @@ class VehicleSimNode(FlightNode):
         if values["dispersions"]:
             dispersions = load_dispersions(values["dispersions"])
         limit = math.radians(values["attitude_rate_limit_deg_s"]) or math.inf
+        mission = load_mission(values["mission"])
+        self._mission_name = mission.name
         flight = (
-            load_mission(values["mission"]),
+            mission,
             SimulatorOptions(
                 navigation_period_s=values["navigation_period_s"],
                 integration_step_s=values["integration_step_s"],
@@ -142,13 +164,19 @@ class VehicleSimNode(FlightNode):
             values["seed"],
             values["flight"],
         )
-        # one step of a flight that nobody sees: the plant is compiled before guidance waits
-        rehearsal = Simulator(*flight)
-        rehearsal.advance()
-        rehearsal.truth()
-        self._simulator = Simulator(*flight)
+        with ExitStack() as failed:
+            self._membership = Membership(
+                self, Role.VEHICLE_SIM, mission.name, values["flight_id"] or new_id()
+            )
+            failed.callback(self._membership.close)
+            # one step of a flight that nobody sees: the plant is compiled before guidance waits
+            rehearsal = Simulator(*flight)
+            rehearsal.advance()
+            rehearsal.truth()
+            self._simulator = Simulator(*flight)
+            failed.pop_all()
         self._pace: float = values["pace"]
-        self._diagnostics = Diagnostics(self)
+        self._diagnostics = Diagnostics(self, lambda: self.flight_id)
         self._clock_out = self.create_publisher(Clock, CLOCK, CLOCK_QOS)
         self._nav_out = self.create_publisher(NavState, NAV_STATE, FLIGHT)
         self._truth_out = self.create_publisher(VehicleState, VEHICLE_STATE, FLIGHT)
@@ -161,11 +189,12 @@ class VehicleSimNode(FlightNode):
         self._waiting = False
         self._lost_in_a_row = 0
         self._last_report: dict[str, int] = {}
-        self._second_simulator = False
+        self._told: set[int] = set()
+        self._membership.listen(self._on_member)
 
     def activate(self) -> None:
         """Begin to wait for the other nodes; the flight follows."""
-        self._activated_at = time.monotonic()
+        self._activated_at = self._waiting_line_at = time.monotonic()
         self._watch = self.wall_timer(WATCH_PERIOD, self._on_watch)
 
     def deactivate(self) -> None:
@@ -178,7 +207,19 @@ class VehicleSimNode(FlightNode):
         for publisher in (self._clock_out, self._nav_out, self._truth_out, self._event_out):
             self.destroy_publisher(publisher)
         self.destroy_subscription(self._command_in)
+        self._membership.close()
         self._simulator = None
+
+    def drain(self, executor: Executor) -> None:
+        """Let the others get the last messages."""
+        if self._simulator is not None:
+            for publisher in (self._nav_out, self._truth_out, self._event_out):
+                publisher.wait_for_all_acked(Duration(seconds=ACKNOWLEDGE_TIMEOUT))
+
+    @property
+    def flight_id(self) -> int:
+        """Identity of the flight; 0 before `configure`."""
+        return self._membership.flight_id if self._simulator is not None else 0
 
     @property
     def simulator(self) -> Simulator:
@@ -186,6 +227,65 @@ class VehicleSimNode(FlightNode):
         if self._simulator is None:
             raise NodeError("not configured")
         return self._simulator
+
+    # ---- the others
+
+    def _on_member(self, member: FlightMember) -> None:
+        """Somebody has spoken: give the flight to the first guidance, tell every other one."""
+        if self.done:
+            return
+        if member.role == Role.VEHICLE_SIM:
+            self._on_simulator(member)
+        elif member.role == Role.GUIDANCE and member.flight_id == self.flight_id:
+            self._on_guidance(member)
+
+    def _on_simulator(self, member: FlightMember) -> None:
+        if member.state not in (State.PRESENT, State.READY, State.FLYING):
+            return
+        ours = member.flight_id == self.flight_id
+        given = bool(self.values["flight_id"]) and not ours
+        if self._membership.state is State.FLYING or given:
+            self._tell(member, f"another simulator, {member.node}: it has no part in this flight")
+        elif member.state == State.FLYING or member.member_id < self._membership.member_id:
+            # of two that wait for the same one goes on
+            self._give_up(f"another simulator already publishes {self._nav_out.topic_name}")
+
+    def _on_guidance(self, member: FlightMember) -> None:
+        mine = self._membership
+        if member.mission not in ("", self._mission_name):
+            self._tell(
+                member,
+                f"{member.node} guides mission {member.mission}, this is {self._mission_name}: "
+                "it has no part in this flight",
+            )
+        elif member.member_id == mine.guidance_id:
+            if member.state in (State.LEFT, State.FAILED) and mine.state is State.PRESENT:
+                mine.say(State.PRESENT, guidance_id=0)
+                self._choose_guidance()
+        elif member.state == State.PRESENT:
+            if mine.guidance_id:
+                self._tell(
+                    member, f"a second guidance, {member.node}: it has no part in this flight"
+                )
+            self._choose_guidance()
+
+    def _choose_guidance(self) -> None:
+        """Accept a guidance where there is none, or where the present one is lost in flight."""
+        mine = self._membership
+        if mine.guidance_id and self._lost_in_a_row < LINK_LOST_AFTER:
+            return
+        for member in mine.others(Role.GUIDANCE, State.PRESENT):
+            if member.mission in ("", self._mission_name) and member.member_id != mine.guidance_id:
+                if self._flying:
+                    self._report(Level.WARN, f"{member.node} takes over from lost guidance")
+                mine.say(mine.state, guidance_id=int(member.member_id))
+                return
+
+    def _tell(self, member: FlightMember, text: str) -> None:
+        """Report something about another node, once."""
+        if member.member_id not in self._told:
+            self._told.add(int(member.member_id))
+            self._diagnostics.report(Level.WARN, text, self.simulator.time_ns)
 
     # ---- the wall clock: start, pace, lost answers
 
@@ -195,11 +295,6 @@ class VehicleSimNode(FlightNode):
             if not self.simulator.complete:
                 self._try_to_start(now)
             return
-        if self.count_publishers(NAV_STATE) > 1 and not self._second_simulator:
-            self._second_simulator = True
-            self._report(
-                Level.WARN, "another simulator publishes nav_state; it is not part of this flight"
-            )
         if self._waiting and now >= self._answer_deadline:
             self._waiting = False
             self._lost_in_a_row += 1
@@ -207,6 +302,8 @@ class VehicleSimNode(FlightNode):
                 Level.WARN,
                 f"no answer within {self._patience:g} s; flying on with the last good command",
             )
+            if self._lost_in_a_row == 1:
+                self._node_event(GUIDANCE_LOST)
             if self._lost_in_a_row == LINK_LOST_AFTER:
                 self._report(
                     Level.ERROR,
@@ -214,6 +311,7 @@ class VehicleSimNode(FlightNode):
                 )
                 self.destroy_timer(self._watch)
                 self._watch = self.wall_timer(LOST_LINK_PERIOD, self._on_lost_link)
+                self._choose_guidance()
             self._step()
 
     def _on_lost_link(self) -> None:
@@ -225,28 +323,37 @@ class VehicleSimNode(FlightNode):
             self._watch = self.wall_timer(WATCH_PERIOD, self._on_watch)
 
     def _try_to_start(self, now: float) -> None:
+        missing, role = self._missing()
         waited = now - self._activated_at
-        missing = self._missing_peers()
-        if waited < DISCOVERY_TIME:
-            return
-        others = self.count_publishers(NAV_STATE) - 1
-        if others > 0:
-            self._give_up(f"another simulator already publishes {self._nav_out.topic_name}")
-        elif not missing:
+        preparing = self._membership.preparing(role) and waited < LONGEST_PREPARATION
+        if not missing:
             self._start()
-        elif waited > self.values["start_timeout_s"]:
+        elif waited > self.values["start_timeout_s"] and not preparing:
             self._give_up(f"no {missing} on the graph after {waited:.0f} s")
+        elif now - self._waiting_line_at > WAITING_LINE_PERIOD:
+            self._waiting_line_at = now
+            why = ", which still prepares (compiling, the first time)" if preparing else ""
+            self.get_logger().info(f"waiting for {missing}{why}")
 
-    def _missing_peers(self) -> str:
-        recorders: int = self.values["expected_recorders"]
-        if self.count_publishers(THRUST_COMMAND) == 0:
-            return "guidance"
-        if _readers(self._nav_out) < 1 + recorders:
-            return f"reader of {self._nav_out.topic_name}"
-        for publisher in (self._truth_out, self._event_out):
-            if _readers(publisher) < recorders:
-                return f"recorder of {publisher.topic_name}"
-        return ""
+    def _missing(self) -> tuple[str, Role]:
+        """What the start waits for, in words and as a role; an empty text if nothing."""
+        mine = self._membership
+
+        def ready(role: Role) -> list[int]:
+            members = mine.others(role, State.READY)
+            return [int(m.member_id) for m in members if m.guidance_id == mine.guidance_id]
+
+        if not mine.guidance_id or mine.guidance_id not in ready(Role.GUIDANCE):
+            others = {m.mission for m in mine.others(Role.GUIDANCE)} - {"", self._mission_name}
+            suffix = f" for mission {self._mission_name}" if others else ""
+            return f"guidance{suffix}", Role.GUIDANCE
+        for role, expected in (
+            (Role.RECORDER, self.values["expected_recorders"]),
+            (Role.JUDGE, self.values["expected_judges"]),
+        ):
+            if len(ready(role)) < expected:
+                return role.name.lower(), role
+        return "", Role.GUIDANCE
 
     def _give_up(self, reason: str) -> None:
         print(f"{self.get_name()}: {reason}", file=sys.stderr, flush=True)
@@ -259,6 +366,7 @@ class VehicleSimNode(FlightNode):
 
     def _start(self) -> None:
         self._flying = True
+        self._membership.say(State.FLYING)
         self._started_at = time.monotonic()
         self._start_ns = self.simulator.time_ns
         self._publish()
@@ -268,9 +376,13 @@ class VehicleSimNode(FlightNode):
         stamp = stamp_from_ns(simulator.time_ns)
         self._clock_out.publish(Clock(clock=stamp))
         truth = dict(zip(TRUTH_FIELDS, simulator.truth().item(), strict=True))
-        self._truth_out.publish(VehicleState(stamp=stamp, sequence=simulator.sequence, **truth))
+        self._truth_out.publish(
+            VehicleState(
+                stamp=stamp, flight_id=self.flight_id, sequence=simulator.sequence, **truth
+            )
+        )
         for event in simulator.new_events():
-            self._event_out.publish(_event_message(event))
+            self._event_out.publish(self._event_message(event))
         if simulator.complete:
             self._end()
             return
@@ -281,6 +393,7 @@ class VehicleSimNode(FlightNode):
         self._nav_out.publish(
             NavState(
                 stamp=stamp,
+                flight_id=self.flight_id,
                 sequence=simulator.sequence,
                 position=nav["position"],
                 velocity=nav["velocity"],
@@ -294,7 +407,18 @@ class VehicleSimNode(FlightNode):
         )
 
     def _on_command(self, message: ThrustCommand) -> None:
+        if not self._membership.belongs(message.flight_id):
+            self._report(
+                Level.WARN, f"command refused: of another flight, {id_text(message.flight_id)}"
+            )
+            return
         if not self._flying or self.simulator.complete:
+            return
+        if message.guidance_id != self._membership.guidance_id:
+            self._report(
+                Level.WARN,
+                f"command refused: of a guidance without part, {id_text(message.guidance_id)}",
+            )
             return
         answered = ns_from_stamp(message.nav_stamp)
         if answered != self.simulator.time_ns:
@@ -308,7 +432,9 @@ class VehicleSimNode(FlightNode):
             self._report(Level.WARN, "command refused: this navigation state has its answer")
             return
         self._waiting = False
-        self._lost_in_a_row = 0
+        if self._lost_in_a_row:
+            self._lost_in_a_row = 0
+            self._node_event(GUIDANCE_BACK)
         steering = self._steering
         for name in ("reference_time", "direction", "direction_rate", "cutoff_time"):
             steering[name] = getattr(message, name)
@@ -340,12 +466,41 @@ class VehicleSimNode(FlightNode):
             return 0.0
         flown = (self.simulator.time_ns - self._start_ns) / NANOSECONDS
         due = self._started_at + (flown + self.values["navigation_period_s"]) / self._pace
-        return due - time.monotonic()
+        left = due - time.monotonic()
+        if left < -LONGEST_CATCH_UP:
+            # what was missed is not flown in a rush
+            self._started_at -= left
+            self._report(Level.WARN, f"behind its pace by {-left:.1f} s: not made up for")
+            return 0.0
+        return left
 
     def _end(self) -> None:
         self._flying = False
+        self._membership.say(State.OVER, last_sequence=self.simulator.sequence)
         if self.values["exit_when_complete"]:
             self.finish(EXIT_OK if self.simulator.ended_well else 1)
+
+    def _event_message(self, event: Any) -> FlightEvent:
+        return FlightEvent(
+            stamp=stamp_from_ns(ns_from_seconds(float(event["time"]))),
+            flight_id=self.flight_id,
+            time=float(event["time"]),
+            type=int(event["type"]),
+            index=int(event["index"]),
+            position=event["position"],
+            velocity=event["velocity"],
+            mass=float(event["mass"]),
+            heating_rate=float(event["heating_rate"]),
+        )
+
+    def _node_event(self, kind: int) -> None:
+        """Publish an event that the plant knows nothing of, at the present state."""
+        truth = self.simulator.truth()
+        event = {name: truth[name] for name in ("position", "velocity", "mass", "heating_rate")}
+        now = self.simulator.time_ns / NANOSECONDS
+        self._event_out.publish(
+            self._event_message({**event, "time": now, "type": kind, "index": truth["arc"]})
+        )
 
     def _report(self, level: Level, message: str) -> None:
         kind = re.split(r"\d", message, maxsplit=1)[0]
@@ -354,23 +509,6 @@ class VehicleSimNode(FlightNode):
         if last is None or now - last >= REPORT_PERIOD * NANOSECONDS:
             self._last_report[kind] = now
             self._diagnostics.report(level, message, now)
-
-
-def _readers(publisher: Publisher) -> int:
-    return int(publisher.get_subscription_count())
-
-
-def _event_message(event: Any) -> FlightEvent:
-    return FlightEvent(
-        stamp=stamp_from_ns(ns_from_seconds(float(event["time"]))),
-        time=float(event["time"]),
-        type=int(event["type"]),
-        index=int(event["index"]),
-        position=event["position"],
-        velocity=event["velocity"],
-        mass=float(event["mass"]),
-        heating_rate=float(event["heating_rate"]),
-    )
 
 
 def main() -> int:

@@ -1,0 +1,227 @@
+"""Who takes part in a flight: agreed on before its first navigation state.
+
+The protocol is that of ares_msgs/FlightMember. A node that takes part makes a `Membership` at
+the beginning of its `configure` and calls `listen` at the end of it, after its last endpoint:
+whoever then answers its word is known to hear all its publishers.
+"""
+
+from collections.abc import Callable
+from enum import IntEnum
+
+from rclpy.node import Node
+
+from ares_msgs.msg import FlightMember
+from ares_node.identity import new_id
+from ares_node.parameters import Parameter
+from ares_node.qos import FLIGHT_MEMBER, MEMBER, MEMBERS
+
+FLIGHT_ID = Parameter(
+    "flight_id",
+    0,
+    "Identity of the flight to take part in; 0: drawn by the simulator, and the others join the "
+    "first flight that needs them.",
+    minimum=0,
+)
+
+
+class Role(IntEnum):
+    """What a member does in a flight."""
+
+    VEHICLE_SIM = FlightMember.VEHICLE_SIM
+    GUIDANCE = FlightMember.GUIDANCE
+    RECORDER = FlightMember.RECORDER
+    JUDGE = FlightMember.JUDGE
+
+
+class State(IntEnum):
+    """How far a member has come."""
+
+    PREPARING = FlightMember.PREPARING
+    PRESENT = FlightMember.PRESENT
+    READY = FlightMember.READY
+    FLYING = FlightMember.FLYING
+    OVER = FlightMember.OVER
+    FAILED = FlightMember.FAILED
+    LEFT = FlightMember.LEFT
+
+
+#: States in which a simulator has a flight to give away or in the air.
+OPEN = (State.PREPARING, State.PRESENT, State.READY, State.FLYING)
+
+
+class Membership:
+    """One node's part in the agreement, and what it has heard of the others.
+
+    Attributes:
+        member_id: the node's own identity.
+        foreign: messages of other flights that `belongs` has refused.
+    """
+
+    def __init__(self, node: Node, role: Role, mission: str = "", flight_id: int = 0) -> None:
+        """Say that the node prepares.
+
+        Args:
+            node: the node that takes part.
+            role: what it does.
+            mission: name of its mission; empty for any.
+            flight_id: the flight; 0 joins one that is heard of.
+        """
+        self.member_id = new_id()
+        self.foreign = 0
+        self._node = node
+        self._given = flight_id
+        self._heard: dict[int, FlightMember] = {}
+        self._word = FlightMember(
+            flight_id=flight_id,
+            member_id=self.member_id,
+            role=role,
+            state=State.PREPARING,
+            mission=mission,
+            node=node.get_fully_qualified_name(),
+        )
+        self._out = node.create_publisher(FlightMember, FLIGHT_MEMBER, MEMBER)
+        self._in = None
+        self._out.publish(self._word)
+
+    def listen(self, changed: Callable[[FlightMember], None] = lambda _member: None) -> None:
+        """Say that the node is there, and hear the others; the last endpoint to be made.
+
+        Args:
+            changed: called with the word of another member when it has said something new.
+        """
+        self._changed = changed
+        self.say(State.PRESENT)
+        self._in = self._node.create_subscription(
+            FlightMember, FLIGHT_MEMBER, self._on_member, MEMBERS
+        )
+
+    def close(self) -> None:
+        """Take part no more."""
+        self.say(State.LEFT)
+        if self._in is not None:
+            self._node.destroy_subscription(self._in)
+        self._node.destroy_publisher(self._out)
+
+    # ---- the own word
+
+    @property
+    def flight_id(self) -> int:
+        """The flight; 0 until one is joined."""
+        return int(self._word.flight_id)
+
+    @property
+    def guidance_id(self) -> int:
+        """The guidance that flies this flight, as far as known; else 0."""
+        return int(self._word.guidance_id)
+
+    @property
+    def state(self) -> State:
+        """The node's own state."""
+        return State(self._word.state)
+
+    def say(
+        self,
+        state: State,
+        *,
+        flight_id: int | None = None,
+        guidance_id: int | None = None,
+        last_sequence: int = 0,
+        reason: str = "",
+    ) -> None:
+        """Change the own word and tell the others; what is not given stays."""
+        word = self._word
+        before = (word.state, word.flight_id, word.guidance_id)
+        word.state = state
+        word.flight_id = self.flight_id if flight_id is None else flight_id
+        word.guidance_id = self.guidance_id if guidance_id is None else guidance_id
+        word.last_sequence = last_sequence
+        word.reason = reason
+        if before != (word.state, word.flight_id, word.guidance_id):
+            self._out.publish(word)
+
+    # ---- the others
+
+    def _on_member(self, member: FlightMember) -> None:
+        if member.member_id != self.member_id:
+            self._heard[int(member.member_id)] = member
+            self._changed(member)
+
+    def others(self, role: Role, *states: State) -> list[FlightMember]:
+        """Members of this flight in a role and in one of some states, in order of arrival."""
+        return [
+            member
+            for member in self._heard.values()
+            if member.role == role
+            and member.flight_id == self.flight_id
+            and (not states or member.state in states)
+        ]
+
+    def preparing(self, role: Role) -> bool:
+        """Whether somebody who may come to take this role still prepares."""
+        return any(
+            member.role == role
+            and member.state == State.PREPARING
+            and member.flight_id in (0, self.flight_id)
+            for member in self._heard.values()
+        )
+
+    def elsewhere(self, role: Role) -> list[FlightMember]:
+        """Members of other flights, named ones, that are not over."""
+        return [
+            member
+            for member in self._heard.values()
+            if member.role == role
+            and member.flight_id not in (0, self.flight_id)
+            and member.state in OPEN
+        ]
+
+    @property
+    def simulator(self) -> FlightMember | None:
+        """The last word of the simulator of this flight; None if there is none."""
+        simulators = self.others(Role.VEHICLE_SIM) if self.flight_id else []
+        return simulators[-1] if simulators else None
+
+    def belongs(self, flight_id: int) -> bool:
+        """Whether a message is of this flight; counts it if not."""
+        if flight_id == self.flight_id and flight_id:
+            return True
+        self.foreign += 1
+        return False
+
+    def join(self, again: bool = False) -> FlightMember | None:
+        """The simulator of the flight; joins a flight first if none was given.
+
+        Args:
+            again: leave the flight that was joined, not given, for one that waits for guidance.
+        """
+        if self.flight_id == 0 or (again and not self._given):
+            simulators = [
+                member
+                for member in self._heard.values()
+                if member.role == Role.VEHICLE_SIM and member.state in OPEN and member.flight_id
+            ]
+            waiting = [member for member in simulators if not member.guidance_id]
+            found = waiting or ([] if self.flight_id else simulators)
+            if found and found[-1].flight_id != self.flight_id:
+                self.say(State.PRESENT, flight_id=int(found[-1].flight_id), guidance_id=0)
+        return self.simulator
+
+    def agree(self, guidance_id: int) -> None:
+        """Say that simulator and guidance are heard, and which guidance that is."""
+        self.say(State.READY, guidance_id=guidance_id)
+
+    def witness(self) -> bool:
+        """What recorder and judge do when somebody has spoken: agree once they hear all.
+
+        Returns:
+            Whether a simulator has a guidance, and this member hears both.
+        """
+        simulator = self.join()
+        if simulator is None or not simulator.guidance_id:
+            return False
+        guidance = int(simulator.guidance_id)
+        if guidance not in self._heard:
+            return False
+        if guidance != self.guidance_id and self.state in (State.PRESENT, State.READY):
+            self.agree(guidance)
+        return True
