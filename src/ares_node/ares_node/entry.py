@@ -16,7 +16,7 @@ EXIT_OK = 0
 EXIT_CANNOT_START = 2
 
 
-def _leave(number: int, frame: FrameType | None) -> None:
+def _leave(_number: int, _frame: FrameType | None) -> None:
     # nothing has begun, and imports in progress must not be unwound with a traceback
     os._exit(EXIT_OK)
 

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from enum import IntEnum
 
 from rclpy.node import Node
+from rclpy.subscription import Subscription
 
 from ares_msgs.msg import FlightMember
 from ares_node.identity import new_id
@@ -80,7 +81,7 @@ class Membership:
             node=node.get_fully_qualified_name(),
         )
         self._out = node.create_publisher(FlightMember, FLIGHT_MEMBER, MEMBER)
-        self._in = None
+        self._in: Subscription | None = None
         self._out.publish(self._word)
 
     def listen(self, changed: Callable[[FlightMember], None] = lambda _member: None) -> None:
