@@ -14,7 +14,7 @@ MAY_IMPORT = {
     "ares_vehicle_sim": {"ares_models"},
     "ares_optimizer": {"ares_models"},
     "ares_studies": {"ares_models", "ares_guidance", "ares_vehicle_sim", "ares_optimizer"},
-    "ares_node": set(),
+    "ares_node": {"ares_msgs"},
     "ares_bags": {"ares_node", "ares_msgs"},
     "ares_bringup": {
         "ares_models",

@@ -8,8 +8,10 @@ import pytest
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from ares_bags.recorder import RecorderNode
 from ares_guidance.node import GuidanceNode
 from ares_msgs.msg import FlightEvent, GuidanceStatus, NavState, ThrustCommand
+from ares_node.membership import Membership, Role, State
 from ares_node.qos import FLIGHT
 from ares_vehicle_sim.node import VehicleSimNode
 
@@ -17,15 +19,25 @@ from ares_vehicle_sim.node import VehicleSimNode
 class ScriptedGuidance(Node):
     """Answers like guidance, but each answer goes through a function first."""
 
-    def __init__(self, context, change=lambda _sequence, command: command):
+    def __init__(self, context, change=lambda _sequence, command: command, flight_id=0):
         super().__init__("guidance", namespace="ares", context=context)
         self._change = change
+        self.membership = Membership(self, Role.GUIDANCE, flight_id=flight_id)
         self._out = self.create_publisher(ThrustCommand, "thrust_command", FLIGHT)
         self.create_subscription(NavState, "nav_state", self._answer, FLIGHT)
+        self.membership.listen(self._agree)
+
+    def _agree(self, _member):
+        simulator = self.membership.join()
+        mine = self.membership
+        if simulator and simulator.guidance_id == mine.member_id and mine.state != State.READY:
+            mine.agree(mine.member_id)
 
     def _answer(self, nav):
         command = ThrustCommand(
             stamp=nav.stamp,
+            flight_id=nav.flight_id,
+            guidance_id=self.membership.member_id,
             nav_stamp=nav.stamp,
             reference_time=0.0,
             direction=nav.velocity / np.linalg.norm(nav.velocity),
@@ -130,8 +142,10 @@ def test_a_stale_command_is_refused(graph):
 
 def test_a_second_answer_to_the_same_state_is_refused(graph):
     graph.start(VehicleSimNode)
-    graph.add(ScriptedGuidance(graph.context))
-    graph.add(ScriptedGuidance(graph.context))
+    guidance = graph.add(
+        ScriptedGuidance(graph.context, lambda _n, command: guidance._out.publish(command))
+    )
+    guidance._change = lambda _n, command: guidance._out.publish(command) or command
     graph.spin(lambda: answers(graph) > 20)
     assert graph.reported("command refused: ")
 
@@ -166,6 +180,8 @@ def test_guidance_that_comes_back_is_listened_to_again(graph):
     graph.spin(lambda: graph.reported("without guidance"))
     graph.spin(lambda: answers(graph) > 120)
     assert simulator._lost_in_a_row == 0
+    kinds = [event.type for event in graph.events if event.type >= FlightEvent.GUIDANCE_LOST]
+    assert kinds == [FlightEvent.GUIDANCE_LOST, FlightEvent.GUIDANCE_BACK]
 
 
 def test_a_second_simulator_does_not_start(graph):
@@ -199,15 +215,18 @@ def test_a_wrong_mission_leaves_the_node_unconfigured(graph, kind):
 
 
 def test_guidance_refuses_a_navigation_state_that_is_not_finite(graph):
-    graph.start(GuidanceNode)
+    simulator = Membership(graph.observer, Role.VEHICLE_SIM, "ares_v", flight_id=7)
     commands = []
     graph.observer.create_subscription(ThrustCommand, "thrust_command", commands.append, FLIGHT)
     out = graph.observer.create_publisher(NavState, "nav_state", FLIGHT)
-    graph.spin(lambda: out.get_subscription_count() >= 2)
-    mission_start = VehicleSimNode(context=graph.context)
+    simulator.listen(lambda member: simulator.say(State.PRESENT, guidance_id=int(member.member_id)))
+    graph.start(GuidanceNode)
+    graph.spin(lambda: simulator.others(Role.GUIDANCE, State.READY))
+    mission_start = VehicleSimNode(context=graph.context, namespace="elsewhere")
     mission_start.start()
     nav = mission_start.simulator.navigation
     good = NavState(
+        flight_id=7,
         position=nav["position"],
         velocity=nav["velocity"],
         mass=float(nav["mass"]),
@@ -221,6 +240,7 @@ def test_guidance_refuses_a_navigation_state_that_is_not_finite(graph):
     out.publish(good)
     graph.spin(lambda: len(commands) == 1)
     bad = NavState(
+        flight_id=7,
         position=[math.nan] * 3,
         velocity=good.velocity,
         mass=good.mass,
@@ -233,6 +253,7 @@ def test_guidance_refuses_a_navigation_state_that_is_not_finite(graph):
     # the answer is still there, so that the vehicle does not wait, and it is the last good one
     assert commands[1].direction == pytest.approx(commands[0].direction)
     assert commands[1].nav_stamp == bad.stamp
+    simulator.close()
 
 
 def test_status_tells_the_story_of_a_flight(graph):
@@ -261,3 +282,113 @@ def test_a_paced_flight_keeps_its_pace(graph, pace):
     graph.spin(lambda: answers(graph) > 200)
     elapsed = time.monotonic() - begun
     assert elapsed >= 20.0 / pace * 0.95
+
+
+# ---- flights that share a graph
+
+
+def end_of(graph, simulator):
+    """The last event of a simulator's flight; None before it."""
+    for event in graph.events:
+        if event.flight_id == simulator.flight_id and event.type == FlightEvent.FLIGHT_COMPLETE:
+            return event
+    return None
+
+
+def test_two_flights_on_one_graph_fly_as_if_alone(graph):
+    flights = []
+    for flight_id, mission in ((11, "ares_v"), (12, "saturn_v_as506")):
+        flights.append(graph.start(VehicleSimNode, flight_id=flight_id, mission=mission))
+        graph.start(GuidanceNode, flight_id=flight_id, mission=mission)
+    graph.spin(lambda: all(end_of(graph, flight) for flight in flights), 120.0)
+    masses = [end_of(graph, flight).mass for flight in flights]
+    assert masses == pytest.approx([174_117.62, 136_416.8], abs=0.1)
+    assert graph.reported("vehicle_sim: another simulator, /ares/vehicle_sim: it has no part")
+
+
+def test_a_second_guidance_is_told_and_has_no_effect(graph):
+    simulator = graph.start(VehicleSimNode)
+    graph.start(GuidanceNode)
+    graph.spin(lambda: answers(graph) > 20)
+    second = graph.start(GuidanceNode, law="igm")
+    graph.spin(lambda: graph.reported("a second guidance, /ares/guidance: it has no part"))
+    graph.spin(lambda: graph.reported("has another guidance: this one has no part in it"))
+    graph.spin(lambda: end_of(graph, simulator), 60.0)
+    assert end_of(graph, simulator).mass == pytest.approx(174_117.62, abs=0.01)
+    assert second._membership.state is State.PRESENT
+
+
+def test_commands_of_strangers_are_refused(graph):
+    def spoil(sequence, command):
+        if sequence < 5:
+            command.flight_id += 1
+        elif sequence < 10:
+            command.guidance_id += 1
+        return command
+
+    simulator = graph.start(VehicleSimNode, command_timeout_s=0.02)
+    graph.add(ScriptedGuidance(graph.context, spoil))
+    graph.spin(lambda: answers(graph) > 20)
+    assert graph.reported("command refused: of another flight, ")
+    assert graph.reported("command refused: of a guidance without part, ")
+    assert simulator._membership.foreign == 5
+
+
+def test_guidance_of_another_mission_has_no_part(graph):
+    simulator = graph.start(VehicleSimNode, start_timeout_s=0.5)
+    graph.start(GuidanceNode, mission="saturn_v_as506")
+    graph.spin(lambda: simulator.done)
+    assert simulator.failure == "no guidance for mission ares_v on the graph after 1 s"
+    assert graph.reported("guidance is for saturn_v_as506: it has no part in it")
+
+
+def test_guidance_left_over_joins_the_next_flight(graph):
+    first = graph.start(VehicleSimNode)
+    guidance = graph.start(GuidanceNode)
+    graph.spin(lambda: end_of(graph, first), 60.0)
+    second = graph.start(VehicleSimNode)
+    graph.spin(lambda: end_of(graph, second), 60.0)
+    assert first.flight_id != second.flight_id
+    assert end_of(graph, first).mass == end_of(graph, second).mass
+    assert guidance._membership.flight_id == second.flight_id
+
+
+def test_new_guidance_takes_over_where_the_old_one_is_lost(graph):
+    simulator = graph.start(VehicleSimNode, command_timeout_s=0.02, pace=20.0)
+    lost = graph.add(ScriptedGuidance(graph.context, lambda n, c: c if n < 20 else None))
+    graph.spin(lambda: answers(graph) > 10)
+    graph.start(GuidanceNode)
+    graph.spin(lambda: graph.reported("takes over from lost guidance"))
+    graph.spin(lambda: any(e.type == FlightEvent.GUIDANCE_BACK for e in graph.events))
+    assert simulator._membership.guidance_id != lost.membership.member_id
+
+
+def test_a_viewer_is_not_taken_for_the_recorder(graph, tmp_path):
+    simulator = graph.start(VehicleSimNode, expected_recorders=1, start_timeout_s=60.0)
+    graph.start(GuidanceNode)
+    graph.spin(lambda: simulator._missing()[0] == "recorder")
+    recorder = graph.start(RecorderNode, bag=str(tmp_path / "bag"))
+    graph.spin(lambda: end_of(graph, simulator), 60.0)
+    graph.spin(lambda: recorder._closed)
+    assert recorder.error is None
+    count = simulator.simulator.sequence
+    assert recorder.message_counts["/ares/nav_state"] == count
+    assert recorder.message_counts["/ares/vehicle_state"] == count + 1
+    assert recorder.message_counts["/ares/thrust_command"] == count
+
+
+def test_a_pause_of_guidance_is_not_made_up_for_in_a_rush(graph):
+    """Ten states a second, then an answer that takes 1.5 s."""
+
+    def pause(sequence, command):
+        if sequence == 10:
+            time.sleep(1.5)
+        return command
+
+    simulator = graph.start(VehicleSimNode, pace=1.0)
+    graph.add(ScriptedGuidance(graph.context, pause))
+    graph.spin(lambda: answers(graph) > 8)
+    begun = simulator._started_at
+    graph.spin(lambda: answers(graph) > 20)
+    assert graph.reported("behind its pace by ")
+    assert simulator._started_at - begun >= 0.9

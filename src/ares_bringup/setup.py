@@ -37,5 +37,10 @@ setup(
     ],
     extras_require={"test": ["pytest"]},
     zip_safe=False,
-    entry_points={"console_scripts": ["ares = ares_bringup.__main__:main"]},
+    entry_points={
+        "console_scripts": [
+            "ares = ares_bringup.__main__:main",
+            "judge = ares_bringup.__main__:judge",
+        ]
+    },
 )

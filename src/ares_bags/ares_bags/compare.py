@@ -1,12 +1,21 @@
 """What differs between two bags, message by message, decoded."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from itertools import zip_longest
 from typing import Any
 
 from ares_bags.decoded import leaves
 from ares_bags.reader import Bag
+
+#: Fields in which two flights of the same mission differ, whatever they flew.
+IDENTITIES = ("flight_id", "guidance_id", "hardware_id")
+
+
+def _content(message: Any) -> Iterator[tuple[str, Any]]:
+    for name, value in leaves(message):
+        if name.rsplit(".", maxsplit=1)[-1] not in IDENTITIES:
+            yield name, value
 
 
 def _same(one: Any, other: Any) -> bool:
@@ -20,7 +29,8 @@ def differences(
 ) -> list[str]:
     """Differences between two bags; empty if they hold equal messages at equal times.
 
-    Messages are compared decoded (CDR has padding of no meaning), exactly, NaN equal to NaN.
+    Messages are compared decoded (CDR has padding of no meaning), exactly, NaN equal to NaN;
+    the identities of flights and of their guidance are left out.
     A topic without messages equals a missing topic.
 
     Args:
@@ -49,7 +59,7 @@ def differences(
             if left[0] != right[0]:
                 lines.append(f"{where}: log time {left[0]} ns against {right[0]} ns")
             for (name, a), (other_name, b) in zip_longest(
-                leaves(left[1]), leaves(right[1]), fillvalue=("", None)
+                _content(left[1]), _content(right[1]), fillvalue=("", None)
             ):
                 if name != other_name or not _same(a, b):
                     at = f"t {left[0] / 1e9:.3f} s"

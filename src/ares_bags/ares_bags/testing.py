@@ -19,12 +19,15 @@ NAV = "/ares/nav_state"
 EVENT = "/ares/flight_event"
 DIAGNOSTICS = "/diagnostics"
 
+FLIGHT_ID = 0x1234
+
 CUSTOM_DATA = {"mission": "ares_v", "law": "peg", "seed": "7"}
 
 
 def nav_state(sequence: int) -> NavState:
     """Navigation state number `sequence`; every field differs from the next one's."""
     return NavState(
+        flight_id=FLIGHT_ID,
         stamp=stamp_from_ns(START_NS + sequence * PERIOD_NS),
         sequence=sequence,
         position=[6.5e6 + sequence, -1.25 * sequence, 0.1 * sequence],
@@ -42,7 +45,11 @@ def flight_event(number: int) -> FlightEvent:
     """Event number `number`."""
     stamp = START_NS + number * 10 * PERIOD_NS
     return FlightEvent(
-        stamp=stamp_from_ns(stamp), time=stamp / 1e9, type=number % 8 + 1, mass=1000.0 - number
+        stamp=stamp_from_ns(stamp),
+        flight_id=FLIGHT_ID,
+        time=stamp / 1e9,
+        type=number % 8 + 1,
+        mass=1000.0 - number,
     )
 
 

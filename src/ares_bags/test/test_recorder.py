@@ -29,8 +29,20 @@ from ares_bags.reader import LOG_TIME, open_bag
 from ares_bags.recorder import TYPES, RecorderNode, qos_of
 from ares_bags.repair import repair
 from ares_bags.schema import type_hash
-from ares_bags.testing import DIAGNOSTICS, EVENT, NAV, START_NS, flight_event, nav_state, report
+from ares_bags.testing import (
+    DIAGNOSTICS,
+    EVENT,
+    FLIGHT_ID,
+    NAV,
+    START_NS,
+    flight_event,
+    nav_state,
+    report,
+)
 from ares_msgs.msg import FlightEvent, NavState
+from ares_node.diagnostics import hardware_id
+from ares_node.identity import id_text
+from ares_node.membership import Membership, Role, State
 from ares_node.qos import DIAGNOSTIC, EVENTS, FLIGHT
 from ares_node.testing import spin_until
 
@@ -126,7 +138,12 @@ def test_what_is_published_is_in_the_bag(source: Source, recorders: Any, tmp_pat
 
     bag = open_bag(path)
     assert {name: topic.count for name, topic in bag.topics.items()} == counts
-    assert bag.custom_data == {"mission": "ares_v", "law": "peg", "seed": "7"}
+    assert bag.custom_data == {
+        "mission": "ares_v",
+        "law": "peg",
+        "seed": "7",
+        "flight_id": id_text(FLIGHT_ID),
+    }
     columns = bag.columns("nav_state")
     assert columns["sequence"].tolist() == list(range(200))
     assert (columns[LOG_TIME] == columns["stamp"]).all()
@@ -400,3 +417,78 @@ def test_every_topic_of_the_design_has_a_type() -> None:
     for type_name in TYPES.values():
         assert type_hash(type_name).startswith("RIHS01_")
     assert os.environ["ROS_PYTHON_CHECK_FIELDS"] == "1"
+
+
+# ---- one flight in a bag
+
+
+def test_another_flight_is_not_recorded(source: Source, recorders: Any, tmp_path: Path) -> None:
+    recorder = recorders(bag=str(tmp_path / "flight"), flight_id=FLIGHT_ID)
+    assert recorder.start(), recorder.failure
+    source.wait_for_recorder()
+    for number in range(30):
+        source.nav.publish(nav_state(number))
+        stranger = nav_state(number)
+        stranger.flight_id = FLIGHT_ID + 1
+        source.nav.publish(stranger)
+        words = report(number)
+        words.status[0].hardware_id = hardware_id(FLIGHT_ID + number % 2)
+        source.diagnostics.publish(words)
+    recorder.drain_and_close(source.executor)
+    assert recorder.message_counts == {NAV: 30, DIAGNOSTICS: 15}
+    assert (recorder.error, recorder.exit_code) == (None, 0)
+    bag = open_bag(tmp_path / "flight")
+    assert set(bag.columns("nav_state")["flight_id"]) == {FLIGHT_ID}
+    assert bag.custom_data["foreign_messages"] == "45"
+
+
+def test_a_message_without_a_flight_is_nobodys(
+    source: Source, recorders: Any, tmp_path: Path
+) -> None:
+    recorder = recorders(bag=str(tmp_path / "flight"))
+    assert recorder.start(), recorder.failure
+    source.wait_for_recorder()
+    nameless = nav_state(0)
+    nameless.flight_id = 0
+    source.nav.publish(nameless)
+    source.publish(0, 5)
+    recorder.drain_and_close(source.executor)
+    assert recorder.message_counts[NAV] == 5
+
+
+@pytest.mark.parametrize(("numbers", "missing"), [([0, 1, 4, 5], 2), ([3, 4], 3)])
+def test_a_bag_without_some_states_is_called_incomplete(
+    source: Source, recorders: Any, tmp_path: Path, numbers: list[int], missing: int
+) -> None:
+    recorder = recorders(bag=str(tmp_path / "flight"))
+    assert recorder.start(), recorder.failure
+    source.wait_for_recorder()
+    for number in numbers:
+        source.nav.publish(nav_state(number))
+    recorder.drain_and_close(source.executor)
+    assert recorder.exit_code == 1
+    assert recorder.error.endswith(f"is incomplete: {missing} messages did not arrive")
+    custom_data = open_bag(tmp_path / "flight").custom_data
+    assert custom_data["incomplete"] == f"{missing} messages did not arrive"
+
+
+@pytest.mark.parametrize(("sent", "whole"), [(10, True), (8, False)])
+def test_the_simulator_says_how_many_states_there_were(
+    source: Source, recorders: Any, tmp_path: Path, sent: int, whole: bool
+) -> None:
+    simulator = Membership(source.node, Role.VEHICLE_SIM, "ares_v", FLIGHT_ID)
+    simulator.listen()
+    recorder = recorders(bag=str(tmp_path / "flight"), flight_id=FLIGHT_ID, topics=["nav_state"])
+    assert recorder.start(), recorder.failure
+    assert spin_until(source.executor, lambda: source.nav.get_subscription_count() == 1)
+    for number in range(sent):
+        source.nav.publish(nav_state(number))
+    simulator.say(State.OVER, last_sequence=10)
+    # it closes its bag by itself and says how that went
+    wanted = State.OVER if whole else State.FAILED
+    assert spin_until(source.executor, lambda: simulator.others(Role.RECORDER, wanted))
+    word = simulator.others(Role.RECORDER)[0].reason
+    assert word == ("" if whole else str(recorder.error))
+    assert recorder.exit_code == (not whole)
+    assert open_bag(tmp_path / "flight").topics[NAV].count == sent
+    simulator.close()

@@ -1,7 +1,8 @@
-"""`python -m ares_bringup` is the `ares` command."""
+"""`python -m ares_bringup` is the `ares` command. Also the judge's process."""
 
 import sys
 
+from ares_node.entry import enter
 from ares_node.requirements import unmet
 
 EXIT_BAD_INPUT = 2
@@ -19,6 +20,11 @@ def main() -> int:
         print(f"ares: {reason}", file=sys.stderr)
         return EXIT_BAD_INPUT
     return run()
+
+
+def judge() -> int:
+    """Run the judge's node until it has spoken or a signal comes."""
+    return enter("ares_bringup", "ares_bringup.judge:JudgeNode", "judge")
 
 
 if __name__ == "__main__":

@@ -24,11 +24,13 @@ from ares_bringup.summary import (
     FlightSummary,
     MissionFacts,
 )
+from ares_bringup.watch import START_TIMEOUT, Watch
 from ares_node.domains import claim_domain
 from ares_node.identity import id_text, new_id
 
 if TYPE_CHECKING:
     from rclpy.executors import Executor
+    from rclpy.node import Node
 
     from ares_bringup.monitor import FlightMonitor
     from ares_node.node import FlightNode
@@ -38,6 +40,7 @@ SIMULATOR = "vehicle_sim"
 GUIDANCE = "guidance"
 RECORDER = "recorder"
 OPTIMIZER = "optimizer"
+JUDGE = "judge"
 
 #: Modules that run the nodes as processes.
 MODULES = {
@@ -49,15 +52,6 @@ MODULES = {
 
 #: Wall time in s between looks at the children.
 LOOK_PERIOD = 0.1
-#: Wall time in s after which a start that takes long is explained.
-PATIENCE = 15.0
-#: Wall time in s for all nodes to start; the very first flight compiles for a while.
-START_TIMEOUT = 300.0
-#: Wall time in s without any message, beyond what the pace explains, after which the flight
-#: is given up.
-STALL_TIMEOUT = 60.0
-#: Flight time in s that may pass without a message: guidance speaks once per cycle.
-LONGEST_SILENCE = 100.0
 #: Wall time in s for simulator and guidance to end.
 NODE_STOP_TIMEOUT = 5.0
 #: Wall time in s between the ends of the flying nodes and of the recorder.
@@ -132,6 +126,26 @@ def _margin(dispersions: str) -> float:
         return load_dispersions(dispersions).heating_margin()
     except ValueError as error:
         raise CannotStart(" ".join(str(error).split())) from error
+
+
+def check_inputs(flown: Mapping[str, Any], bag: str) -> None:
+    """Look at what a flight would be started with, before anything is started.
+
+    Args:
+        flown: parameters by name: mission, law, dispersions, as far as given.
+        bag: folder of the bag; empty for none.
+
+    Raises:
+        CannotStart: one of them is wrong; one line.
+    """
+    mission_facts(str(flown.get("mission", "ares_v")))
+    law = flown.get("law", Guidance.PEG.value)
+    if law not in list(Guidance):
+        raise CannotStart(f"guidance is {law!r}; expected one of {', '.join(Guidance)}")
+    if flown.get("dispersions"):
+        _margin(str(flown["dispersions"]))
+    if bag and os.path.lexists(bag):
+        raise CannotStart(f"bag is {bag!r}, which exists; expected a new folder")
 
 
 def node_parameters(
@@ -254,45 +268,6 @@ def _own_domain() -> Iterator[int]:
         os.close(lock)
 
 
-class _Watch:
-    """What both layouts do in every turn of the loop: patience, stalls, the end."""
-
-    def __init__(
-        self, monitor: "FlightMonitor", stop: "StopSignals", parameters: Mapping[str, Any], say: Say
-    ) -> None:
-        self._monitor = monitor
-        self._stop = stop
-        self._say = say
-        self._made = time.monotonic()
-        self._patient = True
-        pace = parameters[SIMULATOR]["pace"]
-        self._silence = STALL_TIMEOUT + (LONGEST_SILENCE / pace if pace else 0.0)
-
-    def over(self) -> bool:
-        """The flight is over, or given up for a reason that is then in the summary.
-
-        Raises:
-            CannotStart: it has not begun within START_TIMEOUT.
-        """
-        summary = self._monitor.summary
-        if self._monitor.ended:
-            return True
-        if self._stop.requested:
-            summary.interrupted = True
-            return True
-        now = time.monotonic()
-        if summary.started:
-            if now - self._monitor.last_heard > self._silence:
-                summary.problems.append(f"nothing heard for {self._silence:.0f} s: given up")
-                return True
-        elif now - self._made > START_TIMEOUT + STALL_TIMEOUT:
-            raise CannotStart(f"the flight has not begun within {now - self._made:.0f} s")
-        elif now - self._made > PATIENCE and self._patient:
-            self._patient = False
-            self._say("waiting for the nodes; the very first flight compiles them")
-        return False
-
-
 @contextmanager
 def _graph(
     summary: FlightSummary, say: Say
@@ -301,6 +276,7 @@ def _graph(
     import rclpy
     from rclpy.context import Context
     from rclpy.experimental.events_executor import EventsExecutor
+    from rclpy.node import Node
     from rclpy.signals import SignalHandlerOptions
 
     from ares_bringup.monitor import FlightMonitor
@@ -320,14 +296,22 @@ def _graph(
             executor = EventsExecutor(context=context)
             stop.install()
             stop.wake_with(executor.wake)
-            monitor = FlightMonitor(summary, say, context=context, namespace=summary.namespace)
+            node = Node(
+                JUDGE,
+                namespace=summary.namespace,
+                context=context,
+                enable_rosout=False,
+                start_parameter_services=False,
+            )
+            monitor = FlightMonitor(node, summary, say)
             try:
-                executor.add_node(monitor)
+                executor.add_node(node)
                 yield monitor, executor, stop
             finally:
                 stop.wake_with(None)
                 executor.shutdown()
                 monitor.leave()
+                node.destroy_node()
         finally:
             context.try_shutdown()
 
@@ -355,12 +339,12 @@ def _fly_in_processes(
             if name not in late:
                 start(name)
         with _graph(summary, say) as (monitor, executor, stop):
-            watch = _Watch(monitor, stop, parameters, say)
+            watch = Watch(monitor, parameters[SIMULATOR]["pace"], say, lambda: stop.requested)
             looked = 0.0
             while not watch.over():
                 executor.spin_once(timeout_sec=LOOK_PERIOD)
                 if late and (
-                    monitor.count_services(SOLVE_TRAJECTORY) or OPTIMIZER not in crew.running()
+                    monitor.node.count_services(SOLVE_TRAJECTORY) or OPTIMIZER not in crew.running()
                 ):
                     start(late.pop())
                 if time.monotonic() - looked > LOOK_PERIOD:
@@ -433,10 +417,10 @@ def _fly_in_process(
             # the recorder first, the simulator last: all is connected when it looks
             for name in (RECORDER, OPTIMIZER, GUIDANCE, SIMULATOR):
                 if name in parameters:
-                    nodes[name] = _started(name, parameters[name], executor, monitor)
+                    nodes[name] = _started(name, parameters[name], executor, monitor.node)
                 if stop.requested:
                     break
-            watch = _Watch(monitor, stop, parameters, say)
+            watch = Watch(monitor, parameters[SIMULATOR]["pace"], say, lambda: stop.requested)
             while not watch.over():
                 executor.spin_once(timeout_sec=LOOK_PERIOD)
                 if any(node.done for node in nodes.values()) and _node_lost(nodes, summary, say):
@@ -455,7 +439,7 @@ def _fly_in_process(
 
 
 def _started(
-    name: str, values: Mapping[str, Any], executor: "Executor", monitor: "FlightMonitor"
+    name: str, values: Mapping[str, Any], executor: "Executor", judge: "Node"
 ) -> "FlightNode":
     """A configured and active node.
 
@@ -470,8 +454,8 @@ def _started(
     overrides = [Parameter(key, value=value) for key, value in values.items()]
     try:
         node = _node_class(name)(
-            context=monitor.context,
-            namespace=monitor.get_namespace(),
+            context=judge.context,
+            namespace=judge.get_namespace(),
             parameter_overrides=overrides,
         )
     except (ParameterError, ParameterException) as error:

@@ -1,4 +1,4 @@
-"""The node that watches a flight for `ares fly`: events, guidance status, diagnostics."""
+"""What watches a flight for its verdict: events, guidance status, diagnostics."""
 
 import time
 from collections.abc import Callable
@@ -31,43 +31,36 @@ _LEVELS = {
 MAX_SAID = 20
 
 
-class FlightMonitor(Node):
+class FlightMonitor:
     """Collects what the summary of a flight needs, and nothing that comes at the full rate.
 
+    It takes part in the flight as its judge: the simulator can wait for it.
+
     Attributes:
+        node: where its endpoints are.
         summary: filled while the flight goes on.
         last_heard: wall time of the last message, s of time.monotonic().
     """
 
-    def __init__(
-        self,
-        summary: FlightSummary,
-        say: Callable[[str], None],
-        **kwargs: Any,
-    ) -> None:
+    def __init__(self, node: Node, summary: FlightSummary, say: Callable[[str], None]) -> None:
         """Create the endpoints.
 
         Args:
+            node: on which.
             summary: what to fill; its flight_id says which flight is watched.
             say: gets one line for each warning or error of a node.
-            **kwargs: passed on to rclpy (`context`, `namespace`, ...).
         """
-        super().__init__(
-            "judge",
-            enable_rosout=False,
-            start_parameter_services=False,
-            **kwargs,
-        )
+        self.node = node
         self.summary = summary
         self.last_heard = time.monotonic()
-        self._membership = Membership(self, Role.JUDGE, flight_id=summary.flight_id)
+        self._membership = Membership(node, Role.JUDGE, flight_id=summary.flight_id)
         self._ended = False
         self._say = say
         self._said = 0
         self._first_status: tuple[float, float] | None = None
         lost = SubscriptionEventCallbacks(message_lost=self._on_lost)
         self._inputs = [
-            self.create_subscription(kind, topic, callback, qos, event_callbacks=lost)
+            node.create_subscription(kind, topic, callback, qos, event_callbacks=lost)
             for kind, topic, callback, qos in (
                 (FlightEvent, FLIGHT_EVENT, self._on_event, EVENTS),
                 (GuidanceStatus, GUIDANCE_STATUS, self._on_status, FLIGHT),
@@ -82,16 +75,18 @@ class FlightMonitor(Node):
         return self._ended and self.summary.started
 
     def recorders(self, *states: State) -> list[FlightMember]:
-        """Recorders of this flight in one of some states; all without."""
+        """Recorders of this flight in one of some states."""
         return self._membership.others(Role.RECORDER, *states)
 
     def leave(self) -> None:
-        """Take part no more, and free the node."""
+        """Take part no more, and free the endpoints."""
         self._membership.close()
-        self.destroy_node()
+        for endpoint in self._inputs:
+            self.node.destroy_subscription(endpoint)
 
     def _on_member(self, _member: FlightMember) -> None:
         self._membership.witness()
+        self.summary.flight_id = self._membership.flight_id
 
     def _is_ours(self, flight_id: int) -> bool:
         ours = self._membership.belongs(flight_id)

@@ -10,6 +10,12 @@ from ares_models.arrays import (
     TARGET_KEPLERIAN,
     TARGET_RADIUS_SPEED_ANGLE_PLANE,
 )
+from ares_models.tolerances import (
+    FLIGHT_PATH_ANGLE_DEG,
+    ORIENTATION_DEG,
+    RADIUS_M,
+    SPEED_M_S,
+)
 from ares_vehicle_sim.arrays import (
     ARC_ENDED,
     CUTOFF,
@@ -46,16 +52,14 @@ EXIT_NOT_AS_IT_SHOULD = 1
 EXIT_CANNOT_START = 2
 EXIT_INTERRUPTED = 130
 
-#: An insertion within these of its target counts as flown to the target. They are wider
-#: than what the default flight does, so that a limited attitude rate or a long guidance
-#: cycle is not called a failure, and far narrower than any miss.
+#: Flown to the target: largest errors, by the names in `insertion_error`.
 TOLERANCES = {
-    "radius_m": 100.0,
-    "speed_m_s": 0.1,
-    "flight_path_angle_deg": 1e-3,
-    "inclination_deg": 1e-2,
-    "ascending_node_deg": 1e-2,
-    "argument_of_perigee_deg": 1e-2,
+    "radius_m": RADIUS_M,
+    "speed_m_s": SPEED_M_S,
+    "flight_path_angle_deg": FLIGHT_PATH_ANGLE_DEG,
+    "inclination_deg": ORIENTATION_DEG,
+    "ascending_node_deg": ORIENTATION_DEG,
+    "argument_of_perigee_deg": ORIENTATION_DEG,
 }
 
 #: Diagnostics kept with the flight; what comes after is counted only.

@@ -1,11 +1,12 @@
-"""One flight under `ros2 launch`: simulator, guidance and recorder, each a process.
+"""One flight under `ros2 launch`: simulator, guidance, recorder and judge, each a process.
 
     ros2 launch ares_bringup flight.launch.py mission:=ares_v pace:=1.0
 
 An argument that is left empty leaves its parameter to the parameter file. The launch ends
-when the simulator does.
+when the judge does, with the exit status of `ares fly`.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,28 +14,40 @@ from ament_index_python.packages import get_package_share_directory
 from launch import LaunchContext, LaunchDescription
 from launch.actions import (
     DeclareLaunchArgument,
+    EmitEvent,
     LogInfo,
     OpaqueFunction,
+    RegisterEventHandler,
     SetEnvironmentVariable,
     Shutdown,
-    TimerAction,
 )
-from launch.events.process import ProcessExited
+from launch.event_handlers import OnProcessExit, OnProcessStart, OnShutdown
+from launch.events.process import SignalProcess
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from ares_bringup.bag_paths import new_bag
 from ares_bringup.discovery import discovery_settings
+from ares_bringup.fly import (
+    GUIDANCE,
+    JUDGE,
+    OPTIMIZER,
+    RECORDER,
+    SIMULATOR,
+    absolute_namespace,
+    check_inputs,
+)
+from ares_bringup.launch_verdict import LaunchVerdict, end_process_with
+from ares_bringup.options import CannotStart, FlyOptions, domain_id
 from ares_bringup.params_file import node_values
+from ares_node.domains import claim_domain
+from ares_node.identity import id_text, new_id
 
 SWITCH = ["true", "false"]
 LEVELS = ["debug", "info", "warn", "error", "fatal"]
 
-#: Exit status of a node that could not start.
-CANNOT_START = 2
-
-#: Wall time in s after which the others can end without a traceback: they are up by then.
-GRACE = 3.0
+#: The domain of those who name none; a flight takes it if no other flight has.
+DEFAULT_DOMAIN = 0
 
 #: Wall time in s for the recorder to close its bag before it gets SIGTERM.
 RECORDER_STOP_TIMEOUT = "30"
@@ -47,9 +60,15 @@ def arguments() -> list[DeclareLaunchArgument]:
             "namespace", default_value="ares", description="Namespace of all nodes and topics."
         ),
         DeclareLaunchArgument(
+            "domain_id",
+            default_value="",
+            description="ROS domain; empty takes $ROS_DOMAIN_ID, else 0 if no other flight has "
+            "it, else one that is free.",
+        ),
+        DeclareLaunchArgument(
             "params_file",
             default_value=str(params),
-            description="Parameter file of the three nodes.",
+            description="Parameter file of the nodes.",
         ),
         DeclareLaunchArgument(
             "use_sim_time",
@@ -104,88 +123,202 @@ def arguments() -> list[DeclareLaunchArgument]:
     ]
 
 
-def end_if_not_started(event: ProcessExited, _context: LaunchContext) -> list[Any]:
-    """A node that could not start ends the launch; one lost in flight does not."""
-    if event.returncode == CANNOT_START:
-        end = Shutdown(reason=f"{event.process_name} could not start")
-        return [TimerAction(period=GRACE, actions=[end])]
-    return []
+class Flight:
+    """What is started, and what follows when something of it ends."""
 
-
-def nodes(context: LaunchContext) -> list[Any]:
-    given = {
-        name: LaunchConfiguration(name).perform(context)
-        for name in ("mission", "guidance", "initial_guess")
-        + ("pace", "seed", "dispersions", "bag")
-    }
-    switches = {
-        name: LaunchConfiguration(name).perform(context) == "true"
-        for name in ("use_sim_time", "record", "exit_when_complete")
-    }
-    values: dict[str, Any] = {name: text for name, text in given.items() if text}
-    try:
-        if given["pace"]:
-            values["pace"] = float(given["pace"])
-        if given["seed"]:
-            values["seed"] = int(given["seed"])
-    except ValueError as error:
-        raise RuntimeError(f"pace and seed: expected numbers; {error}") from error
-    if "guidance" in values:
-        values["law"] = values.pop("guidance")
-    params_file = LaunchConfiguration("params_file").perform(context)
-    flown = {**node_values(params_file, "guidance"), **node_values(params_file, "vehicle_sim")}
-    flown |= values
-    recorders = {"expected_recorders": int(switches["record"])}
-
-    def node(package: str, name: str, taken: tuple[str, ...], **more: Any) -> dict[str, Any]:
-        overrides = {key: values[key] for key in taken if key in values}
-        return {
-            "package": package,
-            "executable": name,
-            "name": name,
-            "namespace": LaunchConfiguration("namespace"),
-            "parameters": [LaunchConfiguration("params_file"), {**overrides, **more}],
-            "arguments": ["--ros-args", "--log-level", LaunchConfiguration("log_level")],
-            "output": "screen",
+    def __init__(self, context: LaunchContext) -> None:
+        self.given = {
+            name: LaunchConfiguration(name).perform(context)
+            for name in ("mission", "guidance", "initial_guess", "pace", "seed", "dispersions")
+            + ("bag", "namespace", "domain_id", "params_file", "log_level")
         }
+        self.switches = {
+            name: LaunchConfiguration(name).perform(context) == "true"
+            for name in ("use_sim_time", "record", "exit_when_complete")
+        }
+        self.verdict = LaunchVerdict(self.switches["exit_when_complete"])
+        self.reports = end_process_with(self.verdict)
+        self.nodes: dict[str, Node] = {}
 
-    clock = {"use_sim_time": switches["use_sim_time"]}
-    started: list[Any] = [
-        Node(
-            **node(
+    def start(self) -> list[Any]:
+        """The actions that make the flight.
+
+        Raises:
+            CannotStart: something that was asked for is wrong; one line.
+        """
+        values = self._values()
+        files = self.given["params_file"]
+        try:
+            flown = {**node_values(files, GUIDANCE), **node_values(files, SIMULATOR), **values}
+        except (OSError, ValueError) as error:
+            raise CannotStart(f"params_file: {error}") from error
+        record = self.switches["record"]
+        mission = str(flown.get("mission", "ares_v"))
+        bag = values.get("bag") or str(new_bag(Path(mission).stem)) if record else ""
+        namespace = absolute_namespace(self.given["namespace"])
+        check_inputs(flown, bag)
+        domain = self._domain()
+        identity = {"flight_id": new_id()}
+        about = {name: flown[name] for name in ("mission", "law") if name in flown}
+        started = [
+            self._node(
                 "ares_vehicle_sim",
-                "vehicle_sim",
-                ("mission", "pace", "seed", "dispersions"),
-                exit_when_complete=switches["exit_when_complete"],
-                **recorders,
+                SIMULATOR,
+                _of(values, "mission", "pace", "seed", "dispersions"),
+                **identity,
+                exit_when_complete=False,
+                expected_recorders=int(record),
+                expected_judges=1,
             ),
-            on_exit=Shutdown(reason="the simulator has ended"),
-        ),
-        Node(
-            **node(
+            self._node(
                 "ares_guidance",
-                "guidance",
-                ("mission", "law", "initial_guess"),
-                **recorders,
-                **clock,
+                GUIDANCE,
+                _of(values, "mission", "law", "initial_guess"),
+                **identity,
+                **self._clock(),
             ),
-            on_exit=end_if_not_started,
-        ),
-    ]
-    if flown.get("initial_guess", "none") != "none" or flown.get("law") == "peg_thesis":
-        started.append(Node(**node("ares_optimizer", "optimizer", ("mission",), **clock)))
-    if switches["record"]:
-        bag = values.get("bag") or str(new_bag(Path(str(flown.get("mission", "flight"))).stem))
-        about = {name: flown[name] for name in ("mission", "law", "seed") if name in flown}
-        started += [
-            LogInfo(msg=f"recording to {bag}"),
-            Node(
-                **node("ares_bags", "recorder", (), bag=bag, **about, **clock),
-                on_exit=end_if_not_started,
-                sigterm_timeout=RECORDER_STOP_TIMEOUT,
+            self._node(
+                "ares_bringup",
+                JUDGE,
+                about,
+                **identity,
+                bag=bag,
+                pace=float(flown.get("pace", 0.0)),
+                expected_recorders=int(record),
             ),
         ]
-    return started
+        if flown.get("initial_guess", "none") != "none" or flown.get("law") == "peg_thesis":
+            started.append(
+                self._node("ares_optimizer", OPTIMIZER, _of(values, "mission"), **self._clock())
+            )
+        if record:
+            about |= {"seed": flown["seed"]} if "seed" in flown else {}
+            started.append(
+                self._node("ares_bags", RECORDER, about, **identity, bag=bag, **self._clock())
+            )
+        words = f"flight {id_text(identity['flight_id'])}: ROS_DOMAIN_ID={domain} ros2 topic list"
+        return [
+            SetEnvironmentVariable("ROS_DOMAIN_ID", str(domain)),
+            LogInfo(msg=f"{words}, namespace {namespace}"),
+            *([LogInfo(msg=f"recording to {bag}")] if bag else []),
+            *started,
+        ]
+
+    def _values(self) -> dict[str, Any]:
+        """What was given on the command line, by the names of the nodes' parameters."""
+        names = {"guidance": "law"}
+        values: dict[str, Any] = {
+            names.get(name, name): self.given[name]
+            for name in ("mission", "guidance", "initial_guess", "dispersions", "bag")
+            if self.given[name]
+        }
+        kinds = {"pace": ("a number", float), "seed": ("an integer", int)}
+        for name, (expected, kind) in kinds.items():
+            if self.given[name]:
+                try:
+                    values[name] = kind(self.given[name])
+                except ValueError as error:
+                    text = f"{name} is {self.given[name]!r}; expected {expected}"
+                    raise CannotStart(text) from error
+        return values
+
+    def _domain(self) -> int:
+        text = self.given["domain_id"]
+        options = FlyOptions()
+        if text:
+            options = replace(options, domain_id=int(text) if text.isdigit() else -1)
+        domain = domain_id(options)
+        if domain is None:
+            # held until this process ends
+            domain, _ = claim_domain(preferred=[DEFAULT_DOMAIN])
+        return domain
+
+    def _clock(self) -> dict[str, bool]:
+        return {"use_sim_time": self.switches["use_sim_time"]}
+
+    def _node(self, package: str, name: str, values: dict[str, Any], **more: Any) -> Node:
+        plain = {"output_format": "{line}"} if name == JUDGE else {}
+        patient = {"sigterm_timeout": RECORDER_STOP_TIMEOUT} if name == RECORDER else {}
+        self.nodes[name] = Node(
+            package=package,
+            executable=name,
+            name=name,
+            namespace=LaunchConfiguration("namespace"),
+            parameters=[LaunchConfiguration("params_file"), {**values, **more}],
+            arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
+            output="screen",
+            **plain,
+            **patient,
+        )
+        return self.nodes[name]
+
+    # ---- what follows
+
+    def handlers(self) -> list[Any]:
+        """What listens to the processes; registered before the first one starts."""
+        handlers: list[Any] = [OnShutdown(on_shutdown=self.on_shutdown)]
+        for name, node in self.nodes.items():
+            handlers += [
+                OnProcessStart(target_action=node, on_start=self._on_start(name)),
+                OnProcessExit(target_action=node, on_exit=self._on_exit(name)),
+            ]
+        return [RegisterEventHandler(handler) for handler in handlers]
+
+    def on_shutdown(self, event: Any, _context: LaunchContext) -> None:
+        """An interrupt is one for the verdict too."""
+        if event.due_to_sigint:
+            self.verdict.interrupt()
+
+    def _on_start(self, name: str) -> Any:
+        def note(event: Any, _context: LaunchContext) -> None:
+            self.verdict.pids[name] = event.pid
+
+        return note
+
+    def _on_exit(self, name: str) -> Any:
+        def follow(event: Any, _context: LaunchContext) -> list[Any]:
+            follows = self.verdict.ended(name, event.returncode)
+            actions: list[Any] = [LogInfo(msg=follows.line)] if follows.line else []
+            if follows.tell_judge and JUDGE in self.verdict.pids:
+                judge = self.nodes[JUDGE]
+                actions.append(
+                    EmitEvent(
+                        event=SignalProcess(
+                            signal_number=follows.tell_judge,
+                            process_matcher=lambda action: action is judge,
+                        )
+                    )
+                )
+            if follows.shut_down:
+                actions.append(self.shut_down(f"{name} has ended"))
+            return actions
+
+        return follow
+
+    def shut_down(self, reason: str) -> Shutdown:
+        """The end of the launch.
+
+        Raises:
+            RuntimeError: in a program other than `ros2`, a flight that was not as it should be.
+        """
+        if not self.reports and self.verdict.status:
+            raise RuntimeError(f"the flight ends with status {self.verdict.status}")
+        return Shutdown(reason=reason)
+
+
+def _of(values: dict[str, Any], *names: str) -> dict[str, Any]:
+    return {name: values[name] for name in names if name in values}
+
+
+def fly(context: LaunchContext) -> list[Any]:
+    """The flight, or the line that says why there is none."""
+    flight = Flight(context)
+    try:
+        started = flight.start()
+    except CannotStart as error:
+        flight.verdict.cannot_start(" ".join(str(error).split()))
+        return [flight.shut_down("nothing was started")]
+    return [*flight.handlers(), *started]
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -193,6 +326,6 @@ def generate_launch_description() -> LaunchDescription:
         [
             *arguments(),
             *(SetEnvironmentVariable(*item) for item in discovery_settings().items()),
-            OpaqueFunction(function=nodes),
+            OpaqueFunction(function=fly),
         ]
     )

@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from ares_msgs.msg import FlightEvent, GuidanceStatus
+from ares_node.membership import FLIGHT_ID
 from ares_node.node import FlightNode, NodeError
 from ares_node.parameters import Parameter
 from ares_node.qos import EVENTS, FLIGHT, FLIGHT_EVENT, GUIDANCE_STATUS
@@ -47,6 +48,7 @@ TABLES = {
         "attitude_rate_limit_deg_s": 0.0,
         "start_timeout_s": 30.0,
         "expected_recorders": 0,
+        "expected_judges": 0,
     },
     "guidance": {
         "mission": "",
@@ -55,7 +57,6 @@ TABLES = {
         "cycle_period_s": 1.0,
         "hold_time_s": 5.0,
         "heating_source": "",
-        "expected_recorders": 0,
     },
     "recorder": {"bag": "", "mission": "", "law": "", "seed": 0},
 }
@@ -66,6 +67,7 @@ class FakeNode(FlightNode):
 
     def __init__(self, name: str, **kwargs: Any) -> None:
         table = [Parameter(key, value, "") for key, value in TABLES[name].items()]
+        table.append(FLIGHT_ID)
         super().__init__(name, parameters=table, **kwargs)
         self.role = name
         self.behaviour = os.environ.get(f"FAKE_{name.upper()}", "")
@@ -130,6 +132,7 @@ class FakeNode(FlightNode):
         inclination = math.radians(28.5)
         self.out.publish(
             FlightEvent(
+                flight_id=self.values["flight_id"],
                 stamp=stamp_from_seconds(float(self.step)),
                 time=float(self.step),
                 type=kind,
@@ -144,6 +147,7 @@ class FakeNode(FlightNode):
         inclination = math.radians(28.5)
         self.out.publish(
             GuidanceStatus(
+                flight_id=self.values["flight_id"],
                 stamp=stamp_from_seconds(float(self.step)),
                 cycle=self.step,
                 law=GuidanceStatus.LAW_PEG,

@@ -140,10 +140,11 @@ def test_parameters_keep_their_type(ros_domain):
         "truth": True,
     }
     context = Context()
-    rclpy.init(args=ros_arguments(values), context=context, domain_id=ros_domain)
+    rclpy.init(args=ros_arguments(values, "/there"), context=context, domain_id=ros_domain)
     try:
         node = Node("any", context=context, automatically_declare_parameters_from_overrides=True)
         got = {name: node.get_parameter(name).value for name in values}
+        assert node.get_namespace() == "/there"
         node.destroy_node()
     finally:
         context.try_shutdown()

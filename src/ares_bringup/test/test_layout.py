@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from ares_bringup import fly as module
+from ares_bringup import watch
 from ares_bringup.fly import fly
 from ares_bringup.options import CannotStart, FlyOptions
 from ares_bringup.summary import Outcome
@@ -36,7 +37,9 @@ def flight(facts, fake_nodes, ros_domain, tmp_path, monkeypatch):
             monkeypatch.setenv(f"FAKE_{name.upper()}", how)
         said = []
         try:
-            return fly(FlyOptions(bag=tmp_path / "bag"), said.append, fake_nodes), said
+            summary = fly(FlyOptions(bag=tmp_path / "bag"), said.append, fake_nodes)
+            assert f"flight {summary.flight_id:016x} " in said.pop(0)
+            return summary, said
         finally:
             assert not [pid for pid in pids if Path(f"/proc/{pid}").exists()]
 
@@ -105,7 +108,7 @@ def test_a_missed_target(flight):
 
 
 def test_a_flight_without_news_is_given_up(flight, monkeypatch):
-    monkeypatch.setattr(module, "STALL_TIMEOUT", 1.0)
+    monkeypatch.setattr(watch, "STALL_TIMEOUT", 1.0)
     summary, _ = flight(vehicle_sim="slow", guidance="kill")
     assert summary.outcome is Outcome.INCOMPLETE
     assert "nothing heard for 1 s: given up" in summary.shortcomings()

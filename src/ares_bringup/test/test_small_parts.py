@@ -21,7 +21,7 @@ def test_the_domain_of_the_options_wins(monkeypatch):
     assert domain_id(FlyOptions()) == 7
     assert domain_id(FlyOptions(domain_id=8)) == 8
     monkeypatch.setenv("ROS_DOMAIN_ID", "")
-    assert domain_id(FlyOptions()) == 0
+    assert domain_id(FlyOptions()) is None
 
 
 def test_discovery_settings_are_added_but_replace_nothing():

@@ -15,15 +15,19 @@ from ares_models.arrays import (
 from ares_models.jit import kernel
 from ares_models.kernels.states import insertion_quantities
 from ares_models.kernels.vectors import Vector, axpy, cross, dot, load, norm, scale, unit
+from ares_models.tolerances import (
+    FLIGHT_PATH_ANGLE_DEG,
+    ORIENTATION_DEG,
+    RADIUS_M,
+    SPEED_M_S,
+)
 from ares_studies.kernels import fly
 from ares_vehicle_sim.arrays import CUTOFF, DEPLETION, IMPACT, JETTISON_DONE
 from ares_vehicle_sim.kernels.plant import begin_flight
 from ares_vehicle_sim.kernels.variation import vary
 
-#: Terminal accuracy: an insertion within these of its target, angles in rad.
-RADIUS_M = 100.0
-SPEED_M_S = 1.0
-ANGLE = math.radians(0.01)
+FLIGHT_PATH_ANGLE = math.radians(FLIGHT_PATH_ANGLE_DEG)
+ORIENTATION = math.radians(ORIENTATION_DEG)
 
 
 @kernel
@@ -82,10 +86,10 @@ def on_target(result: Record) -> bool:
     return (
         abs(result.radius_error) <= RADIUS_M
         and abs(result.speed_error) <= SPEED_M_S
-        and abs(result.flight_path_angle_error) <= ANGLE
-        and abs(result.inclination_error) <= ANGLE
-        and not abs(result.ascending_node_error) > ANGLE
-        and not abs(result.argument_of_perigee_error) > ANGLE
+        and abs(result.flight_path_angle_error) <= FLIGHT_PATH_ANGLE
+        and abs(result.inclination_error) <= ORIENTATION
+        and not abs(result.ascending_node_error) > ORIENTATION
+        and not abs(result.argument_of_perigee_error) > ORIENTATION
     )
 
 

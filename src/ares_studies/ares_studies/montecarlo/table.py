@@ -8,8 +8,13 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from ares_models.tolerances import (
+    FLIGHT_PATH_ANGLE_DEG,
+    ORIENTATION_DEG,
+    RADIUS_M,
+    SPEED_M_S,
+)
 from ares_studies.montecarlo.flights import Flown
-from ares_studies.montecarlo.kernels import ANGLE, RADIUS_M, SPEED_M_S
 from ares_vehicle_sim.arrays import DEPLETION, IMPACT
 
 
@@ -53,10 +58,10 @@ FLAGS = ("terminal_accuracy", "fairing_off", "heating_kept")
 LIMITS = (
     ("radius_error_m", RADIUS_M, 0, "m"),
     ("speed_error_m_s", SPEED_M_S, 2, "m/s"),
-    ("flight_path_angle_error_deg", math.degrees(ANGLE), 3, "deg"),
-    ("inclination_error_deg", math.degrees(ANGLE), 3, "deg"),
-    ("ascending_node_error_deg", math.degrees(ANGLE), 3, "deg"),
-    ("argument_of_perigee_error_deg", math.degrees(ANGLE), 3, "deg"),
+    ("flight_path_angle_error_deg", FLIGHT_PATH_ANGLE_DEG, 4, "deg"),
+    ("inclination_error_deg", ORIENTATION_DEG, 3, "deg"),
+    ("ascending_node_error_deg", ORIENTATION_DEG, 3, "deg"),
+    ("argument_of_perigee_error_deg", ORIENTATION_DEG, 3, "deg"),
 )
 _FIELDS = {name: (field, angle) for name, field, angle in NUMBERS}
 

@@ -1,0 +1,130 @@
+"""Judge node: watches one flight, prints what it came to, ends with its exit status."""
+
+import signal
+import sys
+import time
+from types import FrameType
+from typing import Any
+
+from rclpy.executors import Executor
+
+from ares_bringup.fly import RECORDER, RECORDER_STOP_TIMEOUT, mission_facts
+from ares_bringup.monitor import FlightMonitor
+from ares_bringup.options import CannotStart
+from ares_bringup.report import console, print_summary
+from ares_bringup.summary import EXIT_CANNOT_START, EXIT_INTERRUPTED, FlightSummary
+from ares_bringup.watch import Watch
+from ares_node.membership import FLIGHT_ID, State
+from ares_node.node import FlightNode, NodeError
+from ares_node.parameters import Parameter
+
+#: Wall time in s between looks at the flight.
+LOOK_PERIOD = 0.05
+
+#: What who starts the nodes sends when one of them has ended unasked: a flight that has not
+#: begun cannot start any more, one in the air goes on.
+NODE_ENDED = signal.SIGUSR1
+#: The same when it was the simulator: the flight is over where it is.
+SIMULATOR_ENDED = signal.SIGUSR2
+
+PARAMETERS = (
+    FLIGHT_ID,
+    Parameter("mission", "ares_v", "Mission that is flown: name, or path of its file."),
+    Parameter("law", "peg", "Guidance law, for the summary."),
+    Parameter("bag", "", "Folder of the bag, for the summary; empty: none."),
+    Parameter("pace", 0.0, "Real-time factor of the flight; 0: as fast as may be.", minimum=0.0),
+    Parameter(
+        "expected_recorders",
+        0,
+        "Recorders whose bags must be closed before the verdict.",
+        minimum=0,
+        maximum=16,
+    ),
+)
+
+
+def say(line: str) -> None:
+    """One line for the person at the terminal."""
+    print(line, file=sys.stderr, flush=True)
+
+
+class JudgeNode(FlightNode):
+    """The judge of `ares fly` as a node of its own, for flights that something else starts."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        """Declare the parameters; everything else waits for `configure`."""
+        super().__init__("judge", parameters=PARAMETERS, **kwargs)
+        self._summary: FlightSummary | None = None
+        self._over = False
+
+    def configure(self) -> None:
+        """Read the mission, create the endpoints."""
+        values = self.values
+        try:
+            facts = mission_facts(values["mission"])
+        except CannotStart as error:
+            raise NodeError(str(error)) from error
+        bag = values["bag"] or None
+        self._begun = time.monotonic()
+        self._summary = FlightSummary(facts, values["law"], bag, values["flight_id"])
+        self._monitor = FlightMonitor(self, self._summary, say)
+        self._node_ended = self._simulator_ended = False
+        for number in (NODE_ENDED, SIMULATOR_ENDED):
+            signal.signal(number, self._on_signal)
+
+    def activate(self) -> None:
+        """Begin to look."""
+        self._watch = Watch(self._monitor, self.values["pace"], say, lambda: False)
+        self._looks = self.wall_timer(LOOK_PERIOD, self._on_look)
+
+    def deactivate(self) -> None:
+        """Look no more."""
+        self.destroy_timer(self._looks)
+
+    def cleanup(self) -> None:
+        """Free the endpoints."""
+        self._monitor.leave()
+
+    def drain(self, executor: Executor) -> None:
+        """Say what the flight came to, if a signal ends the run before it is over."""
+        if self._summary is not None and not self.done:
+            self._summary.interrupted = True
+            if self._summary.started:
+                self._conclude(self._summary)
+            else:
+                self.exit_code = EXIT_INTERRUPTED
+
+    def _on_signal(self, number: int, _frame: FrameType | None) -> None:
+        self._node_ended = True
+        self._simulator_ended |= number == SIMULATOR_ENDED
+
+    def _on_look(self) -> None:
+        summary = self._summary
+        if summary is None or self.done:
+            return
+        if not self._over:
+            try:
+                self._over = self._watch.over() or (self._simulator_ended and summary.started)
+            except CannotStart as error:
+                say(f"{self.get_name()}: {error}")
+                self.finish(EXIT_CANNOT_START)
+                return
+            self._over_at = time.monotonic()
+        if self._over:
+            if self._recorders_done() or self._simulator_ended:
+                self._conclude(summary)
+        elif self._node_ended and not summary.started:
+            self.finish(EXIT_CANNOT_START)
+
+    def _recorders_done(self) -> bool:
+        done = self._monitor.recorders(State.OVER, State.FAILED, State.LEFT)
+        late = time.monotonic() - self._over_at > RECORDER_STOP_TIMEOUT
+        return len(done) >= self.values["expected_recorders"] or late or self._node_ended
+
+    def _conclude(self, summary: FlightSummary) -> None:
+        for member in self._monitor.recorders(State.FAILED):
+            summary.problems.append(f"{RECORDER}: {member.reason}")
+        summary.wall_s = time.monotonic() - self._begun
+        print_summary(summary, console())
+        sys.stdout.flush()
+        self.finish(summary.exit_code)

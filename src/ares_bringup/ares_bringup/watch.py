@@ -1,0 +1,70 @@
+"""When a flight is over, and when it is given up. No ROS."""
+
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from ares_bringup.options import CannotStart
+
+if TYPE_CHECKING:
+    from ares_bringup.monitor import FlightMonitor
+
+#: Wall time in s after which a start that takes long is explained.
+PATIENCE = 15.0
+#: Wall time in s for all nodes to start; the very first flight compiles for a while.
+START_TIMEOUT = 300.0
+#: Wall time in s without any message, beyond what the pace explains, after which the flight
+#: is given up.
+STALL_TIMEOUT = 60.0
+#: Flight time in s that may pass without a message: guidance speaks once per cycle.
+LONGEST_SILENCE = 100.0
+
+
+class Watch:
+    """What is looked at in every turn of a loop: patience, stalls, the end."""
+
+    def __init__(
+        self,
+        monitor: "FlightMonitor",
+        pace: float,
+        say: Callable[[str], None],
+        interrupted: Callable[[], bool],
+    ) -> None:
+        """Begin to wait.
+
+        Args:
+            monitor: what is heard of the flight.
+            pace: real-time factor; 0: as fast as guidance answers.
+            say: gets a line for the person who waits.
+            interrupted: whether a signal asks for the end.
+        """
+        self._monitor = monitor
+        self._interrupted = interrupted
+        self._say = say
+        self._made = time.monotonic()
+        self._patient = True
+        self._silence = STALL_TIMEOUT + (LONGEST_SILENCE / pace if pace else 0.0)
+
+    def over(self) -> bool:
+        """The flight is over, or given up for a reason that is then in the summary.
+
+        Raises:
+            CannotStart: it has not begun within START_TIMEOUT.
+        """
+        summary = self._monitor.summary
+        if self._monitor.ended:
+            return True
+        if self._interrupted():
+            summary.interrupted = True
+            return True
+        now = time.monotonic()
+        if summary.started:
+            if now - self._monitor.last_heard > self._silence:
+                summary.problems.append(f"nothing heard for {self._silence:.0f} s: given up")
+                return True
+        elif now - self._made > START_TIMEOUT + STALL_TIMEOUT:
+            raise CannotStart(f"the flight has not begun within {now - self._made:.0f} s")
+        elif now - self._made > PATIENCE and self._patient:
+            self._patient = False
+            self._say("waiting for the nodes; the very first flight compiles them")
+        return False
