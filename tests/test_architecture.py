@@ -27,6 +27,8 @@ MAY_IMPORT = {
         "ares_msgs",
     },
 }
+#: A node, and the entry of its process.
+NODES = {"node.py", "__main__.py"}
 NODES_ALSO = {"ares_node", "ares_msgs"}
 SPEAK_ROS = {"ares_node", "ares_bags", "ares_bringup"}
 ROS = {"rclpy", "rosgraph_msgs", "diagnostic_msgs", "builtin_interfaces", "rcl_interfaces"}
@@ -57,11 +59,11 @@ def test_imports_follow_the_rules(module):
     package = module.relative_to(SOURCES).parts[0]
     names = imported(module)
     allowed = MAY_IMPORT[package] | {package}
-    if module.name == "node.py":
+    if module.name in NODES:
         allowed |= NODES_ALSO
     ours = {name for name in names if name.startswith("ares_")}
     assert ours <= allowed
-    if package not in SPEAK_ROS and module.name != "node.py":
+    if package not in SPEAK_ROS and module.name not in NODES:
         assert not names & ROS
 
 

@@ -166,7 +166,7 @@ def test_the_nodes_exist_and_know_what_they_are_given(description):
     assert set(nodes) == set(TABLES)
     for name, node in nodes.items():
         setup = (ROOT / "src" / node["package"] / "setup.py").read_text()
-        assert f'"{node["executable"]} = {node["package"]}.node:main"' in setup
+        assert f'"{node["executable"]} = {node["package"]}.__main__:main"' in setup
         rows = {row.name: row for row in TABLES[name]}
         for key, value in overrides(node).items():
             if key not in EVERY_NODE:

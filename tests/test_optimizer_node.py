@@ -1,19 +1,27 @@
 """The optimizer's service in a graph, and guidance that asks it, in time or in vain."""
 
 import math
+import time
 
 import numpy as np
 import pytest
 from rclpy.node import Node
 
 from ares_guidance.node import GuidanceNode
-from ares_msgs.msg import FlightEvent, GuidanceStatus
+from ares_models.mission import MISSION
+from ares_msgs.msg import FlightEvent, GuidanceStatus, NavState
 from ares_msgs.srv import SolveTrajectory
 from ares_node.qos import FLIGHT
 from ares_optimizer.node import OptimizerNode
 from ares_vehicle_sim.node import VehicleSimNode
 
 Response = SolveTrajectory.Response
+SOLVE = "solve_trajectory"
+LISTS = ("arc_", "steering_", "sample_")
+
+
+def load_mission_text(name):
+    return MISSION.find(name).read_text()
 
 
 @pytest.fixture
@@ -54,20 +62,91 @@ def test_a_request_that_names_nothing_gets_the_nodes_mission(served):
     assert answer.final_mass == pytest.approx(174_183.1, abs=0.5)
 
 
+NO_STATE = NavState(mass=math.nan)
+
+
 @pytest.mark.parametrize(
     ("fields", "code", "text"),
     [
         ({"method": "magic"}, Response.UNKNOWN_METHOD, "method is 'magic'; expected one of"),
         ({"mission": "ares_vi"}, Response.INVALID_MISSION, "no such mission"),
+        ({"mission": "/no/such/file.yaml"}, Response.INVALID_MISSION, "/no/such/file.yaml"),
+        ({"mission": "/"}, Response.INVALID_MISSION, "/"),
         ({"use_nav_state": True}, Response.INVALID_STATE, "state."),
+        ({"use_nav_state": True, "nav_state": NO_STATE}, Response.INVALID_STATE, "state."),
+        (
+            {"mission": "delta_iii", "method": "analytic"},
+            Response.UNFIT_METHOD,
+            "method analytic takes",
+        ),
+        ({"time_limit": -1.0}, Response.INVALID_TIME_LIMIT, "time_limit is -1 s; expected"),
+        ({"time_limit": math.nan}, Response.INVALID_TIME_LIMIT, "time_limit is nan s"),
+        ({"time_limit": math.inf}, Response.INVALID_TIME_LIMIT, "time_limit is inf s"),
     ],
 )
-def test_a_bad_request_gets_a_code_and_a_line(served, fields, code, text):
+def test_a_bad_request_gets_a_code_a_line_and_no_numbers(served, fields, code, text):
     answer = served(**fields)
     assert answer.error_code == code
     assert text in answer.message
     assert "\n" not in answer.message
     assert not answer.converged
+    assert answer.method == ""
+    assert (answer.iterations, answer.solve_time) == (0, 0.0)
+    assert all(math.isnan(x) for x in (answer.jettison_time, answer.cutoff_time, answer.final_mass))
+    lists = [name for name in answer.get_fields_and_field_types() if name.startswith(LISTS)]
+    assert len(lists) == 13
+    assert not any(len(getattr(answer, name)) for name in lists)
+
+
+def test_a_mission_file_is_read_again_when_it_has_changed(served, tmp_path):
+    path = tmp_path / "mine.yaml"
+    text = load_mission_text("ares_v")
+    path.write_text(text)
+    before = served(mission=str(path))
+    assert before.error_code == Response.NONE, before.message
+    path.write_text("nonsense: 1\n")
+    assert served(mission=str(path)).error_code == Response.INVALID_MISSION
+    path.write_text(text + "\n")
+    assert served(mission=str(path)).final_mass == before.final_mass
+
+
+@pytest.mark.parametrize("method", ["direct11", "indirect"])
+def test_there_is_no_thrust_direction_on_a_coast(served, method):
+    answer = served(mission="delta_iii", method=method)
+    assert answer.error_code == Response.NONE, answer.message
+    coasts = np.array(answer.arc_delta_v) == 0.0
+    assert coasts.any() and not coasts.all()
+    steering = np.reshape(answer.steering_direction, (-1, 3))
+    assert (np.isnan(steering).all(axis=1) == coasts).all()
+    assert (np.isnan(answer.steering_reference_time) == coasts).all()
+    times = np.array(answer.sample_time)
+    silent = np.isnan(np.reshape(answer.sample_direction, (-1, 3))).all(axis=1)
+    for begin, end, coast in zip(answer.arc_start_time, answer.arc_end_time, coasts, strict=True):
+        inside = (times > begin + 1e-6) & (times < end - 1e-6)
+        assert (silent[inside] == coast).all()
+
+
+def test_the_service_is_listed_only_where_it_is_served(graph):
+    def listed():
+        return any(name.endswith(SOLVE) for name, _ in graph.observer.get_service_names_and_types())
+
+    node = graph.start(OptimizerNode)
+    client = graph.observer.create_client(SolveTrajectory, SOLVE)
+    graph.spin(listed)
+    graph.spin(client.service_is_ready)
+    # what has come and is not worked on yet is answered too
+    calls = [client.call_async(SolveTrajectory.Request()) for _ in range(3)]
+    time.sleep(0.5)
+    node.trigger_deactivate()
+    graph.spin(lambda: all(call.done() for call in calls))
+    codes = {call.result().error_code for call in calls}
+    assert codes <= {Response.NOT_ACTIVE, Response.NONE}
+    graph.spin(lambda: not listed())
+    node.trigger_activate()
+    graph.spin(client.service_is_ready)
+    last = client.call_async(SolveTrajectory.Request())
+    graph.spin(last.done)
+    assert last.result().converged
 
 
 def test_requests_at_the_same_time_are_all_answered(served):

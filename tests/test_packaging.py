@@ -28,6 +28,9 @@ KEYS = {
 }
 # rosdep knows no key for these: installed with pip
 NO_KEY = {"distributed", "plotly", "pyarrow", "pymsis"}
+# import name -> name in the package index, where they differ
+DISTRIBUTIONS = {"mcap_ros2": "mcap-ros2-support", "yaml": "PyYAML", "pydantic_core": "pydantic"}
+MESSAGE = re.compile(r"([a-z]\w*_msgs)/(?:msg|srv)/[A-Z]\w*$")
 # come with a distribution that is listed under another name
 COMES_WITH = {"mcap-ros2": "mcap-ros2-support", "yaml": "pyyaml", "pydantic-core": "pydantic-core"}
 
@@ -38,6 +41,14 @@ def imported(module: Path) -> set[str]:
     plain = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
     parts = [node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.module]
     return {name.split(".")[0] for name in plain + parts}
+
+
+def named_types(module: Path) -> set[str]:
+    """Packages of the message types that a module looks up by name."""
+    nodes = ast.walk(ast.parse(module.read_text()))
+    texts = [node.value for node in nodes if isinstance(node, ast.Constant)]
+    found = [MESSAGE.match(text) for text in texts if isinstance(text, str)]
+    return {match[1] for match in found if match}
 
 
 def keys(names: set[str], own: str) -> set[str]:
@@ -61,7 +72,9 @@ def modules_for_tests(package: Path) -> list[Path]:
 
 @pytest.mark.parametrize("package", PACKAGES, ids=lambda path: path.name)
 def test_package_xml_lists_what_the_modules_import(package):
-    needed = set().union(*(keys(imported(module), package.name) for module in modules(package)))
+    needed = set().union(
+        *(keys(imported(x) | named_types(x), package.name) for x in modules(package))
+    )
     listed = declared(package, "depend", "exec_depend")
     assert needed <= listed
 
@@ -109,12 +122,71 @@ def test_everything_imported_is_pinned():
                     assert COMES_WITH.get(found, found) in pinned, f"{module}: {name}"
 
 
-@pytest.mark.parametrize("package", PACKAGES, ids=lambda path: path.name)
-def test_setup_installs_every_file_of_the_package(package, monkeypatch):
+def setup_keywords(package: Path, monkeypatch) -> dict:
     given = {}
     monkeypatch.chdir(package)
     monkeypatch.setattr("setuptools.setup", lambda **keywords: given.update(keywords))
     runpy.run_path("setup.py")
+    return given
+
+
+def from_the_index(package: Path) -> set[str]:
+    """Lower-case distributions of the package index that the modules import."""
+    names = set().union(*(imported(module) for module in modules(package)))
+    foreign = {DISTRIBUTIONS.get(name, name).lower() for name in names - {package.name}}
+    return foreign & {name.lower() for name in pins()}
+
+
+def numbers(version: str) -> tuple[int, ...]:
+    return tuple(int(part) for part in re.findall(r"\d+", version))
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda path: path.name)
+def test_setup_requires_what_the_modules_import(package, monkeypatch):
+    required = setup_keywords(package, monkeypatch).get("install_requires", [])
+    foreign = dict(line.split(">=") for line in required if not line.startswith("ares_"))
+    assert {name.lower() for name in foreign} == from_the_index(package)
+    pinned = {name.lower(): version for name, version in pins().items()}
+    for name, least in foreign.items():
+        assert numbers(least) <= numbers(pinned[name.lower()])
+    own = {line for line in required if line.startswith("ares_")}
+    assert own == {
+        name
+        for name in declared(package, "exec_depend")
+        if name.startswith("ares_") and name != "ares_msgs"
+    }
+
+
+def test_the_install_page_names_every_requirement(monkeypatch):
+    page = (ROOT / "docs" / "install.md").read_text()
+    rows = dict(re.findall(r"^\| (`[^|]+`) \| ([\d., ]+) \|", page, re.MULTILINE))
+    told = {
+        name: least
+        for names, versions in rows.items()
+        for name, least in zip(re.findall(r"`([^`]+)`", names), versions.split(", "), strict=True)
+    }
+    required = [
+        line
+        for package in PACKAGES
+        for line in setup_keywords(package, monkeypatch).get("install_requires", [])
+        if ">=" in line
+    ]
+    assert told == dict(line.split(">=") for line in required)
+    without_key = {name for name in told if re.search(rf"`{name}` .*\| no key", page)}
+    assert without_key == NO_KEY
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda path: path.name)
+def test_colcon_finds_the_tests(package, monkeypatch):
+    """It runs pytest only where setup.py asks for it, and says OK where it runs nothing."""
+    assert "pytest" in setup_keywords(package, monkeypatch)["extras_require"]["test"]
+    assert "python3-pytest-timeout" in declared(package, "test_depend")
+    assert list((package / "test").glob("test_*.py"))
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda path: path.name)
+def test_setup_installs_every_file_of_the_package(package, monkeypatch):
+    given = setup_keywords(package, monkeypatch)
     home = package / package.name
     patterns = given["package_data"][package.name]
     installed = {path for pattern in patterns for path in home.glob(pattern)}

@@ -29,6 +29,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "src" / "ares_models"))
+from ares_models import kernel_cache  # noqa: E402  needs nothing but the standard library
+
 ROS_DISTRO = "jazzy"
 PYTHONS = ((3, 11), (3, 12), (3, 13))
 # Raise it when a change of this file must remake everything.
@@ -127,45 +130,12 @@ def package_digest(root: Path) -> str:
     return digest(parts)
 
 
-_IMPORT = re.compile(r"^from[ \t]+([.\w]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n]*)", re.MULTILINE)
-_PLAIN_IMPORT = re.compile(r"^import[ \t]+([.\w]+)", re.MULTILINE)
-
-
 def kernel_digest(root: Path) -> str:
-    """Digest of the modules with kernels and of all project modules they import.
-
-    numba compiles what a kernel calls, and the constants it reads, into the kernel, but its
-    own cache looks at the kernel's file only.
-    """
+    """Digest of the modules with kernels and of all project modules they import."""
     texts: dict[str, str] = {}
     for package in packages(root):
-        for path in (package / package.name).rglob("*.py"):
-            relative = path.relative_to(package).with_suffix("")
-            parts = relative.parts[:-1] if relative.name == "__init__" else relative.parts
-            texts[".".join(parts)] = path.read_text(encoding="utf-8")
-    waiting = [name for name, text in texts.items() if re.search(r"^@kernel\b", text, re.MULTILINE)]
-    seen: set[str] = set()
-    while waiting:
-        name = waiting.pop()
-        if name in seen or name not in texts:
-            continue
-        seen.add(name)
-        for source, imported in _IMPORT.findall(texts[name]):
-            module = _absolute(source, name, texts)
-            waiting += [module, *(f"{module}.{word}" for word in re.findall(r"\w+", imported))]
-        waiting += _PLAIN_IMPORT.findall(texts[name])
-    return digest(part for name in sorted(seen) for part in (name, texts[name]))
-
-
-def _absolute(source: str, importer: str, modules: Mapping[str, str]) -> str:
-    """Resolve a relative import such as ``..arrays`` in the module that writes it."""
-    dots = len(source) - len(source.lstrip("."))
-    if not dots:
-        return source
-    parts = importer.split(".")
-    is_package = any(name.startswith(importer + ".") for name in modules)
-    base = parts[: len(parts) - dots + is_package]
-    return ".".join([*base, *filter(None, [source[dots:]])])
+        texts |= kernel_cache.read_package(package / package.name)
+    return kernel_cache.state_of(texts)
 
 
 # --- prerequisites -----------------------------------------------------------------------
@@ -877,7 +847,7 @@ def main(arguments: list[str]) -> int:
         install_browser(workspace, environ)
         return run_tests(workspace, environ, rest)
     environment = workspace.environment(environ)
-    command = [str(workspace.interpreter), "-m", "ares_bringup.cli", *arguments]
+    command = [str(workspace.interpreter), "-m", "ares_bringup", *arguments]
     if arguments in ([], ["--help"], ["-h"]):
         status = subprocess.run(command, env=environment, check=False).returncode
         print(f"\n{VERBS}")

@@ -18,6 +18,14 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
     python_requires=">=3.11",
+    install_requires=[
+        "ares_node",
+        "mcap>=1.1",
+        "mcap-ros2-support>=0.5",
+        "numpy>=2.0",
+        "PyYAML>=6.0",
+    ],
+    extras_require={"test": ["pytest"]},
     zip_safe=False,
-    entry_points={"console_scripts": ["recorder = ares_bags.node:main"]},
+    entry_points={"console_scripts": ["recorder = ares_bags.__main__:main"]},
 )

@@ -22,11 +22,25 @@ setup(
         (f"share/{PACKAGE}/params", sorted(glob("params/*.yaml"))),
     ],
     python_requires=">=3.11",
+    install_requires=[
+        "ares_bags",
+        "ares_guidance",
+        "ares_models",
+        "ares_node",
+        "ares_optimizer",
+        "ares_studies",
+        "ares_vehicle_sim",
+        "numpy>=2.0",
+        "PyYAML>=6.0",
+        "rich>=13.7",
+        "typer>=0.12",
+    ],
+    extras_require={"test": ["pytest"]},
     zip_safe=False,
     entry_points={
         "console_scripts": [
-            "ares = ares_bringup.cli:main",
-            "judge = ares_bringup.judge:main",
+            "ares = ares_bringup.__main__:main",
+            "judge = ares_bringup.__main__:judge",
         ]
     },
 )

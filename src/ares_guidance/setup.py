@@ -18,6 +18,13 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
     python_requires=">=3.11",
+    install_requires=[
+        "ares_models",
+        "ares_node",
+        "ares_optimizer",
+        "numpy>=2.0",
+    ],
+    extras_require={"test": ["pytest"]},
     zip_safe=False,
-    entry_points={"console_scripts": ["guidance = ares_guidance.node:main"]},
+    entry_points={"console_scripts": ["guidance = ares_guidance.__main__:main"]},
 )

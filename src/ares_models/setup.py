@@ -18,5 +18,14 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
     python_requires=">=3.11",
+    install_requires=[
+        "numba>=0.60",
+        "numpy>=2.0",
+        "pydantic>=2.5",
+        "pymsis>=0.9",
+        "PyYAML>=6.0",
+        "scipy>=1.13",
+    ],
+    extras_require={"test": ["pytest"]},
     zip_safe=False,
 )

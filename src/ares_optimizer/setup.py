@@ -18,6 +18,13 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
     python_requires=">=3.11",
+    install_requires=[
+        "ares_models",
+        "ares_node",
+        "numpy>=2.0",
+        "scipy>=1.13",
+    ],
+    extras_require={"test": ["pytest"]},
     zip_safe=False,
-    entry_points={"console_scripts": ["optimizer = ares_optimizer.node:main"]},
+    entry_points={"console_scripts": ["optimizer = ares_optimizer.__main__:main"]},
 )

@@ -18,6 +18,14 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
     python_requires=">=3.11",
+    install_requires=[
+        "ares_models",
+        "ares_node",
+        "numpy>=2.0",
+        "pydantic>=2.5",
+        "scipy>=1.13",
+    ],
+    extras_require={"test": ["pytest"]},
     zip_safe=False,
-    entry_points={"console_scripts": ["vehicle_sim = ares_vehicle_sim.node:main"]},
+    entry_points={"console_scripts": ["vehicle_sim = ares_vehicle_sim.__main__:main"]},
 )

@@ -25,7 +25,7 @@ from ares_bags.types import (
 )
 from ares_bags.writer import INCOMPLETE_KEY, BagWriter
 from ares_msgs.msg import FlightMember
-from ares_node.diagnostics import Diagnostics, Level, of_another_flight
+from ares_node.diagnostics import Level, of_another_flight
 from ares_node.identity import id_text
 from ares_node.membership import FLIGHT_ID, Membership, Role, State
 from ares_node.node import FlightNode, NodeError
@@ -113,16 +113,19 @@ class RecorderNode(FlightNode):
     def __init__(self, **kwargs: Any) -> None:
         """Declare the parameters; the bag is created by `configure`."""
         super().__init__("recorder", parameters=PARAMETERS, **kwargs)
+        self._writer: BagWriter | None = None
+        self._inputs: list[Subscription] = []
+        self._begin()
+
+    def _begin(self) -> None:
+        """Nothing has been received for this bag."""
         self.error: str | None = None
         self.lost = 0
-        self._writer: BagWriter | None = None
         self._counts: dict[str, int] = {}
-        self._closed = False
         self._latest = 0
         self._received = 0
         self._expected: dict[str, int] = {}
         self._missing = 0
-        self._inputs: list[Subscription] = []
 
     @property
     def message_counts(self) -> dict[str, int]:
@@ -135,8 +138,6 @@ class RecorderNode(FlightNode):
         if not self.values["bag"]:
             raise NodeError("parameter bag is ''; expected the folder of a new bag")
         self._types = dict(self._typed(entry) for entry in self.values["topics"])
-        if self._closed:
-            raise NodeError(f"bag {self.values['bag']} is closed; start a new recorder")
         custom_data = {name: str(self.values[name]) for name in ("mission", "law", "seed")}
         try:
             self._writer = BagWriter(
@@ -146,13 +147,16 @@ class RecorderNode(FlightNode):
             )
         except BagError as error:
             raise NodeError(str(error)) from error
+        self._begin()
         self._membership = Membership(self, Role.RECORDER, flight_id=self.values["flight_id"])
-        self._diagnostics = Diagnostics(self, lambda: self._membership.flight_id)
 
     def activate(self) -> None:
         """Subscribe."""
         if self._writer is None:
-            raise NodeError(f"bag {self.values['bag']} is closed; start a new recorder")
+            raise NodeError(
+                f"bag {self.values['bag']} is closed; clean up, set parameter bag to a new folder "
+                "and configure"
+            )
         for name, (type_name, kind) in self._types.items():
             qos = RECORDER_EVENTS if name == FLIGHT_EVENT else RECORDER
             full_name = self.resolve_topic_name(name)
@@ -357,7 +361,6 @@ class RecorderNode(FlightNode):
         if self._writer is not None:
             self._counts = self._writer.counts
         self._writer = None
-        self._closed = True
         self._membership.say(State.FAILED if self.error else State.OVER, reason=self.error or "")
 
     def _note_the_flight(self) -> None:
@@ -386,4 +389,4 @@ class RecorderNode(FlightNode):
         self.error = str(error)
         self.exit_code = 1
         print(f"{self.get_name()}: {error}", file=sys.stderr, flush=True)
-        self._diagnostics.report(Level.ERROR, str(error), self._latest)
+        self.diagnostics.report(Level.ERROR, str(error), self._latest)

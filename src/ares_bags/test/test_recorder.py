@@ -300,7 +300,7 @@ def start_process(
     values = [f"bag:={json.dumps(str(path))}", *more]
     arguments = [item for value in values for item in ("-p", value)]
     process = subprocess.Popen(
-        [sys.executable, "-m", "ares_bags.node", "--ros-args", *arguments],
+        [sys.executable, "-m", "ares_bags", "--ros-args", *arguments],
         env=environment,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

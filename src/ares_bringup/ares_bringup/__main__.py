@@ -1,8 +1,31 @@
-"""`python -m ares_bringup` is the `ares` command."""
+"""`python -m ares_bringup` is the `ares` command. Also the judge's process."""
 
 import sys
 
-from ares_bringup.cli import main
+from ares_node.entry import enter
+from ares_node.requirements import unmet
+
+EXIT_BAD_INPUT = 2
+
+
+def main() -> int:
+    """Run the command line if all that it needs is installed."""
+    reason = unmet("ares_bringup")
+    if reason is None:
+        try:
+            from ares_bringup.cli import main as run
+        except ImportError as error:
+            reason = " ".join(str(error).split())
+    if reason is not None:
+        print(f"ares: {reason}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    return run()
+
+
+def judge() -> int:
+    """Run the judge's node until it has spoken or a signal comes."""
+    return enter("ares_bringup", "ares_bringup.judge:JudgeNode", "judge")
+
 
 if __name__ == "__main__":
     sys.exit(main())

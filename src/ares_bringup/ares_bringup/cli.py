@@ -412,10 +412,10 @@ def plot(
 
 
 NODES = {
-    "sim": "ares_vehicle_sim.node",
-    "guidance": "ares_guidance.node",
-    "optimizer": "ares_optimizer.node",
-    "recorder": "ares_bags.node",
+    "sim": "ares_vehicle_sim",
+    "guidance": "ares_guidance",
+    "optimizer": "ares_optimizer",
+    "recorder": "ares_bags",
 }
 
 

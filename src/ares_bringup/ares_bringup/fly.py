@@ -44,10 +44,10 @@ JUDGE = "judge"
 
 #: Modules that run the nodes as processes.
 MODULES = {
-    SIMULATOR: "ares_vehicle_sim.node",
-    GUIDANCE: "ares_guidance.node",
-    RECORDER: "ares_bags.node",
-    OPTIMIZER: "ares_optimizer.node",
+    SIMULATOR: "ares_vehicle_sim",
+    GUIDANCE: "ares_guidance",
+    RECORDER: "ares_bags",
+    OPTIMIZER: "ares_optimizer",
 }
 
 #: Wall time in s between looks at the children.
@@ -483,7 +483,7 @@ def _node_class(name: str) -> "Callable[..., FlightNode]":
         from ares_optimizer.node import OptimizerNode
 
         return OptimizerNode
-    from ares_bags.node import RecorderNode
+    from ares_bags.recorder import RecorderNode
 
     return RecorderNode
 

@@ -17,7 +17,6 @@ from ares_bringup.watch import Watch
 from ares_node.membership import FLIGHT_ID, State
 from ares_node.node import FlightNode, NodeError
 from ares_node.parameters import Parameter
-from ares_node.run import run_node
 
 #: Wall time in s between looks at the flight.
 LOOK_PERIOD = 0.05
@@ -129,12 +128,3 @@ class JudgeNode(FlightNode):
         print_summary(summary, console())
         sys.stdout.flush()
         self.finish(summary.exit_code)
-
-
-def main() -> int:
-    """Run the node as a process."""
-    return run_node(JudgeNode, name="judge")
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,7 +1,6 @@
 """Guidance node: answers every navigation state with a thrust command."""
 
 import math
-import sys
 import time
 from contextlib import ExitStack
 from dataclasses import fields
@@ -18,7 +17,7 @@ from ares_models.arrays import HEATING_LIMIT, NAVIGATION
 from ares_models.mission import Start, load_mission
 from ares_msgs.msg import FlightMember, GuidanceStatus, NavState, ThrustCommand
 from ares_msgs.srv import SolveTrajectory
-from ares_node.diagnostics import Diagnostics, Level
+from ares_node.diagnostics import Level
 from ares_node.identity import id_text
 from ares_node.membership import FLIGHT_ID, OPEN, Membership, Role, State
 from ares_node.node import FlightNode
@@ -30,7 +29,6 @@ from ares_node.qos import (
     SOLVE_TRAJECTORY,
     THRUST_COMMAND,
 )
-from ares_node.run import run_node
 from ares_node.time import NANOSECONDS, ns_from_stamp
 
 ERROR_TEXTS = {
@@ -118,7 +116,6 @@ class GuidanceNode(FlightNode):
             )
             self._rehearse(mission.start())
             failed.pop_all()
-        self._diagnostics = Diagnostics(self, lambda: self._membership.flight_id)
         self._command_out = self.create_publisher(ThrustCommand, THRUST_COMMAND, FLIGHT)
         self._status_out = self.create_publisher(GuidanceStatus, GUIDANCE_STATUS, FLIGHT)
         self._nav_in = self.create_subscription(NavState, NAV_STATE, self._on_nav_state, FLIGHT)
@@ -142,7 +139,7 @@ class GuidanceNode(FlightNode):
         self._join()
 
     def deactivate(self) -> None:
-        """Stop answering."""
+        """Stop answering; the last state is kept for an `activate` in time."""
         self._active = False
         self.destroy_timer(self._watch)
         self.destroy_timer(self._joining)
@@ -213,7 +210,7 @@ class GuidanceNode(FlightNode):
         """Report once per flight."""
         if self._membership.flight_id not in self._told:
             self._told.add(self._membership.flight_id)
-            self._diagnostics.report(Level.WARN, text, 0)
+            self.diagnostics.report(Level.WARN, text, 0)
 
     def _on_watch(self) -> None:
         self._take_held_back()
@@ -227,16 +224,14 @@ class GuidanceNode(FlightNode):
             self._answer(message)
 
     def _on_nav_state(self, message: NavState) -> None:
-        if not self._active:
-            return
         if not self._membership.belongs(message.flight_id):
             if self._membership.foreign == 1:
                 flight = id_text(message.flight_id)
                 text = f"navigation states of another flight, {flight}: not answered"
-                self._diagnostics.report(Level.WARN, text, ns_from_stamp(message.stamp))
+                self.diagnostics.report(Level.WARN, text, ns_from_stamp(message.stamp))
             return
         self._heard_at = time.monotonic()
-        if self._guiding and self._ready(message):
+        if self._active and self._guiding and self._ready(message):
             self._answer(message)
         else:
             self._held_back = message
@@ -298,14 +293,14 @@ class GuidanceNode(FlightNode):
         instead = "starting from the navigation state alone"
         if self.values["law"] == PEG_THESIS:
             instead = f"law {PEG_THESIS} cannot start without it: flying peg"
-        self._diagnostics.report(Level.WARN, f"optimizer: {reason}; {instead}", now)
+        self.diagnostics.report(Level.WARN, f"optimizer: {reason}; {instead}", now)
 
     # ---- the flight
 
     def _answer(self, message: NavState) -> None:
         now = ns_from_stamp(message.stamp)
         if self._last_ns is not None and now < self._last_ns:
-            self._diagnostics.report(
+            self.diagnostics.report(
                 Level.WARN, "flight time went back: starting again from nothing", now
             )
             self._forget()
@@ -376,10 +371,10 @@ class GuidanceNode(FlightNode):
         if error != self._reported:
             self._reported = error
             if error == GuidanceStatus.NONE:
-                self._diagnostics.report(Level.OK, "solution good again", now)
+                self.diagnostics.report(Level.OK, "solution good again", now)
             else:
                 stale = int(self._law.state["stale_cycles"])
-                self._diagnostics.report(
+                self.diagnostics.report(
                     Level.WARN, ERROR_TEXTS[error], now, {"stale_cycles": stale}
                 )
         optimal = LAWS[self.values["law"]] == GuidanceStatus.LAW_OPTIMAL
@@ -391,12 +386,12 @@ class GuidanceNode(FlightNode):
                 if solved
                 else (Level.WARN, "no optimal solution: flying peg")
             )
-            self._diagnostics.report(level, text, now)
+            self.diagnostics.report(level, text, now)
         without = self._jettison_after_cutoff()
         if without != self._without_jettison:
             self._without_jettison = without
             if without:
-                self._diagnostics.report(
+                self.diagnostics.report(
                     Level.WARN,
                     "the heating limit is not met before cut-off: planning without the jettison",
                     now,
@@ -431,12 +426,3 @@ def _trajectory(answer: SolveTrajectory.Response) -> OfflineTrajectory:
         sample_position=vectors(answer.sample_position),
         sample_velocity=vectors(answer.sample_velocity),
     )
-
-
-def main() -> int:
-    """Run the node as a process."""
-    return run_node(GuidanceNode, name="guidance")
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,7 +1,14 @@
 """The one decorator under which every compiled kernel of the project lives."""
 
+import os
 from collections.abc import Callable
 from typing import TypeVar, cast
+
+from ares_models.kernel_cache import VARIABLE, choose_folder
+
+# numba reads it when it is imported
+if not os.environ.get(VARIABLE):
+    os.environ[VARIABLE] = str(choose_folder())
 
 import numba
 

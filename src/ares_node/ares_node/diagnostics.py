@@ -1,13 +1,15 @@
-"""One-line reports on /diagnostics, stamped with flight time."""
+"""One-line reports: on /diagnostics with flight time, what is wrong on /rosout too."""
 
 from collections.abc import Callable, Mapping
 from enum import Enum
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rcl_interfaces.msg import Log
+from rclpy.duration import Duration
 from rclpy.node import Node
 
 from ares_node.identity import id_text
-from ares_node.qos import DIAGNOSTIC, DIAGNOSTICS
+from ares_node.qos import DIAGNOSTIC, DIAGNOSTICS, LOG, LOG_QOS
 from ares_node.time import stamp_from_ns
 
 
@@ -18,6 +20,17 @@ class Level(Enum):
     WARN = DiagnosticStatus.WARN
     ERROR = DiagnosticStatus.ERROR
     STALE = DiagnosticStatus.STALE
+
+
+#: Severities that /rosout hears of.
+_LOGGED = {Level.WARN: Log.WARN, Level.ERROR: Log.ERROR}
+#: Longest wall time in s that the last words of a node may take to arrive.
+_LAST_WORDS = 0.2
+
+
+def folded(text: str) -> str:
+    """A text on one line."""
+    return " ".join(text.split())
 
 
 #: What the hardware id of a report on a flight begins with.
@@ -41,19 +54,23 @@ class Diagnostics:
     """Publisher of a node's reports; each report is one array with one status.
 
     The status name is the node's full name without the leading slash (`ares/recorder`), the
-    hardware id is `flight:` and the identity of the flight, as soon as there is one.
+    hardware id is `flight:` and the identity of the flight, as soon as there is one. Warnings
+    and errors are log records on /rosout too; the console is not written to, since whoever
+    starts the node has its own way to show them.
     """
 
     def __init__(self, node: Node, flight_id: Callable[[], int] = lambda: 0) -> None:
-        """Create the publisher.
+        """Create the publishers.
 
         Args:
             node: whose reports these are.
             flight_id: gives the flight that the node takes part in; 0 for none.
         """
+        self._node = node
         self._flight_id = flight_id
         self._name = node.get_fully_qualified_name().lstrip("/")
         self._publisher = node.create_publisher(DiagnosticArray, DIAGNOSTICS, DIAGNOSTIC)
+        self._log = node.create_publisher(Log, LOG, LOG_QOS)
 
     def report(
         self,
@@ -74,9 +91,32 @@ class Diagnostics:
             level=level.value,
             name=self._name,
             hardware_id=hardware_id(self._flight_id()),
-            message=" ".join(message.split()),
+            message=folded(message),
             values=[KeyValue(key=key, value=str(value)) for key, value in (values or {}).items()],
         )
         array = DiagnosticArray(status=[status])
         array.header.stamp = stamp_from_ns(stamp_ns)
         self._publisher.publish(array)
+        if level in _LOGGED:
+            self.log(level, message)
+
+    def log(self, level: Level, message: str) -> None:
+        """Publish one log record on /rosout only.
+
+        Args:
+            level: WARN or ERROR.
+            message: one line; a longer text is folded into one line.
+        """
+        self._log.publish(
+            Log(
+                stamp=self._node.get_clock().now().to_msg(),
+                level=_LOGGED[level],
+                name=self._node.get_logger().name,
+                msg=folded(message),
+            )
+        )
+
+    def last_words(self, message: str) -> None:
+        """An error on /rosout from a node that ends at once: wait until it has been sent."""
+        self.log(Level.ERROR, message)
+        self._log.wait_for_all_acked(Duration(seconds=_LAST_WORDS))

@@ -1,7 +1,10 @@
 """Base class of the lifecycle nodes: refusals with a reason, an end, an exit status."""
 
+import threading
+import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from rclpy.clock import Clock
@@ -10,13 +13,18 @@ from rclpy.executors import Executor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.timer import Timer
 
-from ares_node.parameters import Parameter, declare_parameters
+from ares_node.diagnostics import Diagnostics, folded
+from ares_node.parameters import Parameter, declare_parameters, read_parameters
 from ares_node.qos import NAMESPACE
+
+#: Wall time in s after which a node that still configures says so, again and again.
+PATIENCE = 10.0
 
 AUTOSTART = Parameter(
     name="autostart",
     default=True,
     description="Configure and activate at start; false leaves that to a lifecycle manager.",
+    read_only=True,
 )
 
 
@@ -29,14 +37,18 @@ class FlightNode(LifecycleNode):
 
     A subclass overrides `configure`, `activate`, `deactivate`, `cleanup` and `drain`, never
     the `on_...` callbacks. Raising NodeError (or OSError or ValueError with a one-line text)
-    refuses the transition: the reason is kept in `failure`.
+    refuses the transition: the reason is kept in `failure` and goes to /rosout.
 
     Attributes:
-        values: parameters in force, by name.
+        disposable: what a callback works on may be dropped when the process is to end.
+        values: parameters in force, by name; `configure` finds what was set before it.
+        diagnostics: the node's reports.
         failure: why the last transition was refused, one line; None if it was not.
         done: the node has ended the run itself (`finish`); its process may exit.
         exit_code: exit status of the node's process.
     """
+
+    disposable = False
 
     def __init__(
         self,
@@ -61,8 +73,11 @@ class FlightNode(LifecycleNode):
         self.failure: str | None = None
         self.done = False
         self.exit_code = 0
+        self._starting = False
+        self._table = [*parameters, AUTOSTART]
         try:
-            self.values = declare_parameters(self, [*parameters, AUTOSTART])
+            self.values = declare_parameters(self, self._table, self._why_fixed)
+            self.diagnostics = Diagnostics(self, lambda: self.flight_id)
         except Exception:
             self.destroy_node()
             raise
@@ -85,6 +100,17 @@ class FlightNode(LifecycleNode):
         Called outside the executor's callbacks, with a context that is still valid.
         """
 
+    @property
+    def flight_id(self) -> int:
+        """Identity of the flight that the node takes part in; 0 for none."""
+        # made by `configure`, of the nodes that take part in flights
+        membership = getattr(self, "_membership", None)
+        return membership.flight_id if membership is not None else 0
+
+    def may_be_abandoned(self) -> bool:
+        """Whether the process may end in the middle of what the node does now."""
+        return self.disposable or self._label == "configuring"
+
     def finish(self, exit_code: int = 0) -> None:
         """End the run: the process leaves its loop and exits with this status."""
         self.exit_code = exit_code
@@ -97,37 +123,81 @@ class FlightNode(LifecycleNode):
 
     def start(self) -> bool:
         """Configure and activate; False if either was refused (`failure` says why)."""
-        for transition in (self.trigger_configure, self.trigger_activate):
-            if transition() != TransitionCallbackReturn.SUCCESS:
-                return False
-        return True
+        self._starting = True
+        try:
+            return all(
+                transition() == TransitionCallbackReturn.SUCCESS
+                for transition in (self.trigger_configure, self.trigger_activate)
+            )
+        finally:
+            self._starting = False
 
     def stop(self) -> None:
         """Take the node to its final state, from whatever state it is in."""
-        if self._state_machine.current_state[1] in ("unconfigured", "inactive", "active"):
+        if self._label in ("unconfigured", "inactive", "active"):
             self.trigger_shutdown()
+
+    @property
+    def _label(self) -> str:
+        """The lifecycle state."""
+        return str(self._state_machine.current_state[1])
+
+    def _why_fixed(self) -> str | None:
+        """Why parameters cannot be set in this state; None if they can."""
+        if self._label == "unconfigured":
+            return None
+        return f"the node is {self._label}, and configured with it; clean it up first"
 
     def _attempt(self, work: Callable[[], None]) -> TransitionCallbackReturn:
         self.failure = None
         try:
             work()
         except (NodeError, OSError, ValueError) as error:
-            self.failure = " ".join(str(error).split())
+            self.failure = folded(str(error))
         except Exception as error:
             # rclpy would swallow it; a defect must be seen
             traceback.print_exc()
-            self.failure = f"{type(error).__name__}: {' '.join(str(error).split())}"
+            self.failure = f"{type(error).__name__}: {folded(str(error))}"
         else:
             return TransitionCallbackReturn.SUCCESS
-        if not self.values["autostart"]:
+        if self._starting:
+            # whoever called `start` shows it
+            self.diagnostics.last_words(self.failure)
+        else:
             self.get_logger().error(self.failure)
         return TransitionCallbackReturn.FAILURE
+
+    def _configure(self) -> None:
+        self.values = read_parameters(self, self._table)
+        with self._telling():
+            self.configure()
+
+    @contextmanager
+    def _telling(self) -> Iterator[None]:
+        """Say now and then that the node still configures, and why that may be."""
+        begun = time.monotonic()
+        over = threading.Event()
+
+        def tell() -> None:
+            while not over.wait(PATIENCE):
+                self.get_logger().info(
+                    f"configuring for {time.monotonic() - begun:.0f} s; "
+                    "the first time after a build, kernels are compiled"
+                )
+
+        thread = threading.Thread(target=tell, name="configuring", daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            over.set()
+            thread.join()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """rclpy callback; see `configure`."""
         result = super().on_configure(state)
         if result == TransitionCallbackReturn.SUCCESS:
-            result = self._attempt(self.configure)
+            result = self._attempt(self._configure)
         return result
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:

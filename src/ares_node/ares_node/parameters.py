@@ -1,7 +1,7 @@
 """Parameters from a table: declared with descriptors, checked before the node starts."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -42,7 +42,7 @@ class Parameter:
         minimum: smallest allowed value of a number.
         maximum: largest allowed value of a number.
         choices: allowed texts; empty allows any.
-        read_only: fixed once the node is constructed.
+        read_only: fixed once the node is constructed; the others are read by `configure`.
         may_be_nan: NaN is a value with a meaning ("not given").
     """
 
@@ -53,7 +53,7 @@ class Parameter:
     minimum: float | None = None
     maximum: float | None = None
     choices: tuple[str, ...] = ()
-    read_only: bool = True
+    read_only: bool = False
     may_be_nan: bool = False
 
     @property
@@ -120,7 +120,9 @@ class Parameter:
         return descriptor
 
 
-def declare_parameters(node: Node, table: Sequence[Parameter]) -> dict[str, Any]:
+def declare_parameters(
+    node: Node, table: Sequence[Parameter], refusal: Callable[[], str | None]
+) -> dict[str, Any]:
     """Declare a node's whole table and return the values in force.
 
     A parameter that was given to the node and is in no table is refused: a misspelt name
@@ -129,12 +131,12 @@ def declare_parameters(node: Node, table: Sequence[Parameter]) -> dict[str, Any]
     Args:
         node: the node, after its own constructor.
         table: every parameter of the node; call this once per node.
+        refusal: why no parameter of the table may be set now, one line; None if it may.
 
     Raises:
         ParameterError: an unknown name, a wrong type or a value out of range.
     """
     overrides = node._parameter_overrides  # the only way to see what was given
-    values: dict[str, Any] = {}
     for row in table:
         value = row.default
         if row.name in overrides:
@@ -146,7 +148,6 @@ def declare_parameters(node: Node, table: Sequence[Parameter]) -> dict[str, Any]
             node.declare_parameter(row.name, default, row.descriptor())
         except ParameterException as error:
             raise ParameterError(str(error)) from error
-        values[row.name] = value
     unknown = sorted(name for name in overrides if not node.has_parameter(name))
     if unknown:
         known = ", ".join(sorted(row.name for row in table))
@@ -157,6 +158,10 @@ def declare_parameters(node: Node, table: Sequence[Parameter]) -> dict[str, Any]
     def check(parameters: list[RosParameter]) -> SetParametersResult:
         for parameter in parameters:
             if parameter.name in rows:
+                reason = refusal()
+                if reason is not None:
+                    text = f"parameter {parameter.name} cannot be set: {reason}"
+                    return SetParametersResult(successful=False, reason=text)
                 try:
                     rows[parameter.name].checked(parameter.value)
                 except ParameterError as error:
@@ -164,4 +169,9 @@ def declare_parameters(node: Node, table: Sequence[Parameter]) -> dict[str, Any]
         return SetParametersResult(successful=True)
 
     node.add_on_set_parameters_callback(check)
-    return values
+    return read_parameters(node, table)
+
+
+def read_parameters(node: Node, table: Sequence[Parameter]) -> dict[str, Any]:
+    """The values that a node's declared parameters have now, by name."""
+    return {row.name: row.checked(node.get_parameter(row.name).value) for row in table}

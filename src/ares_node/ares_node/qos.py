@@ -16,6 +16,7 @@ FLIGHT_EVENT = "flight_event"
 FLIGHT_MEMBER = "flight_member"
 CLOCK = "/clock"
 DIAGNOSTICS = "/diagnostics"
+LOG = "/rosout"
 SOLVE_TRAJECTORY = "solve_trajectory"
 
 
@@ -44,6 +45,8 @@ MEMBER = reliable(1, keep_for_late=True)
 MEMBERS = reliable(100, keep_for_late=True)
 #: /diagnostics, publishing side.
 DIAGNOSTIC = reliable(1000)
+#: /rosout, publishing side, as every ROS 2 node offers it.
+LOG_QOS = reliable(1000, keep_for_late=True)
 #: /clock, publishing side. Reliable serves best-effort readers (rclpy) and reliable ones.
 CLOCK_QOS = reliable(10)
 #: What the recorder asks for: deep enough to hold a whole flight of the default length.

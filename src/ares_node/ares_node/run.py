@@ -26,6 +26,9 @@ from ares_node.parameters import ParameterError
 #: Longest time in s that an idle process sleeps; a signal or a message wakes it at once.
 SPIN_TIMEOUT = 0.5
 
+#: Wall time in s after a signal, when what may be abandoned is.
+ABANDON_AFTER = 1.5
+
 EXIT_OK = 0
 EXIT_FAILED = 1
 EXIT_CANNOT_START = 2
@@ -38,16 +41,27 @@ class _Stopped(BaseException):
     """A signal came while the node was still starting."""
 
 
+def _keep() -> bool:
+    return False
+
+
 class StopSignals:
     """SIGINT and SIGTERM as a flag, with the context left valid.
 
     rclpy's own handlers, and those that the EventsExecutor installs over them, shut the
     context down at once; a recorder could then no longer take the messages in its queues.
+
+    Attributes:
+        requested: a signal has come.
+        starting: the node is not up yet: a signal interrupts that.
+        abandonable: whether work that does not end soon is left where it is, in compiled
+            code or not, and the process ends.
     """
 
     def __init__(self) -> None:
         self.requested = False
         self.starting = True
+        self.abandonable: Callable[[], bool] = lambda: True
         self._wake: Callable[[], None] | None = None
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
@@ -72,11 +86,18 @@ class StopSignals:
         os.set_blocking(writable, False)
         former_fd = signal.set_wakeup_fd(writable, warn_on_full_buffer=False)
 
+        over = threading.Event()
+
+        def abandon() -> None:
+            if not over.wait(ABANDON_AFTER) and self.abandonable():
+                os._exit(EXIT_OK)
+
         def relay() -> None:
             while os.read(readable, 1) != b"\0":
                 wake = self._wake
                 if wake is not None:
                     wake()
+                threading.Thread(target=abandon, name="abandon", daemon=True).start()
 
         # Python runs its handlers between bytecodes only: an executor asleep in compiled
         # code would not notice before its timeout
@@ -86,6 +107,7 @@ class StopSignals:
         try:
             yield
         finally:
+            over.set()
             signal.set_wakeup_fd(former_fd)
             os.write(writable, b"\0")
             thread.join()
@@ -168,9 +190,11 @@ def _run(
             _complain(node.get_name(), node.failure or "could not start")
             return EXIT_CANNOT_START
         stop.starting = False
+        stop.abandonable = node.may_be_abandoned
         try:
             while not (stop.requested or node.done) and context.ok():
                 executor.spin_once(timeout_sec=SPIN_TIMEOUT)
+            stop.abandonable = _keep
             node.drain(executor)
         except Exception:
             traceback.print_exc()
@@ -178,6 +202,7 @@ def _run(
         return node.exit_code
     finally:
         stop.starting = False
+        stop.abandonable = _keep
         stop.wake_with(None)
         if node is not None:
             # an error while tearing down must not hide the exit status

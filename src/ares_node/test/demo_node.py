@@ -1,19 +1,26 @@
 """A node with every way to end, run as a process by test_run.py."""
 
+import hashlib
 import sys
 import time
 from typing import Any
 
 from rclpy.executors import Executor
 
-from ares_node.diagnostics import Diagnostics, Level
+from ares_node.diagnostics import Level
 from ares_node.node import FlightNode, NodeError
 from ares_node.parameters import Parameter
 from ares_node.run import run_node
 
 MODES = (
-    "run", "finish", "refuse", "refuse_activation", "defect", "defect_in_callback", "slow_start"
+    "run", "finish", "refuse", "refuse_activation", "defect", "defect_in_callback", "slow_start",
+    "stuck_start", "disposable", "warn", "refuse_later",
 )  # fmt: skip
+
+
+def hold() -> None:
+    """Stay for minutes in compiled code, where Python handles no signal."""
+    hashlib.pbkdf2_hmac("sha256", b"", b"", 2**31 - 1)
 
 
 class DemoNode(FlightNode):
@@ -32,10 +39,15 @@ class DemoNode(FlightNode):
         if mode == "slow_start":
             print("starting", flush=True)
             time.sleep(60.0)
-        self.diagnostics = Diagnostics(self)
+        if mode == "stuck_start":
+            print("starting", flush=True)
+            hold()
         self.ticks = 0
+        self.disposable = mode == "disposable"
 
     def activate(self) -> None:
+        if self.values["mode"] == "refuse_later" and self.ticks:
+            raise NodeError("once is enough")
         if self.values["mode"] == "refuse_activation":
             raise NodeError("the valve is shut")
         self.timer = self.create_timer(0.01, self.tick)
@@ -47,6 +59,10 @@ class DemoNode(FlightNode):
             print("running", flush=True)
         if self.values["mode"] == "defect_in_callback":
             raise KeyError("lost in a callback")
+        if self.values["mode"] == "warn":
+            self.diagnostics.report(Level.WARN, "the tank\nleaks", self.ticks)
+        if self.values["mode"] == "disposable":
+            hold()
         if self.values["mode"] == "finish" and self.ticks == 5:
             self.finish(3)
 

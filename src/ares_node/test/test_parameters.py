@@ -15,7 +15,7 @@ TABLE = [
     Parameter("law", "peg", "Law.", choices=("peg", "igm")),
     Parameter("topics", ("a", "b"), "Topics."),
     Parameter("limit", math.nan, "Limit.", "W", may_be_nan=True),
-    Parameter("pace", 1.0, "Pace.", minimum=0.0, read_only=False),
+    Parameter("pace", 1.0, "Pace.", minimum=0.0),
 ]
 
 
@@ -39,7 +39,8 @@ def test_descriptors_carry_unit_range_and_read_only(ros_context: Context) -> Non
     node = make(ros_context)
     step = node.describe_parameter("step")
     assert step.description == "Step. [s]"
-    assert step.read_only
+    assert not step.read_only
+    assert node.describe_parameter("autostart").read_only
     assert (step.floating_point_range[0].from_value, step.floating_point_range[0].to_value) == (
         0.0,
         10.0,
@@ -78,9 +79,33 @@ def test_bad_values_are_one_line(ros_context: Context, given: dict[str, object],
 def test_a_later_set_is_checked_too(ros_context: Context) -> None:
     node = make(ros_context)
     results = node.set_parameters(
-        [RosParameter("pace", value=math.nan), RosParameter("step", value=1.0)]
+        [RosParameter("pace", value=math.nan), RosParameter("count", value=0)]
     )
     assert [result.successful for result in results] == [False, False]
     assert "nan" in results[0].reason
-    assert node.set_parameters([RosParameter("pace", value=2.0)])[0].successful
+    assert "count" in results[1].reason
+    assert not node.set_parameters([RosParameter("autostart", value=False)])[0].successful
+    node.destroy_node()
+
+
+def test_what_is_set_before_it_is_what_configure_finds(ros_context: Context) -> None:
+    node = make(ros_context)
+    asked = [RosParameter("law", value="igm"), RosParameter("topics", value=["c"])]
+    assert all(result.successful for result in node.set_parameters(asked))
+    assert node.start()
+    assert (node.values["law"], node.values["topics"]) == ("igm", ("c",))
+
+    refused = node.set_parameters([RosParameter("law", value="peg")])[0]
+    assert refused.reason == (
+        "parameter law cannot be set: the node is active, and configured with it; clean it up first"
+    )
+    node.trigger_deactivate()
+    assert (
+        "the node is inactive" in node.set_parameters([RosParameter("step", value=1.0)])[0].reason
+    )
+    node.trigger_cleanup()
+    assert node.set_parameters([RosParameter("law", value="peg")])[0].successful
+    assert node.start()
+    assert node.values["law"] == "peg"
+    node.stop()
     node.destroy_node()

@@ -3,16 +3,18 @@
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.srv import GetState
+from rcl_interfaces.msg import Log
 from rclpy.context import Context
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.node import Node
 
 from ares_node.diagnostics import Level
+from ares_node.qos import LOG, LOG_QOS
 from ares_node.testing import spin_until
 
 DEMO = Path(__file__).with_name("demo_node.py")
@@ -97,12 +99,61 @@ def test_a_signal_while_starting(ros_environment: dict[str, str]) -> None:
     assert (process.returncode, err) == (0, "")
 
 
-def test_idle_process_wakes_on_a_signal(ros_environment: dict[str, str]) -> None:
+@pytest.mark.parametrize(
+    ("mode", "line"), [("stuck_start", "starting\n"), ("disposable", "running\n")]
+)
+def test_compiled_code_does_not_hold_the_process(
+    ros_environment: dict[str, str], mode: str, line: str
+) -> None:
+    process = start(ros_environment, "--ros-args", "-p", f"mode:={mode}")
+    assert process.stdout is not None
+    assert process.stdout.readline() == line
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=30)
+    assert (process.returncode, err) == (0, "")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_during_the_imports(
+    tmp_path: Path, ros_environment: dict[str, str], number: signal.Signals
+) -> None:
+    (tmp_path / "slow.py").write_text(
+        "import time\nprint('importing', flush=True)\ntime.sleep(60)\n", encoding="utf-8"
+    )
+    program = "from ares_node.entry import enter; enter('ares_node', 'slow:Node', 'slow')"
+    process = subprocess.Popen(
+        [sys.executable, "-c", program],
+        env=ros_environment,
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "importing\n"
+    process.send_signal(number)
+    _, err = process.communicate(timeout=30)
+    assert (process.returncode, err) == (0, "")
+
+
+def test_idle_process_wakes_on_a_signal(
+    ros_context: Context, ros_environment: dict[str, str]
+) -> None:
     """Without autostart nothing ever calls back: only the signal can end the sleep."""
+    node = Node("manager", context=ros_context)
+    executor = EventsExecutor(context=ros_context)
+    executor.add_node(node)
+    client = node.create_client(GetState, "/ares/demo/get_state")
     process = start(ros_environment, "--ros-args", "-p", "autostart:=false")
-    time.sleep(1.5)
-    process.send_signal(signal.SIGTERM)
-    out, err = process.communicate(timeout=30)
+    try:
+        assert spin_until(executor, client.service_is_ready, timeout=30.0)
+        state = client.call_async(GetState.Request())
+        assert spin_until(executor, state.done, timeout=30.0)
+    finally:
+        process.send_signal(signal.SIGTERM)
+        out, err = process.communicate(timeout=30)
+        executor.shutdown()
+        node.destroy_node()
     assert (process.returncode, out, err) == (0, "drained True\n", "")
 
 
@@ -127,3 +178,34 @@ def test_reports_carry_name_stamp_and_values(
     assert (status.level, status.message) == (Level.OK.value, "alive")
     assert heard[0].header.stamp.sec == 0
     assert int(status.values[0].value) == heard[0].header.stamp.nanosec
+
+
+def log_records(context: Context, environment: dict[str, str], mode: str, wanted: str) -> list[Log]:
+    """What a demo says on /rosout until it has said what is wanted."""
+    node = Node("listener", context=context)
+    executor = EventsExecutor(context=context)
+    executor.add_node(node)
+    heard: list[Log] = []
+    node.create_subscription(Log, LOG, heard.append, LOG_QOS)
+    process = start(environment, "--ros-args", "-p", f"mode:={mode}")
+    try:
+        assert spin_until(executor, lambda: wanted in [record.msg for record in heard], 20.0)
+    finally:
+        process.terminate()
+        process.communicate(timeout=30)
+        executor.shutdown()
+        node.destroy_node()
+    return [record for record in heard if record.msg == wanted]
+
+
+def test_warnings_go_to_rosout(ros_context: Context, ros_environment: dict[str, str]) -> None:
+    record = log_records(ros_context, ros_environment, "warn", "the tank leaks")[-1]
+    assert record.level == Log.WARN
+    assert record.name == "ares.demo"
+
+
+def test_the_reason_of_a_refused_start_goes_to_rosout(
+    ros_context: Context, ros_environment: dict[str, str]
+) -> None:
+    record = log_records(ros_context, ros_environment, "refuse", "the tank is empty")[-1]
+    assert record.level == Log.ERROR

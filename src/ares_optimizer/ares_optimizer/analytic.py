@@ -36,7 +36,14 @@ from ares_optimizer.diagnose import target_obstacle
 from ares_optimizer.kernels.analytic import sample_burn
 from ares_optimizer.kernels.analytic_plane import Plane, place_samples
 from ares_optimizer.kernels.timetable import propellant_used
-from ares_optimizer.solution import OptimizerError, Solution, SteeringArc, Trajectory, failed
+from ares_optimizer.solution import (
+    OptimizerError,
+    Solution,
+    SteeringArc,
+    Trajectory,
+    UnfitMethod,
+    failed,
+)
 from ares_optimizer.solve import ANALYTIC_METHOD, arrays_and_state, solve
 from ares_optimizer.verify import constraint_table, fly, steering_of, verification
 
@@ -209,7 +216,7 @@ def solve_analytic(
     """
     options = options or AnalyticOptions()
     if isinstance(mission, Mission) and mission.heating_limit_holds != "at_jettison":
-        raise OptimizerError(
+        raise UnfitMethod(
             f"heating_limit_holds is {mission.heating_limit_holds!r}; analytic takes at_jettison"
         )
     arrays, state = arrays_and_state(mission, state)

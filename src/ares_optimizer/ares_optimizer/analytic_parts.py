@@ -15,7 +15,7 @@ from ares_optimizer.kernels import analytic_iteration as iteration
 from ares_optimizer.kernels import analytic_target as target_search
 from ares_optimizer.kernels.analytic_plane import Plane
 from ares_optimizer.kernels.timetable import propellant_used
-from ares_optimizer.solution import OptimizerError, Solution
+from ares_optimizer.solution import OptimizerError, Solution, UnfitMethod
 
 Array = NDArray[np.float64]
 
@@ -94,8 +94,8 @@ class Ascent:
         )
 
 
-def _refuse(found: str) -> OptimizerError:
-    return OptimizerError(
+def _refuse(found: str) -> UnfitMethod:
+    return UnfitMethod(
         f"method analytic takes two stages of one burn each, with constant thrust, and one "
         f"jettison by a heating limit in the second; {found}"
     )
@@ -119,7 +119,7 @@ def _check_kind(arrays: MissionArrays) -> None:
     if jettisons[0]["stage"] != 1:
         raise _refuse("its jettison belongs to the first stage")
     if arrays.target[0]["kind"] == TARGET_KEPLERIAN:
-        raise OptimizerError(
+        raise UnfitMethod(
             "method analytic takes a target of radius, speed and flight-path angle; "
             "the mission's target is an orbit"
         )

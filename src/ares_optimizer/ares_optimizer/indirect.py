@@ -35,6 +35,7 @@ from ares_optimizer.solution import (
     OptimizerError,
     Solution,
     SteeringArc,
+    Trajectory,
     failed,
 )
 from ares_optimizer.transcription import first_ignitions
@@ -944,9 +945,23 @@ def _solution(
         root.iterations,
         elapsed,
         arcs=laws,
+        trajectory=_trajectory(flight),
         parameters=root.unknowns,
         restarts=root.restarts,
         notes={"residual_norm": root.residual_norm, **notes},
+    )
+
+
+def _trajectory(flight: Array) -> Trajectory:
+    """A sampled flight as the solver itself flew it."""
+    primer = flight[:, sample.LAMBDA_V : sample.LAMBDA_V + 3]
+    return Trajectory(
+        flight[:, sample.TIME].copy(),
+        flight[:, sample.POSITION : sample.POSITION + 3].copy(),
+        flight[:, sample.VELOCITY : sample.VELOCITY + 3].copy(),
+        flight[:, sample.MASS].copy(),
+        primer / np.linalg.norm(primer, axis=1, keepdims=True),
+        np.exp(flight[:, sample.LOG_HEATING]),
     )
 
 

@@ -1,26 +1,35 @@
 """Optimizer node: serves optimal trajectories, from a mission or from where a flight is."""
 
-import sys
+import math
 import time
 import traceback
+from array import array
+from collections import OrderedDict
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from rclpy.service import Service
 
-from ares_models.arrays import NAVIGATION
-from ares_models.mission import MissionError, load_mission
+from ares_models.arrays import NAVIGATION, MissionArrays
+from ares_models.mission import MISSION, MissionError, load_mission
 from ares_msgs.msg import NavState
 from ares_msgs.srv import SolveTrajectory
 from ares_node.node import FlightNode
 from ares_node.parameters import Parameter
 from ares_node.qos import SOLVE_TRAJECTORY
-from ares_node.run import run_node
 from ares_node.time import NANOSECONDS, ns_from_stamp
-from ares_optimizer.solution import OptimizerError, Solution
-from ares_optimizer.solve import METHODS, solve
+from ares_optimizer.deadline import TIME_LIMIT_PASSED
+from ares_optimizer.solution import OptimizerError, Solution, SteeringArc, UnfitMethod
+from ares_optimizer.solve import INDIRECT_METHODS, METHODS, HeatingName, solve, start_of
 
 Response: Any = SolveTrajectory.Response
+
+#: Missions kept as arrays.
+KEPT_MISSIONS = 16
+#: Longest time limit of a request, s.
+LONGEST = 3600.0
 
 PARAMETERS = (
     Parameter("mission", "ares_v", "Mission of a request that names none."),
@@ -31,43 +40,108 @@ PARAMETERS = (
         "Wall time for a request that sets no limit.",
         unit="s",
         minimum=0.001,
-        maximum=3600.0,
+        maximum=LONGEST,
     ),
 )
 
 
+class Refused(Exception):
+    """A request that cannot be answered with a trajectory; the text is one line."""
+
+    def __init__(self, code: int, reason: str) -> None:
+        super().__init__(reason)
+        self.code = code
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A mission as the solvers take it.
+
+    Attributes:
+        arrays: the mission.
+        start: its own start, shape (1,), dtype NAVIGATION.
+        heating: what its heating limit asks.
+    """
+
+    arrays: MissionArrays
+    start: NDArray[np.void]
+    heating: HeatingName
+
+
+class MissionShelf:
+    """Missions by name, read again only when their file has changed."""
+
+    def __init__(self) -> None:
+        self._kept: OrderedDict[tuple[str, int, int], Prepared] = OrderedDict()
+
+    def get(self, name: str) -> Prepared:
+        """The mission of that name or path.
+
+        Raises:
+            MissionError: no such mission, or its file is wrong.
+        """
+        path = MISSION.find(name)
+        try:
+            status = path.stat()
+        except OSError:
+            # it says what is wrong
+            load_mission(name)
+            raise
+        key = (str(path), status.st_mtime_ns, status.st_size)
+        found = self._kept.get(key)
+        if found is None:
+            mission = load_mission(name)
+            found = Prepared(mission.arrays(), start_of(mission), mission.heating_limit_holds)
+            self._kept[key] = found
+            if len(self._kept) > KEPT_MISSIONS:
+                self._kept.popitem(last=False)
+        self._kept.move_to_end(key)
+        return found
+
+
 class OptimizerNode(FlightNode):
-    """Answers `solve_trajectory`, one request after the other.
+    """Answers `solve_trajectory`, one request after the other, while it is active.
 
     Requests that come while one is worked on wait in the service's queue: none is lost. The
     node is a process of its own, so the flight never waits for it.
     """
 
+    disposable = True
+
     def __init__(self, **kwargs: Any) -> None:
         """Declare the parameters; everything else waits for `configure`."""
         super().__init__("optimizer", parameters=PARAMETERS, **kwargs)
+        self._service: Service | None = None
 
     def configure(self) -> None:
-        """Solve the own mission once, so that the solver is compiled, then offer the service."""
-        solve(load_mission(self.values["mission"]), self.values["method"])
-        self._active = False
-        self._service = self.create_service(SolveTrajectory, SOLVE_TRAJECTORY, self._on_request)
+        """Solve the own mission once, so that the solver is compiled."""
+        self._shelf = MissionShelf()
+        own = self._shelf.get(self.values["mission"])
+        _solve(own, self.values["method"], own.start, None)
 
     def activate(self) -> None:
-        """Begin to solve."""
-        self._active = True
+        """Offer the service."""
+        self._service = self.create_service(SolveTrajectory, SOLVE_TRAJECTORY, self._on_request)
 
     def deactivate(self) -> None:
-        """Refuse requests."""
-        self._active = False
+        """Withdraw the service; who waits in its queue is told so."""
+        service = self._service
+        if service is None:
+            return
+        with service.handle:
+            while (taken := service.handle.service_take_request(SolveTrajectory.Request))[1]:
+                response = _empty()
+                _refuse(response, Response.NOT_ACTIVE, "the optimizer was deactivated")
+                service.send_response(response, taken[1])
+        self.destroy_service(service)
+        self._service = None
 
-    def cleanup(self) -> None:
-        """Withdraw the service."""
-        self.destroy_service(self._service)
-
-    def _on_request(self, request: SolveTrajectory.Request, response: Any) -> Any:
+    def _on_request(self, request: SolveTrajectory.Request, _response: Any) -> Any:
+        response = _empty()
         try:
             self._serve(request, response)
+        except Refused as refusal:
+            _refuse(response, refusal.code, str(refusal))
         except Exception as error:
             # a defect must be seen, and must not leave the caller without an answer
             traceback.print_exc()
@@ -76,41 +150,65 @@ class OptimizerNode(FlightNode):
 
     def _serve(self, request: SolveTrajectory.Request, response: Any) -> None:
         method = request.method or self.values["method"]
-        response.method = method
-        if not self._active:
-            _refuse(response, Response.BUSY, "the optimizer is not active")
-            return
         if method not in METHODS:
             expected = ", ".join(METHODS)
-            _refuse(
-                response,
-                Response.UNKNOWN_METHOD,
-                f"method is {method!r}; expected one of {expected}",
+            raise Refused(
+                Response.UNKNOWN_METHOD, f"method is {method!r}; expected one of {expected}"
             )
-            return
+        limit = self._limit(request.time_limit)
         try:
-            mission = load_mission(request.mission or self.values["mission"])
+            mission = self._shelf.get(request.mission or self.values["mission"])
         except MissionError as error:
-            _refuse(response, Response.INVALID_MISSION, str(error))
-            return
-        limit = request.time_limit if request.time_limit > 0.0 else self.values["time_limit_s"]
-        state = _navigation(request.nav_state) if request.use_nav_state else None
+            raise Refused(Response.INVALID_MISSION, str(error)) from error
+        state = _navigation(request.nav_state) if request.use_nav_state else mission.start
         begun = time.monotonic()
         try:
-            solution = solve(mission, method, state=state, time_limit_s=limit)
+            solution = _solve(mission, method, state, limit)
+        except UnfitMethod as error:
+            raise Refused(Response.UNFIT_METHOD, str(error)) from error
         except OptimizerError as error:
-            _refuse(response, Response.INVALID_STATE, str(error))
-            return
+            raise Refused(Response.INVALID_STATE, str(error)) from error
         response.solve_time = time.monotonic() - begun
+        response.method = method
         _fill(response, solution)
         if solution.converged:
             return
         code = Response.INFEASIBLE
-        if response.solve_time > limit:
+        if solution.reason == TIME_LIMIT_PASSED or response.solve_time > limit:
             code = Response.TIME_LIMIT
         elif "did not converge" in solution.reason:
             code = Response.NOT_CONVERGED
-        _refuse(response, code, solution.reason)
+        raise Refused(code, solution.reason)
+
+    def _limit(self, asked: float) -> float:
+        if asked == 0.0:
+            return float(self.values["time_limit_s"])
+        if not 0.0 < asked <= LONGEST:
+            raise Refused(
+                Response.INVALID_TIME_LIMIT,
+                f"time_limit is {asked:g} s; expected 0 for the server's own, or more, to "
+                f"{LONGEST:g} s",
+            )
+        return asked
+
+
+def _solve(
+    mission: Prepared, method: str, state: NDArray[np.void], time_limit_s: float | None
+) -> Solution:
+    """Solve as fast as the method allows: only the direct ones need the verification flight."""
+    return solve(
+        mission.arrays,
+        method,
+        state=state,
+        heating=mission.heating,
+        time_limit_s=time_limit_s,
+        verify=method not in INDIRECT_METHODS,
+    )
+
+
+def _empty() -> Any:
+    """A response of a request for which nothing was solved."""
+    return Response(jettison_time=math.nan, cutoff_time=math.nan, final_mass=math.nan)
 
 
 def _refuse(response: Any, code: int, reason: str) -> None:
@@ -128,6 +226,15 @@ def _navigation(message: NavState) -> NDArray[np.void]:
     return record
 
 
+def _doubles(values: Any) -> "array[float]":
+    """Numbers as a message takes them at once, without looking at each."""
+    return array("d", np.ascontiguousarray(values, dtype=np.float64).tobytes())
+
+
+def _coasts(arc: SteeringArc) -> bool:
+    return arc.delta_v_m_s == 0.0
+
+
 def _fill(response: Any, solution: Solution) -> None:
     response.converged = solution.converged
     response.jettison_time = solution.t_plf_s
@@ -135,27 +242,27 @@ def _fill(response: Any, solution: Solution) -> None:
     response.final_mass = solution.m_f_kg
     response.iterations = solution.iterations
     arcs = solution.arcs
-    response.arc_start_time = [arc.start_s for arc in arcs]
-    response.arc_end_time = [arc.end_s for arc in arcs]
-    response.arc_start_mass = [arc.start_mass_kg for arc in arcs]
-    response.arc_end_mass = [arc.end_mass_kg for arc in arcs]
-    response.arc_delta_v = [arc.delta_v_m_s for arc in arcs]
-    response.steering_reference_time = [arc.reference_time_s for arc in arcs]
-    response.steering_direction = [x for arc in arcs for x in arc.direction]
-    response.steering_direction_rate = [x for arc in arcs for x in arc.direction_rate]
+    response.arc_start_time = _doubles([arc.start_s for arc in arcs])
+    response.arc_end_time = _doubles([arc.end_s for arc in arcs])
+    response.arc_start_mass = _doubles([arc.start_mass_kg for arc in arcs])
+    response.arc_end_mass = _doubles([arc.end_mass_kg for arc in arcs])
+    response.arc_delta_v = _doubles([arc.delta_v_m_s for arc in arcs])
+    steering = np.array(
+        [(arc.reference_time_s, *arc.direction, *arc.direction_rate) for arc in arcs]
+    ).reshape(-1, 7)
+    steering[[_coasts(arc) for arc in arcs]] = math.nan
+    response.steering_reference_time = _doubles(steering[:, 0])
+    response.steering_direction = _doubles(steering[:, 1:4])
+    response.steering_direction_rate = _doubles(steering[:, 4:7])
     flight = solution.trajectory
     if flight is not None:
-        response.sample_time = flight.time_s.tolist()
-        response.sample_position = flight.position.ravel().tolist()
-        response.sample_velocity = flight.velocity.ravel().tolist()
-        response.sample_mass = flight.mass.tolist()
-        response.sample_direction = flight.direction.ravel().tolist()
-
-
-def main() -> int:
-    """Run the node as a process."""
-    return run_node(OptimizerNode, name="optimizer")
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+        direction = flight.direction.copy()
+        for arc in filter(_coasts, arcs):
+            first = np.searchsorted(flight.time_s, arc.start_s, side="right") - 1
+            last = np.searchsorted(flight.time_s, arc.end_s, side="left")
+            direction[max(first, 0) : last + 1] = math.nan
+        response.sample_time = _doubles(flight.time_s)
+        response.sample_position = _doubles(flight.position)
+        response.sample_velocity = _doubles(flight.velocity)
+        response.sample_mass = _doubles(flight.mass)
+        response.sample_direction = _doubles(direction)

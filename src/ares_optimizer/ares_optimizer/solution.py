@@ -17,6 +17,10 @@ class OptimizerError(ValueError):
     """A request that cannot be worked on: unknown method, bad guess, bad state."""
 
 
+class UnfitMethod(OptimizerError):
+    """The method is known but cannot solve this mission."""
+
+
 @dataclass(frozen=True)
 class SteeringArc:
     """A piece of the flight with one steering law.

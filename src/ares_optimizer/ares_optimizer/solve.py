@@ -30,7 +30,13 @@ from ares_optimizer.direct import (
     steering_arcs,
 )
 from ares_optimizer.multipliers import heating_jumps, least_curvature, prices, recover_costates
-from ares_optimizer.solution import ConstraintCheck, OptimizerError, Solution, failed
+from ares_optimizer.solution import (
+    ConstraintCheck,
+    OptimizerError,
+    Solution,
+    UnfitMethod,
+    failed,
+)
 from ares_optimizer.transcription import Heating
 from ares_optimizer.verify import (
     constraint_table,
@@ -198,7 +204,8 @@ def solve(
         jettison_times: jettisons held at a time (s), by index: their limits are ignored.
         time_limit_s: wall clock after which no further start is tried.
         verify: fly the solution again and fill ``verification``, ``constraints``,
-            ``trajectory`` and ``costates``. Without it ``converged`` is the solver's word.
+            ``trajectory`` and ``costates``. Without it ``converged`` is the solver's word, and
+            the indirect methods sample the ``trajectory`` themselves.
 
     Returns:
         the solution; ``converged`` only if every constraint is met (``analytic``: if its
@@ -355,7 +362,7 @@ def _solve_indirect(
     from ares_optimizer.rival import beside_rival, detour_line
 
     if heating == "from_jettison":
-        raise OptimizerError(f"heating is 'from_jettison'; {method} takes at_jettison or ignored")
+        raise UnfitMethod(f"heating is 'from_jettison'; {method} takes at_jettison or ignored")
     if isinstance(guess, Solution) and guess.method in DIRECT_METHODS:
         if guess.costates is None:
             raise OptimizerError("guess: the solution has no costates; solve it with verify")
@@ -404,7 +411,7 @@ def _solve_analytic(
     if guess is not None:
         raise OptimizerError(f"guess is a {type(guess).__name__}; analytic takes none")
     if heating != "at_jettison":
-        raise OptimizerError(f"heating is {heating!r}; analytic takes at_jettison")
+        raise UnfitMethod(f"heating is {heating!r}; analytic takes at_jettison")
     if deadline.passed:
         return failed(ANALYTIC_METHOD, TIME_LIMIT_PASSED)
     return solve_analytic(arrays, state=state, verify=verify).solution

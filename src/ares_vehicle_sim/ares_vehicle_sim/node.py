@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 from rclpy.duration import Duration
 from rclpy.executors import Executor
+from rclpy.timer import Timer
 from rosgraph_msgs.msg import Clock
 
 from ares_models.arrays import STEERING
 from ares_models.mission import load_mission
 from ares_msgs.msg import FlightEvent, FlightMember, NavState, ThrustCommand, VehicleState
-from ares_node.diagnostics import Diagnostics, Level
+from ares_node.diagnostics import Level
 from ares_node.identity import id_text, new_id
 from ares_node.membership import FLIGHT_ID, Membership, Role, State
 from ares_node.node import FlightNode, NodeError
@@ -30,7 +31,7 @@ from ares_node.qos import (
     THRUST_COMMAND,
     VEHICLE_STATE,
 )
-from ares_node.run import EXIT_CANNOT_START, EXIT_OK, run_node
+from ares_node.run import EXIT_CANNOT_START, EXIT_OK
 from ares_node.time import NANOSECONDS, ns_from_seconds, ns_from_stamp, stamp_from_ns
 from ares_vehicle_sim.arrays import GUIDANCE_BACK, GUIDANCE_LOST, TRUTH_FIELDS
 from ares_vehicle_sim.dispersions import Dispersions, load_dispersions
@@ -176,7 +177,6 @@ class VehicleSimNode(FlightNode):
             self._simulator = Simulator(*flight)
             failed.pop_all()
         self._pace: float = values["pace"]
-        self._diagnostics = Diagnostics(self, lambda: self.flight_id)
         self._clock_out = self.create_publisher(Clock, CLOCK, CLOCK_QOS)
         self._nav_out = self.create_publisher(NavState, NAV_STATE, FLIGHT)
         self._truth_out = self.create_publisher(VehicleState, VEHICLE_STATE, FLIGHT)
@@ -187,6 +187,7 @@ class VehicleSimNode(FlightNode):
         self._steering = np.zeros(1, STEERING)
         self._flying = False
         self._waiting = False
+        self._paced: Timer | None = None
         self._lost_in_a_row = 0
         self._last_report: dict[str, int] = {}
         self._told: set[int] = set()
@@ -194,12 +195,19 @@ class VehicleSimNode(FlightNode):
 
     def activate(self) -> None:
         """Begin to wait for the other nodes; the flight follows."""
+        if self._flying or self.simulator.complete:
+            over = "is over" if self.simulator.complete else "was stopped and cannot go on"
+            raise NodeError(
+                f"the flight {over}, at {self.simulator.time_ns / NANOSECONDS:.9g} s; clean up and "
+                "configure for a new one"
+            )
         self._activated_at = self._waiting_line_at = time.monotonic()
         self._watch = self.wall_timer(WATCH_PERIOD, self._on_watch)
 
     def deactivate(self) -> None:
         """Stop; a flight under way cannot be taken up again."""
         self.destroy_timer(self._watch)
+        self._stop_pacing()
         self._waiting = False
 
     def cleanup(self) -> None:
@@ -215,11 +223,6 @@ class VehicleSimNode(FlightNode):
         if self._simulator is not None:
             for publisher in (self._nav_out, self._truth_out, self._event_out):
                 publisher.wait_for_all_acked(Duration(seconds=ACKNOWLEDGE_TIMEOUT))
-
-    @property
-    def flight_id(self) -> int:
-        """Identity of the flight; 0 before `configure`."""
-        return self._membership.flight_id if self._simulator is not None else 0
 
     @property
     def simulator(self) -> Simulator:
@@ -285,7 +288,7 @@ class VehicleSimNode(FlightNode):
         """Report something about another node, once."""
         if member.member_id not in self._told:
             self._told.add(int(member.member_id))
-            self._diagnostics.report(Level.WARN, text, self.simulator.time_ns)
+            self.diagnostics.report(Level.WARN, text, self.simulator.time_ns)
 
     # ---- the wall clock: start, pace, lost answers
 
@@ -458,8 +461,13 @@ class VehicleSimNode(FlightNode):
         self._publish()
 
     def _on_pace(self) -> None:
-        self.destroy_timer(self._paced)
+        self._stop_pacing()
         self._advance()
+
+    def _stop_pacing(self) -> None:
+        if self._paced is not None:
+            self.destroy_timer(self._paced)
+            self._paced = None
 
     def _delay_for_pace(self) -> float:
         if self._pace == 0.0:
@@ -508,13 +516,4 @@ class VehicleSimNode(FlightNode):
         last = self._last_report.get(kind)
         if last is None or now - last >= REPORT_PERIOD * NANOSECONDS:
             self._last_report[kind] = now
-            self._diagnostics.report(level, message, now)
-
-
-def main() -> int:
-    """Run the node as a process."""
-    return run_node(VehicleSimNode, name="vehicle_sim")
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+            self.diagnostics.report(level, message, now)

@@ -1,0 +1,96 @@
+"""What an answer of `solve_trajectory` costs beside the bare solve, the node in its own process."""
+
+import argparse
+import os
+import subprocess
+import sys
+import time
+
+import numpy as np
+import rclpy
+from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.node import Node
+
+from ares_models.mission import load_mission
+from ares_msgs.srv import SolveTrajectory
+from ares_node.domains import claimed_domain
+from ares_optimizer.solve import solve, start_of
+
+READY_TIMEOUT = 600.0  # s, the first start compiles
+
+
+def bare(mission: str, method: str, count: int) -> list[float]:
+    """Wall time of the solver's own calls, s."""
+    read = load_mission(mission)
+    arrays, start = read.arrays(), start_of(read)
+    times = []
+    for _ in range(count + 3):
+        begun = time.perf_counter()
+        solve(
+            arrays,
+            method,
+            state=start,
+            heating=read.heating_limit_holds,
+            verify=method not in ("indirect", "closed_form"),
+        )
+        times.append(time.perf_counter() - begun)
+    return times[3:]
+
+
+def answered(mission: str, method: str, count: int) -> tuple[list[float], list[float]]:
+    """Wall time from the request to its answer, and what the answer says of the solve, s."""
+    rclpy.init()
+    node = Node("client", namespace="ares")
+    executor = EventsExecutor()
+    executor.add_node(node)
+    client = node.create_client(SolveTrajectory, "solve_trajectory")
+    deadline = time.monotonic() + READY_TIMEOUT
+    while not client.service_is_ready():
+        if time.monotonic() > deadline:
+            raise SystemExit("no optimizer on the graph")
+        executor.spin_once(timeout_sec=0.1)
+    times, solved = [], []
+    for _ in range(count + 3):
+        begun = time.perf_counter()
+        call = client.call_async(SolveTrajectory.Request(mission=mission, method=method))
+        while not call.done():
+            executor.spin_once(timeout_sec=1.0)
+        times.append(time.perf_counter() - begun)
+        answer = call.result()
+        if answer.error_code != SolveTrajectory.Response.NONE:
+            raise SystemExit(answer.message)
+        solved.append(answer.solve_time)
+    executor.shutdown()
+    node.destroy_node()
+    rclpy.shutdown()
+    return times[3:], solved[3:]
+
+
+def main() -> None:
+    """Measure and print one line per method."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--mission", default="ares_v")
+    parser.add_argument("-n", type=int, default=100, help="requests per method")
+    options = parser.parse_args()
+    with claimed_domain() as domain:
+        os.environ["ROS_DOMAIN_ID"] = str(domain)
+        os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        server = subprocess.Popen([sys.executable, "-m", "ares_optimizer"])
+        try:
+            print(f"{options.mission}, {options.n} requests, medians in ms (99th percentile)")
+            for method in ("indirect", "direct11", "analytic"):
+                times, solved = answered(options.mission, method, options.n)
+                alone = bare(options.mission, method, options.n)
+                middle, late = 1e3 * np.median(times), 1e3 * np.percentile(times, 99)
+                inside, own = 1e3 * np.median(solved), 1e3 * np.median(alone)
+                print(
+                    f"{method:9} answered {middle:7.2f} ({late:.2f})   solved there {inside:7.2f}"
+                    f"   the same call alone {own:7.2f}   answered / alone {middle / own:.2f}"
+                )
+        finally:
+            server.terminate()
+            server.wait()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,14 @@
+"""Process of the guidance node; the node's modules are imported later."""
+
+import sys
+
+from ares_node.entry import enter
+
+
+def main() -> int:
+    """Run until the node is done or a signal comes."""
+    return enter("ares_guidance", "ares_guidance.node:GuidanceNode", "guidance")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

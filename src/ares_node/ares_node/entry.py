@@ -1,0 +1,52 @@
+"""The first thing that a node's process runs, before any slow import.
+
+Standard library only, so that an interrupt or a missing package ends the process with at most
+one line.
+"""
+
+import importlib
+import os
+import signal
+import sys
+from types import FrameType
+
+from ares_node.requirements import unmet
+
+EXIT_OK = 0
+EXIT_CANNOT_START = 2
+
+
+def _leave(_number: int, _frame: FrameType | None) -> None:
+    # nothing has begun, and imports in progress must not be unwound with a traceback
+    os._exit(EXIT_OK)
+
+
+def enter(package: str, node: str, name: str) -> int:
+    """Run one node as a process.
+
+    Args:
+        package: the package of the node; what it requires is checked first.
+        node: where the node's class is, `module:class`.
+        name: name of the node, with which error lines begin.
+
+    Returns:
+        The exit status, as of `ares_node.run.run_node`; 2 if something is not installed.
+    """
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _leave)
+    reason = unmet(package)
+    if reason is None:
+        module, _, kind = node.partition(":")
+        try:
+            run_node = importlib.import_module("ares_node.run").run_node
+            factory = getattr(importlib.import_module(module), kind)
+        except ImportError as error:
+            reason = " ".join(str(error).split())
+    if reason is not None:
+        print(f"{name}: {reason}", file=sys.stderr, flush=True)
+        return EXIT_CANNOT_START
+    status: int = run_node(factory, name=name)
+    # the interpreter's own end must not be interrupted either
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+    return status

@@ -1,0 +1,64 @@
+"""What installed packages need from the Python Package Index, looked at before it is imported.
+
+Each package's `setup.py` says it in `install_requires`, in the forms `name` and
+`name>=version`. Standard library only.
+"""
+
+import re
+from collections.abc import Iterator
+from importlib import metadata
+
+#: The project's own packages; their requirements count too.
+OWN = "ares_"
+
+_FORM = re.compile(r"([\w.-]+?)\s*(?:>=\s*([\d.]+))?")
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    """The leading numbers of a version: 2.14.0rc1 gives 2, 14, 0."""
+    return tuple(int(part) for part in re.findall(r"(?:^|\.)(\d+)", version))
+
+
+def requirements(distribution: str) -> Iterator[tuple[str, str]]:
+    """Foreign packages that an installed package and those of the project below it need.
+
+    Args:
+        distribution: name of the package; none of it is known if it is not installed.
+
+    Yields:
+        name and smallest version; empty: any.
+    """
+    waiting, seen = [distribution], set()
+    while waiting:
+        package = waiting.pop()
+        if package in seen:
+            continue
+        seen.add(package)
+        try:
+            lines = metadata.requires(package) or []
+        except metadata.PackageNotFoundError:
+            continue
+        for line in lines:
+            match = _FORM.fullmatch(line.split(";")[0].strip())
+            if match is None or "extra ==" in line:
+                continue
+            name, least = match[1], match[2] or ""
+            if name.replace("-", "_").startswith(OWN):
+                waiting.append(name.replace("-", "_"))
+            elif name not in seen:
+                seen.add(name)
+                yield name, least
+
+
+def unmet(distribution: str) -> str | None:
+    """One line on the first package that is missing or too old; None if there is none."""
+    for name, least in requirements(distribution):
+        wanted = f"{name} {least} or newer" if least else name
+        advice = f'install it, for example: pip install "{name}{f">={least}" if least else ""}"'
+        try:
+            found = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            return f"needs the Python package {wanted}, found none; {advice}"
+        if _numbers(found) < _numbers(least):
+            return f"needs the Python package {wanted}, found {found}; {advice}"
+    return None

@@ -1,0 +1,14 @@
+"""Process of the vehicle_sim node; the node's modules are imported later."""
+
+import sys
+
+from ares_node.entry import enter
+
+
+def main() -> int:
+    """Run until the node is done or a signal comes."""
+    return enter("ares_vehicle_sim", "ares_vehicle_sim.node:VehicleSimNode", "vehicle_sim")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
