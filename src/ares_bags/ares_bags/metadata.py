@@ -6,10 +6,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from ares_bags.errors import cause
-from ares_bags.schema import Topic, dump_yaml
+from ares_bags.schema import Topic, dump_yaml, load_yaml
 
 METADATA_FILE = "metadata.yaml"
 RECORD_NAME = "rosbag2"
@@ -107,11 +104,7 @@ def read_metadata_file(path: Path) -> dict[str, Any]:
 
 
 def _mapping(text: str) -> dict[str, Any]:
-    try:
-        # the loader in C: the metadata of a bag is read each time it is opened
-        value = yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise ValueError(f"not YAML ({cause(error)})") from error
+    value = load_yaml(text)
     if value is not None and not isinstance(value, dict):
         raise ValueError("not a YAML mapping")
     return value or {}

@@ -44,6 +44,18 @@ class Repair:
         """Messages saved in all."""
         return sum(self.counts.values())
 
+    @property
+    def loss(self) -> str:
+        """What is lost, in words."""
+        if self.lost is None:
+            return "how many messages are lost cannot be known"
+        if not self.lost:
+            return "no message is lost"
+        dropped = f", {self.damaged_chunks} damaged chunks dropped whole" * bool(
+            self.damaged_chunks
+        )
+        return f"{self.lost:,} of {self.saved + self.lost:,} messages are lost{dropped}"
+
 
 def repair(path: Path | str, output: Path | str | None = None) -> Repair:
     """Copy every intact message of a damaged bag into a new bag; the original stays as it is.
@@ -71,14 +83,14 @@ def repair(path: Path | str, output: Path | str | None = None) -> Repair:
     findings = found.result.findings
     if not findings:
         raise BagError(f"bag {path} is complete; nothing to repair")
-    more = f" (and {len(findings) - 1} findings more)" if len(findings) > 1 else ""
-    problem = f"{findings[0]}{more}"
+    problem = findings[0] if len(findings) == 1 else f"{findings[0]}, and {len(findings) - 1} more"
     source = path if path.is_dir() else file.with_suffix("")
     target = Path(output) if output is not None else source.with_name(f"{source.name}_repaired")
     if not found.result.messages:
         raise BagError(f"bag {path}: no message can be saved ({problem})")
     result = Repair(
         target,
+        counts=found.message_counts,
         damaged_chunks=found.result.damaged_chunks,
         problem=f"bag {path}: {problem}",
         lost=_lost(found),
@@ -87,18 +99,17 @@ def repair(path: Path | str, output: Path | str | None = None) -> Repair:
     if result.lost == 0:
         custom_data[REPAIRED_KEY] = problem
     else:
-        count = "an unknown number" if result.lost is None else str(result.lost)
-        custom_data[INCOMPLETE_KEY] = f"repaired: {problem}; {count} of the messages are lost"
-    result.counts = _copy(found, target, custom_data)
+        custom_data[INCOMPLETE_KEY] = f"repaired: {problem}; {result.loss}"
+    _copy(found, target, custom_data)
     return result
 
 
 def _lost(found: Examination) -> int | None:
     """How many messages were recorded and cannot be saved; None if nothing tells."""
-    result, spans = found.result, found.survey.spans
-    if result.expected is not None:
-        return max(result.expected - result.messages, 0)
+    if found.result.lost is not None:
+        return found.result.lost
     # without any count: nothing is missing between the header and the end of the data
+    spans = found.survey.spans
     ended = bool(spans) and spans[-1].opcode == Opcode.DATA_END
     return 0 if ended and found.whole else None
 
@@ -130,8 +141,8 @@ def _messages(found: Examination) -> Iterator[Message]:
         yield from (record for record in records if isinstance(record, Message))
 
 
-def _copy(found: Examination, target: Path, custom_data: Mapping[str, str]) -> dict[str, int]:
-    """Write the new bag, whole or not at all; messages by topic."""
+def _copy(found: Examination, target: Path, custom_data: Mapping[str, str]) -> None:
+    """Write the new bag, whole or not at all."""
     writer = BagWriter(target, custom_data, flush_interval_s=float("inf"))
     try:
         with writer:
@@ -145,4 +156,3 @@ def _copy(found: Examination, target: Path, custom_data: Mapping[str, str]) -> d
     except BaseException:
         shutil.rmtree(target, ignore_errors=True)
         raise
-    return writer.counts

@@ -78,6 +78,11 @@ class Verification:
     decoded: bool = True
     data_checksum: bool = False
 
+    @property
+    def lost(self) -> int | None:
+        """Messages that were recorded and cannot be read; None if nothing tells."""
+        return None if self.expected is None else max(self.expected - self.messages, 0)
+
 
 def surveyed(path: Path) -> tuple[Path, Survey]:
     """The MCAP file of a bag and what is where in it.
@@ -140,6 +145,11 @@ class Examination:
         self._records()
         metadata_file = file.with_name(METADATA_FILE)
         self._all_metadata(metadata_file if metadata_file.is_file() or path.is_dir() else None)
+
+    @property
+    def message_counts(self) -> dict[str, int]:
+        """Messages that can be read, by topic."""
+        return {self.contents.topic(channel).name: n for channel, n in self._counts.items()}
 
     def _say(self, finding: str) -> None:
         self.result.findings.append(finding)
@@ -358,9 +368,6 @@ class Examination:
         if self._ours and self.whole and self.survey.summary:
             for where, copy in self.copies[max(in_file - 1, 0) :]:
                 self._information(where, copy)
-        missing = (self.result.expected or 0) - self.result.messages
-        if missing > 0:
-            self._say(f"{missing:,} of {self.result.expected:,} messages cannot be read")
 
     def _information(self, where: str, information: Mapping[str, Any]) -> None:
         """A copy of the metadata that was made at the end, against the messages."""

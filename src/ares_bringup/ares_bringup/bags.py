@@ -9,7 +9,7 @@ from rich.text import Text
 
 from ares_bags.errors import BagError
 from ares_bags.reader import Bag, open_bag
-from ares_bags.repair import Repair, repair
+from ares_bags.repair import repair
 from ares_bags.verify import Verification, verify
 from ares_bringup.options import CannotStart
 from ares_bringup.report import console, number
@@ -29,12 +29,12 @@ def show_bag(path: Path, as_json: bool) -> int:
     """
     try:
         bag = open_bag(path)
-        findings = verify(path, decode=False).findings
+        found = verify(path, decode=False)
     except BagError as error:
         raise CannotStart(str(error)) from error
     if as_json:
-        print(json.dumps(_contents(bag) | {"findings": findings}, indent=2, allow_nan=False))
-        return EXIT_DAMAGED if findings else 0
+        print(json.dumps(_contents(bag) | {"findings": found.findings}, indent=2, allow_nan=False))
+        return _status(found)
     out = console()
     out.print(Text(f"{bag.file}, {number(bag.file.stat().st_size / 1e6, 2)} MB"), soft_wrap=True)
     for name, value in sorted(bag.custom_data.items()):
@@ -48,16 +48,22 @@ def show_bag(path: Path, as_json: bool) -> int:
     for name, topic in bag.topics.items():
         table.add_row(f"{topic.count:,}", Text(name), Text(topic.type_name))
     out.print(table)
-    if not findings:
+    if found.findings:
+        _print_damage(found)
+    else:
         out.print("checksums, indexes and counts are right; `ares bag verify` decodes too")
-        return 0
-    _print_damage(findings)
-    return EXIT_DAMAGED
+    return _status(found)
 
 
-def _print_damage(findings: Sequence[str]) -> None:
-    for finding in findings:
+def _status(found: Verification) -> int:
+    return EXIT_DAMAGED if found.findings else 0
+
+
+def _print_damage(found: Verification) -> None:
+    for finding in found.findings:
         print(f"damaged: {finding}")
+    if found.lost:
+        print(f"{found.lost:,} of {found.expected:,} messages cannot be read")
     print("`ares bag repair` saves what is intact")
 
 
@@ -74,18 +80,17 @@ def verify_bag(path: Path, as_json: bool) -> int:
         found = verify(path)
     except BagError as error:
         raise CannotStart(str(error)) from error
-    status = EXIT_DAMAGED if found.findings else 0
     if as_json:
         print(json.dumps(_verification(found), indent=2, allow_nan=False))
-        return status
+        return _status(found)
     print(f"{found.file}: {found.messages:,} messages in {found.chunks:,} chunks")
     if found.findings:
-        _print_damage(found.findings)
+        _print_damage(found)
     else:
         print("whole: every checksum, index and count is right, every message can be decoded")
         if not found.data_checksum:
             print("no checksum covers what stands between the chunks; their copies agree")
-    return status
+    return _status(found)
 
 
 def _verification(found: Verification) -> dict[str, object]:
@@ -130,18 +135,8 @@ def repair_bag(path: Path, into: Path | None) -> int:
     except BagError as error:
         raise CannotStart(str(error)) from error
     print(result.problem)
-    print(f"saved {result.saved:,} messages in {result.path}; {_lost(result)}")
+    print(f"saved {result.saved:,} messages in {result.path}; {result.loss}")
     return EXIT_DAMAGED if result.lost != 0 else 0
-
-
-def _lost(result: Repair) -> str:
-    if result.lost is None:
-        lost = "how many are lost cannot be known"
-    else:
-        lost = f"{result.lost:,} of {result.saved + result.lost:,} are lost"
-    if result.damaged_chunks:
-        lost += f"; damaged chunks, dropped whole: {result.damaged_chunks}"
-    return "none is lost" if result.lost == 0 else lost
 
 
 def replay_bag(path: Path, rate: float, topics: Sequence[str], namespace: str | None) -> int:
