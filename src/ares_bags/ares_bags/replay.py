@@ -110,9 +110,9 @@ def replay(
     if not 0.0 <= rate < float("inf"):
         raise ValueError(f"rate is {rate}; expected zero or a positive number")
     names = list(bag.topics) if topics is None else [bag.name_of(topic) for topic in topics]
+    full_names = {name: _joined(namespace, name) for name in names}
     for name in names:
         _check_type(bag, bag.topics[name])
-    full_names = {name: _joined(namespace, name) for name in names}
     node = Node(
         f"replay_{os.getpid()}",
         context=context,
