@@ -72,7 +72,7 @@ _KINDS: dict[int, Any] = {
     Opcode.DATA_END: DataEnd,
 }
 _COMPRESSIONS = ("", "zstd", "lz4")
-#: The compression of a chunk, where a damaged head can be told by nothing else.
+#: What chunks are searched by.
 _COMPRESSED = re.compile(rb"\x04\x00\x00\x00zstd|\x03\x00\x00\x00lz4")
 _UNCOMPRESSED = re.compile(rb"\x06(?=[\x00-\xff]{36}\x00\x00\x00\x00)")
 
@@ -383,7 +383,12 @@ def _data_section(spans: list[Span]) -> list[Span]:
 def _known(summary: Summary, end: int) -> list[Span]:
     """The records that a summary tells the place of, in order."""
     spans = [
-        Span(index.chunk_start_offset, index.chunk_start_offset + index.chunk_length, 6, index)
+        Span(
+            index.chunk_start_offset,
+            index.chunk_start_offset + index.chunk_length,
+            Opcode.CHUNK,
+            index,
+        )
         for index in summary.chunk_indexes
     ] + [
         Span(index.offset, index.offset + index.length, Opcode.METADATA)

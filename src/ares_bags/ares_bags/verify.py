@@ -2,9 +2,8 @@
 
 import zlib
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -172,12 +171,12 @@ class Examination:
         else:
             self._say("the file has no header")
         for number, span in enumerate(found.spans):
-            self._span(span, found.spans[number + 1 :])
+            self._span(number, span)
         for topic, count in self._undecoded.items():
             self._say(f"{topic}: {count} messages cannot be decoded")
         self.result.chunks = len(found.chunks)
         self.result.messages = self._counts.total()
-        if found.summary:
+        if found.summary and found.spans:
             self._summary(found.summary)
             self._data_end(found.spans[-1])
 
@@ -190,7 +189,7 @@ class Examination:
         except UNREADABLE:
             return None
 
-    def _span(self, span: Span, following: Sequence[Span]) -> None:
+    def _span(self, number: int, span: Span) -> None:
         """One record before the summary, or a gap."""
         where = f"bytes {span.begin} to {span.end}"
         if span.opcode is None:
@@ -205,7 +204,7 @@ class Examination:
                 self._say(f"{where}: chunk {len(self._indexes) + 1} is damaged ({cause(error)})")
                 self._indexes.append(ChunkIndex(0, span.begin, "", 0, 0, 0, {}, 0, 0))
             else:
-                self._chunk(span, content, following)
+                self._chunk(span, content, self._message_indexes(number + 1))
         elif span.opcode == Opcode.ATTACHMENT:
             self._attachments += 1
             body = self.data[span.begin + HEAD.size : span.end]
@@ -242,7 +241,8 @@ class Examination:
             if self.result.decoded and not self._decodes(record):
                 self._undecoded[topic.name] += 1
         elif self.contents.contradicts(record):
-            self._say(f"a description in a chunk is not that of the index: {record}")
+            kind = type(record).__name__.lower()
+            self._say(f"{kind} {getattr(record, 'id', '')} is described in two ways")
         else:
             self.contents.note(record)
 
@@ -258,7 +258,14 @@ class Examination:
             return False
         return True
 
-    def _chunk(self, span: Span, content: bytes, following: Sequence[Span]) -> None:
+    def _message_indexes(self, number: int) -> Iterator[Span]:
+        """The message indexes that stand from a span on, which belong to the chunk before."""
+        spans = self.survey.spans
+        while number < len(spans) and spans[number].opcode == Opcode.MESSAGE_INDEX:
+            yield spans[number]
+            number += 1
+
+    def _chunk(self, span: Span, content: bytes, message_indexes: Iterator[Span]) -> None:
         """A readable chunk: its head, its message indexes, its entry in the index."""
         place = f"chunk {len(self._indexes) + 1}"
         entries: dict[int, list[tuple[int, int]]] = {}
@@ -282,11 +289,11 @@ class Examination:
         self._indexes.append(index)
         if self.data[span.begin : begin] != self._head(index):
             self._say(f"{place}: its head is damaged, its contents are not")
-        for after in takewhile(lambda span: span.opcode == Opcode.MESSAGE_INDEX, following):
+        for after in message_indexes:
             found = self._record(after)
             if isinstance(found, MessageIndex):
                 index.message_index_offsets[found.channel_id] = after.begin
-                if found.records != entries.get(found.channel_id):
+                if sorted(found.records) != sorted(entries.get(found.channel_id, ())):
                     self._say(f"{place}: an index of its messages is wrong")
             index.message_index_length += after.end - after.begin
         if span.index is not None and span.index != index:
@@ -365,12 +372,17 @@ class Examination:
         if self.result.expected is None:
             counts = recorded_counts([copy for _, copy in self.copies])
             self.result.expected = sum(counts.values()) if counts else None
-        if self._ours and self.whole and self.survey.summary:
+        if self.whole and self.survey.summary:
             for where, copy in self.copies[max(in_file - 1, 0) :]:
                 self._information(where, copy)
 
     def _information(self, where: str, information: Mapping[str, Any]) -> None:
         """A copy of the metadata that was made at the end, against the messages."""
+        if not self._ours:
+            counts = recorded_counts([information])
+            if counts and {name: n for name, n in counts.items() if n} != self.message_counts:
+                self._say(f"{where} counts other messages than there are")
+            return
         channels = self.contents.channels
         ought = bag_information(
             self.result.file.name,
@@ -378,7 +390,7 @@ class Examination:
             (self._first, self._last) if self._counts else None,
             custom_data_of(information),
         )
-        for key in information.keys() | ought.keys():
+        for key in sorted(information.keys() | ought.keys(), key=str):
             if key != "ros_distro" and information.get(key) != ought.get(key):
                 said, right = information.get(key), ought.get(key)
                 words = f": {said!r}, the messages say {right!r}" if isinstance(right, int) else ""
