@@ -8,11 +8,13 @@ from pathlib import Path
 
 import pytest
 from mcap.records import Message
+from mcap.writer import CompressionType, IndexType, Writer
 
 from ares_bags.errors import BagError
 from ares_bags.metadata import METADATA_FILE
 from ares_bags.reader import open_bag
 from ares_bags.repair import repair
+from ares_bags.schema import qos_text
 from ares_bags.survey import CHUNK_HEAD, HEAD, chunk_content, chunk_records
 from ares_bags.testing import CUSTOM_DATA, write_bag
 from ares_bags.verify import surveyed, verify
@@ -314,6 +316,49 @@ def test_what_is_no_bag(tmp_path, capfd):
             status, out, err = run(capfd, "bag", verb, tmp_path / name)
             assert (status, out, err.count("\n")) == (2, "", 1)
             assert name in err
+
+
+@pytest.mark.parametrize(
+    ("more", "messages_outside", "unproven"),
+    [
+        ({}, 0, 0),
+        ({"compression": CompressionType.NONE}, 0, 0),
+        ({"compression": CompressionType.NONE, "enable_crcs": False}, 0, 11),
+        ({"index_types": IndexType.NONE}, 0, 0),
+        ({"use_chunking": False}, 249, 0),
+    ],
+    ids=["zstd", "plain", "no_checksums", "no_index", "no_chunks"],
+)
+def test_bags_of_others(made, tmp_path, more, messages_outside, unproven):
+    file = tmp_path / "other.mcap"
+    with file.open("wb") as stream:
+        writer = Writer(stream, chunk_size=4000, **more)
+        writer.start("ros2", "another")
+        channels = {}
+        for name, topic in made.content[0].items():
+            schema = writer.register_schema(topic.type_name, "ros2msg", topic.definition.encode())
+            metadata = {"offered_qos_profiles": qos_text(topic.qos)}
+            channels[name] = writer.register_channel(name, "cdr", schema, metadata)
+        for name, time, data in made.messages:
+            writer.add_message(channels[name], time, data, time)
+        writer.finish()
+    found = verify(file)
+    assert (found.findings, found.messages) == ([], len(made.messages))
+    assert found.unproven_chunks == unproven
+    assert (found.chunks == 0) == bool(messages_outside)
+    whole = file.read_bytes()
+    for number, bit in enumerate(random.Random(9).sample(range(len(whole) * 8), 20)):
+        data = bytearray(whole)
+        data[bit // 8] ^= 1 << bit % 8
+        file.write_bytes(data)
+        if verify(file, decode=False).findings:
+            done = repair(file, tmp_path / str(number))
+            assert done.saved + done.lost == len(made.messages)
+    # nothing tells how much the rest was
+    file.write_bytes(whole[: len(whole) // 2])
+    done = repair(file)
+    assert 0 < done.saved < len(made.messages)
+    assert done.lost is None
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 import zlib
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -64,6 +64,7 @@ class Verification:
         expected: messages that were recorded; None if nothing tells.
         chunks: chunks, readable or not.
         damaged_chunks: those whose contents are not what was written.
+        unproven_chunks: those that carry no checksum; a wrong bit in a message goes unnoticed.
         decoded: whether each message was decoded too.
         data_checksum: whether a checksum covers every byte before the index.
     """
@@ -74,6 +75,7 @@ class Verification:
     expected: int | None = None
     chunks: int = 0
     damaged_chunks: int = 0
+    unproven_chunks: int = 0
     decoded: bool = True
     data_checksum: bool = False
 
@@ -198,13 +200,14 @@ class Examination:
         elif span.opcode == Opcode.CHUNK:
             try:
                 content = chunk_content(self.data, span)
+                records = list(chunk_records(content))
             except UNREADABLE as error:
                 self.whole = False
                 self.result.damaged_chunks += 1
                 self._say(f"{where}: chunk {len(self._indexes) + 1} is damaged ({cause(error)})")
                 self._indexes.append(ChunkIndex(0, span.begin, "", 0, 0, 0, {}, 0, 0))
             else:
-                self._chunk(span, content, self._message_indexes(number + 1))
+                self._chunk(span, len(content), records, self._message_indexes(number + 1))
         elif span.opcode == Opcode.ATTACHMENT:
             self._attachments += 1
             body = self.data[span.begin + HEAD.size : span.end]
@@ -265,11 +268,17 @@ class Examination:
             yield spans[number]
             number += 1
 
-    def _chunk(self, span: Span, content: bytes, message_indexes: Iterator[Span]) -> None:
+    def _chunk(
+        self,
+        span: Span,
+        size: int,
+        records: Sequence[tuple[int, McapRecord]],
+        message_indexes: Iterator[Span],
+    ) -> None:
         """A readable chunk: its head, its message indexes, its entry in the index."""
         place = f"chunk {len(self._indexes) + 1}"
         entries: dict[int, list[tuple[int, int]]] = {}
-        for offset, record in chunk_records(content):
+        for offset, record in records:
             self._take(record)
             if isinstance(record, Message):
                 entries.setdefault(record.channel_id, []).append((record.log_time, offset))
@@ -284,10 +293,12 @@ class Examination:
             message_index_length=0,
             compression=compression,
             compressed_size=span.end - begin,
-            uncompressed_size=len(content),
+            uncompressed_size=size,
         )
         self._indexes.append(index)
-        if self.data[span.begin : begin] != self._head(index):
+        *_, checksum = CHUNK_HEAD.unpack_from(self.data, span.begin + HEAD.size)
+        self.result.unproven_chunks += not checksum
+        if self.data[span.begin : begin] != _head(index, checksum):
             self._say(f"{place}: its head is damaged, its contents are not")
         for after in message_indexes:
             found = self._record(after)
@@ -298,20 +309,6 @@ class Examination:
             index.message_index_length += after.end - after.begin
         if span.index is not None and span.index != index:
             self._say(f"{place}: the index does not fit it, or the message indexes after it")
-
-    def _head(self, index: ChunkIndex) -> bytes:
-        """The head that a chunk ought to have. Nothing tells what its checksum should be."""
-        at = index.chunk_start_offset + HEAD.size
-        *_, checksum = CHUNK_HEAD.unpack_from(self.data, at)
-        return (
-            HEAD.pack(Opcode.CHUNK, index.chunk_length - HEAD.size)
-            + CHUNK_HEAD.pack(
-                index.message_start_time, index.message_end_time, index.uncompressed_size, checksum
-            )
-            + len(index.compression).to_bytes(4, "little")
-            + index.compression.encode()
-            + index.compressed_size.to_bytes(8, "little")
-        )
 
     def _summary(self, summary: Summary) -> None:
         """The counts, and where the metadata records are."""
@@ -395,3 +392,16 @@ class Examination:
                 said, right = information.get(key), ought.get(key)
                 words = f": {said!r}, the messages say {right!r}" if isinstance(right, int) else ""
                 self._say(f"{key} in {where} is wrong{words}")
+
+
+def _head(index: ChunkIndex, checksum: int) -> bytes:
+    """The head that a chunk ought to have."""
+    return (
+        HEAD.pack(Opcode.CHUNK, index.chunk_length - HEAD.size)
+        + CHUNK_HEAD.pack(
+            index.message_start_time, index.message_end_time, index.uncompressed_size, checksum
+        )
+        + len(index.compression).to_bytes(4, "little")
+        + index.compression.encode()
+        + index.compressed_size.to_bytes(8, "little")
+    )

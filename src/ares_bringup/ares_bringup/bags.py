@@ -88,6 +88,8 @@ def verify_bag(path: Path, as_json: bool) -> int:
         _print_damage(found)
     else:
         print("whole: every checksum, index and count is right, every message can be decoded")
+        if found.unproven_chunks:
+            print(f"{found.unproven_chunks:,} chunks carry no checksum: a wrong bit may be there")
         if not found.data_checksum:
             print("no checksum covers what stands between the chunks; their copies agree")
     return _status(found)
@@ -101,6 +103,7 @@ def _verification(found: Verification) -> dict[str, object]:
         "messages_recorded": found.expected,
         "chunks": found.chunks,
         "damaged_chunks": found.damaged_chunks,
+        "unproven_chunks": found.unproven_chunks,
         "data_checksum": found.data_checksum,
         "findings": found.findings,
     }
