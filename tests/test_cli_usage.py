@@ -30,7 +30,7 @@ def one_line(text):
 def test_help_lists_everything(capfd):
     status, out, err = run(capfd, "--help")
     assert (status, err) == (0, "")
-    for verb in ("fly", "missions", "bag", "replay", "node", "info, repair"):
+    for verb in ("fly", "missions", "bag", "replay", "node", "info, verify, repair"):
         assert re.search(rf"\b{verb}\b", out)
     assert "Exit status" in out
     assert max(len(line) for line in out.splitlines()) <= 80
@@ -38,7 +38,16 @@ def test_help_lists_everything(capfd):
 
 @pytest.mark.parametrize(
     "verb",
-    [["fly"], ["missions"], ["bag"], ["bag", "info"], ["bag", "repair"], ["replay"], ["node"]],
+    [
+        ["fly"],
+        ["missions"],
+        ["bag"],
+        ["bag", "info"],
+        ["bag", "verify"],
+        ["bag", "repair"],
+        ["replay"],
+        ["node"],
+    ],
 )
 def test_every_verb_has_help(capfd, verb):
     status, out, _ = run(capfd, *verb, "--help")
@@ -75,6 +84,7 @@ def test_version(capfd):
         (["missions", "nowhere"], "nowhere"),
         (["bag"], "Missing command"),
         (["bag", "info", "/nowhere"], "bag /nowhere does not exist"),
+        (["bag", "verify", "/nowhere"], "bag /nowhere does not exist"),
         (["bag", "repair", "/nowhere"], "bag /nowhere does not exist"),
         (["replay", "/nowhere"], "bag /nowhere does not exist"),
         (["node", "rocket"], "rocket"),

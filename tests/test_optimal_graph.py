@@ -18,9 +18,9 @@ def fly(graph, **parameters):
     """Fly the default mission; the statuses of guidance."""
     statuses = []
     graph.observer.create_subscription(GuidanceStatus, "guidance_status", statuses.append, FLIGHT)
-    graph.start(VehicleSimNode, mission="ares_v", navigation_period_s=1.0)
+    graph.start(VehicleSimNode, mission="ares_v", navigation_period_s=1.0, command_timeout_s=60.0)
     graph.start(GuidanceNode, mission="ares_v", law="optimal", **parameters)
-    graph.spin(lambda: any(e.type == FlightEvent.FLIGHT_COMPLETE for e in graph.events), 60.0)
+    graph.spin(lambda: any(e.type == FlightEvent.FLIGHT_COMPLETE for e in graph.events), 240.0)
     return statuses
 
 

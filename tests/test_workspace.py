@@ -400,20 +400,19 @@ def test_a_second_call_waits_for_the_first(project):
         assert "waiting" in second.stderr.readline()
         time.sleep(0.1)
         assert second.poll() is None
-    out, _ = second.communicate(timeout=20)
+    out, _ = second.communicate()
     assert out == "mine\n"
 
 
 def test_a_child_that_outlives_its_parent_keeps_the_lock(project):
     with workspace.preparation_lock(project) as lock:
-        child = subprocess.Popen(["sleep", "60"], pass_fds=(lock,))
+        child = subprocess.Popen(["cat"], stdin=subprocess.PIPE, pass_fds=(lock,))
     try:
         descriptor = os.open(project / "build/.lock", os.O_RDWR)
         with pytest.raises(BlockingIOError):
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     finally:
-        child.kill()
-        child.wait()
+        child.communicate()
     fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     os.close(descriptor)
 

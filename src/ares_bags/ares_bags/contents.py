@@ -47,6 +47,14 @@ class Contents:
         elif isinstance(record, Channel):
             self.channels[record.id] = record
 
+    def contradicts(self, record: McapRecord) -> bool:
+        """Whether a schema or a channel of this id is known and another one."""
+        if isinstance(record, Schema):
+            return self.schemas.get(record.id, record) != record
+        if isinstance(record, Channel):
+            return self.channels.get(record.id, record) != record
+        return False
+
     def topic(self, channel_id: int) -> Topic:
         """The topic of a channel.
 

@@ -1,18 +1,18 @@
 """`metadata.yaml` and the `rosbag2` record of a bag, version 9, as rosbag2 Jazzy writes them."""
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from ares_bags.schema import Topic, dump_yaml
+from ares_bags.schema import Topic, dump_yaml, load_yaml
 
 METADATA_FILE = "metadata.yaml"
 RECORD_NAME = "rosbag2"
 RECORD_KEY = "serialized_metadata"
 VERSION = 9
+_OUTER_KEY = "rosbag2_bagfile_information"
 
 #: What rosbag2 writes as starting time of a bag without messages.
 NO_TIME_NS = 2**63 - 1
@@ -78,13 +78,79 @@ def record_data(information: Mapping[str, Any]) -> dict[str, str]:
     return {RECORD_KEY: dump_yaml(dict(information))}
 
 
-def custom_data_of(record: Mapping[str, str]) -> dict[str, str]:
-    """The custom data of a `rosbag2` record; empty if it has none that can be read."""
+def information_of(record: Mapping[str, str]) -> dict[str, Any]:
+    """The content of a `rosbag2` record; empty if it carries none.
+
+    Raises:
+        ValueError: it is not YAML, or not a mapping.
+    """
+    return _mapping(record.get(RECORD_KEY, ""))
+
+
+def read_metadata_file(path: Path) -> dict[str, Any]:
+    """The content of a `metadata.yaml`.
+
+    Raises:
+        OSError: it cannot be read.
+        ValueError: it is not the metadata of a bag; the text names the file.
+    """
     try:
-        custom = yaml.safe_load(record.get(RECORD_KEY, ""))["custom_data"]
-        return {str(key): str(value) for key, value in custom.items()}
-    except (yaml.YAMLError, TypeError, KeyError, AttributeError):
+        information = _mapping(path.read_text(encoding="utf-8")).get(_OUTER_KEY)
+    except ValueError as error:
+        raise ValueError(f"{path.name}: {error}") from error
+    if not isinstance(information, dict):
+        raise ValueError(f"{path.name} has no {_OUTER_KEY}")
+    return information
+
+
+def _mapping(text: str) -> dict[str, Any]:
+    value = load_yaml(text)
+    if value is not None and not isinstance(value, dict):
+        raise ValueError("not a YAML mapping")
+    return value or {}
+
+
+def custom_data_of(information: Mapping[str, Any]) -> dict[str, str]:
+    """The custom data of a bag's metadata; empty if there are none."""
+    custom = information.get("custom_data")
+    if not isinstance(custom, dict):
         return {}
+    return {str(key): str(value) for key, value in custom.items()}
+
+
+def custom_data_conflict(copies: Sequence[tuple[str, Mapping[str, str]]]) -> str:
+    """Where copies of a bag's custom data contradict each other; empty if they do not.
+
+    Args:
+        copies: where each copy stands, and the copy. A later one may know more keys; one that
+            knows none says nothing.
+    """
+    for (where, custom), (other, later) in pairwise(entry for entry in copies if entry[1]):
+        for key, value in custom.items():
+            if later.get(key) != value:
+                found = repr(later[key]) if key in later else "missing"
+                return f"{key} is {value!r} in {where} and {found} in {other}"
+    return ""
+
+
+def recorded_counts(copies: Sequence[Mapping[str, Any]]) -> dict[str, int] | None:
+    """Messages by topic as the copies of a bag's metadata have them.
+
+    None if no copy tells, or if they contradict each other. A copy from the beginning of a
+    recording knows of no message.
+    """
+    found = []
+    for information in copies:
+        try:
+            counts = {
+                str(entry["topic_metadata"]["name"]): int(entry["message_count"])
+                for entry in information["topics_with_message_count"]
+            }
+            if counts and sum(counts.values()) == int(information["message_count"]):
+                found.append(counts)
+        except (KeyError, TypeError, ValueError):
+            continue
+    return found[0] if found and all(counts == found[0] for counts in found) else None
 
 
 def write_metadata_file(folder: Path, information: Mapping[str, Any]) -> None:
@@ -95,7 +161,7 @@ def write_metadata_file(folder: Path, information: Mapping[str, Any]) -> None:
     """
     temporary = folder / (METADATA_FILE + ".part")
     try:
-        text = dump_yaml({"rosbag2_bagfile_information": dict(information)})
+        text = dump_yaml({_OUTER_KEY: dict(information)})
         temporary.write_text(text, encoding="utf-8")
         temporary.replace(folder / METADATA_FILE)
     except OSError:

@@ -1,33 +1,35 @@
 """Reading a bag: topics, decoded messages, columns of numbers. Needs no ROS."""
 
 import errno
-import zlib
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from os import SEEK_END
 from pathlib import Path
-from struct import Struct
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
-from mcap.records import Schema
-from mcap.writer import MCAP0_MAGIC
+from mcap.records import Metadata, Schema
+from mcap.summary import Summary
 from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
 
 from ares_bags.contents import topic_of
 from ares_bags.decoded import numbers
 from ares_bags.errors import BagError, cause
-from ares_bags.metadata import METADATA_FILE, RECORD_NAME, custom_data_of
+from ares_bags.metadata import (
+    METADATA_FILE,
+    RECORD_NAME,
+    custom_data_conflict,
+    custom_data_of,
+    information_of,
+    read_metadata_file,
+)
 from ares_bags.schema import Topic
+from ares_bags.survey import Span, begins_well, ends_well, map_file, parse, read_summary
 
 #: Column with the log time in ns, int64.
 LOG_TIME = "log_time_ns"
-
-#: Opcode, length, offsets of summary and summary offsets, checksum.
-_FOOTER = Struct("<BQQQI")
 
 
 def find_file(path: Path | str) -> Path:
@@ -96,29 +98,24 @@ class Bag:
         )
 
     def _open(self) -> None:
-        magic = len(MCAP0_MAGIC)
-        with self.file.open("rb") as stream:
-            begin = stream.read(magic)
-            if not begin:
-                raise BagError(f"bag {self.path} is empty: {self.file.name} has no bytes")
-            if begin != MCAP0_MAGIC[: len(begin)]:
+        if not self.file.stat().st_size:
+            raise BagError(f"bag {self.path} is empty: {self.file.name} has no bytes")
+        data = map_file(self.file)
+        if not begins_well(data):
+            if not ends_well(data):
                 raise BagError(f"{self.path} is not a bag: {self.file.name} is not an MCAP file")
-            stream.seek(-len(begin), 2)
-            if stream.tell() < magic or stream.read(magic) != MCAP0_MAGIC:
-                raise BagError(
-                    f"bag {self.path} has no end (its recorder was killed, or the file was cut); "
-                    "./ares bag repair saves its complete part"
-                )
-            _check_summary(stream)
-            stream.seek(0)
-            reader = SeekingReader(stream, validate_crcs=True)
-            summary = reader.get_summary()
-            if summary is None or summary.statistics is None:
-                raise BagError(f"bag {self.path} has no index; ./ares bag repair makes one")
-            for record in reader.iter_metadata():
-                if record.name == RECORD_NAME:
-                    self.custom_data = custom_data_of(record.metadata)
+            raise ValueError("its first bytes are wrong")
+        if not ends_well(data):
+            raise BagError(
+                f"bag {self.path} has no end (its recorder was killed, or the file was cut); "
+                "./ares bag repair saves its complete part"
+            )
+        found = read_summary(data)
+        summary = found[0] if found else Summary()
         statistics = summary.statistics
+        if statistics is None:
+            raise BagError(f"bag {self.path} has no index; ./ares bag repair makes one")
+        self.custom_data = _custom_data(data, summary, self.file.with_name(METADATA_FILE))
         self.message_count = statistics.message_count
         self.start_ns = statistics.message_start_time
         self.end_ns = statistics.message_end_time
@@ -225,24 +222,24 @@ class Bag:
         return columns
 
 
-def _check_summary(stream: BinaryIO) -> None:
-    """Hold the summary against its checksum; the MCAP library checks the chunks only.
+def _custom_data(data: memoryview, summary: Summary, metadata_file: Path) -> dict[str, str]:
+    """The custom data of a bag. No checksum covers them, but there are up to three copies.
 
     Raises:
-        ValueError: they differ, or there is no footer where it belongs.
+        ValueError: the copies contradict each other, or one cannot be read.
     """
-    end = stream.seek(-_FOOTER.size - len(MCAP0_MAGIC), SEEK_END)
-    opcode, length, begin, _, checksum = _FOOTER.unpack(stream.read(_FOOTER.size))
-    if opcode != Opcode.FOOTER or length != _FOOTER.size - 9:
-        raise ValueError("no footer")
-    if not checksum or not begin:
-        return
-    if begin > end:
-        raise ValueError("summary beyond the end")
-    stream.seek(begin)
-    # the footer counts up to its checksum
-    if zlib.crc32(stream.read(end - begin + _FOOTER.size - 4)) != checksum:
-        raise ValueError("checksum of the summary is wrong")
+    copies = []
+    for index in summary.metadata_indexes:
+        span = Span(index.offset, index.offset + index.length, Opcode.METADATA)
+        record = parse(data, span)
+        if index.name == RECORD_NAME and isinstance(record, Metadata):
+            copies.append(("the file", custom_data_of(information_of(record.metadata))))
+    if metadata_file.is_file():
+        copies.append((METADATA_FILE, custom_data_of(read_metadata_file(metadata_file))))
+    conflict = custom_data_conflict(copies)
+    if conflict:
+        raise ValueError(conflict)
+    return next((custom for _, custom in reversed(copies) if custom), {})
 
 
 def open_bag(path: Path | str) -> Bag:

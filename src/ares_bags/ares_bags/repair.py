@@ -1,17 +1,24 @@
-"""Saving the complete part of a bag whose recorder was killed or whose file was damaged."""
+"""Saving what is intact of a bag whose recorder was killed or whose file was damaged."""
 
-from collections.abc import Iterator
+import shutil
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from mcap.records import Chunk, McapRecord, Message, Metadata
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.opcode import Opcode
+from mcap.records import McapRecord, Message
 
-from ares_bags.contents import Contents
 from ares_bags.errors import BagError
-from ares_bags.metadata import RECORD_NAME, custom_data_of
-from ares_bags.reader import find_file, open_bag
+from ares_bags.metadata import custom_data_of
+from ares_bags.reader import find_file
+from ares_bags.survey import UNREADABLE, chunk_content, chunk_records, parse
+from ares_bags.verify import Examination
 from ares_bags.writer import INCOMPLETE_KEY, BagWriter
+
+#: Custom data of a bag that was repaired and lost nothing; its text is what was wrong.
+REPAIRED_KEY = "repaired"
 
 
 @dataclass
@@ -21,40 +28,47 @@ class Repair:
     Attributes:
         path: folder of the new bag.
         counts: messages saved, by topic.
-        damaged_chunks: chunks in the middle of the file that could not be read.
+        damaged_chunks: chunks that were dropped whole, since their contents cannot be proven.
         problem: what was wrong with the original, one line.
+        lost: messages that were recorded and are not saved; None if nothing tells.
     """
 
     path: Path
     counts: dict[str, int] = field(default_factory=dict)
     damaged_chunks: int = 0
     problem: str = ""
+    lost: int | None = None
 
     @property
     def saved(self) -> int:
         """Messages saved in all."""
         return sum(self.counts.values())
 
-
-def _problem(path: Path) -> str | None:
-    """What is wrong with a bag; None if every message of it can be read."""
-    try:
-        for _ in open_bag(path).raw_messages():
-            pass
-    except BagError as error:
-        return str(error).split("; ./ares", maxsplit=1)[0]
-    return None
+    @property
+    def loss(self) -> str:
+        """What is lost, in words."""
+        if self.lost is None:
+            return "how many messages are lost cannot be known"
+        if not self.lost:
+            return "no message is lost"
+        dropped = f", {self.damaged_chunks} damaged chunks dropped whole" * bool(
+            self.damaged_chunks
+        )
+        return f"{self.lost:,} of {self.saved + self.lost:,} messages are lost{dropped}"
 
 
 def repair(path: Path | str, output: Path | str | None = None) -> Repair:
-    """Copy every complete chunk of a damaged bag into a new bag; the original stays as it is.
+    """Copy every intact message of a damaged bag into a new bag; the original stays as it is.
+
+    A chunk is copied if the checksum of its contents is right, and dropped whole if not: a
+    wrong bit could be in any of its messages.
 
     Args:
         path: the damaged bag: folder or MCAP file.
         output: folder of the new bag; default `<name>_repaired` beside the original.
 
     Returns:
-        What was saved.
+        What was saved, and what was lost.
 
     Raises:
         BagError: not a bag, nothing wrong with it, nothing to save, or the new bag cannot be
@@ -62,64 +76,83 @@ def repair(path: Path | str, output: Path | str | None = None) -> Repair:
     """
     path = Path(path)
     file = find_file(path)
-    problem = _problem(path)
-    if problem is None:
+    try:
+        found = Examination(path, decode=False)
+    except BagError as error:
+        raise BagError(f"bag {path}: no message can be saved ({error})") from error
+    findings = found.result.findings
+    if not findings:
         raise BagError(f"bag {path} is complete; nothing to repair")
+    problem = findings[0] if len(findings) == 1 else f"{findings[0]}, and {len(findings) - 1} more"
     source = path if path.is_dir() else file.with_suffix("")
     target = Path(output) if output is not None else source.with_name(f"{source.name}_repaired")
-    result = Repair(path=target, problem=problem)
-    custom_data, salvaged = _beginning(file)
-    if not salvaged:
+    if not found.result.messages:
         raise BagError(f"bag {path}: no message can be saved ({problem})")
-    custom_data[INCOMPLETE_KEY] = f"repaired: {problem}"
-    with BagWriter(target, custom_data, flush_interval_s=float("inf")) as writer:
-        _copy(file, writer, result)
-    result.counts = writer.counts
+    result = Repair(
+        target,
+        counts=found.message_counts,
+        damaged_chunks=found.result.damaged_chunks,
+        problem=f"bag {path}: {problem}",
+        lost=_lost(found),
+    )
+    custom_data = _custom_data([custom_data_of(copy) for _, copy in found.copies])
+    if result.lost == 0:
+        custom_data[REPAIRED_KEY] = problem
+    else:
+        custom_data[INCOMPLETE_KEY] = f"repaired: {problem}; {result.loss}"
+    _copy(found, target, custom_data)
     return result
 
 
-def _records(file: Path, result: Repair) -> Iterator[McapRecord]:
-    """Records in order, chunks opened, up to where the file breaks off."""
-    with file.open("rb") as stream:
-        records = StreamReader(stream, emit_chunks=True).records
-        while True:
-            try:
-                record = next(records)
-            except StopIteration:
-                return
-            except Exception:
-                # the reader raises one of many where the file breaks off
-                return
-            if not isinstance(record, Chunk):
-                yield record
-                continue
-            try:
-                inner = breakup_chunk(record, validate_crc=True)
-            except Exception:
-                result.damaged_chunks += 1
-                continue
-            yield from inner
+def _lost(found: Examination) -> int | None:
+    """How many messages were recorded and cannot be saved; None if nothing tells."""
+    if found.result.lost is not None:
+        return found.result.lost
+    # without any count: nothing is missing between the header and the end of the data
+    spans = found.survey.spans
+    ended = bool(spans) and spans[-1].opcode == Opcode.DATA_END
+    return 0 if ended and found.whole else None
 
 
-def _beginning(file: Path) -> tuple[dict[str, str], bool]:
-    """The custom data of a broken file, and whether it has any message that can be read."""
-    custom_data: dict[str, str] = {}
-    for record in _records(file, Repair(file)):
-        if isinstance(record, Metadata) and record.name == RECORD_NAME:
-            custom_data = custom_data_of(record.metadata)
-        elif isinstance(record, Message):
-            return custom_data, True
-    return custom_data, False
+def _custom_data(copies: Sequence[Mapping[str, str]]) -> dict[str, str]:
+    """What most copies of the custom data say, and the later of two."""
+    votes = {
+        key: Counter(copy[key] for copy in reversed(copies) if key in copy)
+        for key in dict.fromkeys(key for copy in copies for key in copy)
+    }
+    # of three copies, a key that stands in one only is a misread one
+    return {
+        key: count.most_common(1)[0][0]
+        for key, count in votes.items()
+        if count.total() > 1 or len(copies) < 3
+    }
 
 
-def _copy(file: Path, writer: BagWriter, result: Repair) -> None:
-    contents = Contents()
-    for record in _records(file, result):
-        contents.note(record)
-        if isinstance(record, Message):
-            try:
-                topic = contents.topic(record.channel_id)
-            except BagError:
-                continue  # its description was in a damaged chunk
-            writer.add_topic(topic)
-            writer.write(topic.name, record.log_time, record.data, record.publish_time)
+def _messages(found: Examination) -> Iterator[Message]:
+    """The messages that can be saved, in the order of recording."""
+    data = found.survey.data
+    for span in found.survey.spans:
+        records: list[McapRecord | None] = []
+        with suppress(*UNREADABLE):
+            if span.opcode == Opcode.CHUNK:
+                records += [record for _, record in chunk_records(chunk_content(data, span))]
+            elif span.opcode == Opcode.MESSAGE:
+                records.append(parse(data, span))
+        yield from (record for record in records if isinstance(record, Message))
+
+
+def _copy(found: Examination, target: Path, custom_data: Mapping[str, str]) -> None:
+    """Write the new bag, whole or not at all."""
+    writer = BagWriter(target, custom_data, flush_interval_s=float("inf"))
+    try:
+        with writer:
+            for message in _messages(found):
+                try:
+                    topic = found.contents.topic(message.channel_id)
+                except BagError:
+                    continue  # its description was in a damaged chunk
+                writer.add_topic(topic)
+                writer.write(topic.name, message.log_time, message.data, message.publish_time)
+    except BaseException:
+        shutil.rmtree(target, ignore_errors=True)
+        raise

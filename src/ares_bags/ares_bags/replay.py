@@ -4,6 +4,7 @@
 # rclpy's functions have no types
 
 import os
+import re
 import signal
 import sys
 import time
@@ -36,6 +37,10 @@ ACKNOWLEDGE_TIMEOUT_S = 5.0
 DEPTH = 1000
 #: Longest nap in s between two looks at the stop request.
 NAP = 0.05
+
+#: Characters of a topic's full name that the middleware takes.
+LONGEST_NAME = 247
+_NAMESPACE = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*/?", re.ASCII)
 
 
 @dataclass
@@ -100,11 +105,12 @@ def replay(
     Raises:
         BagError: unknown topic, a type that is missing here or of another version, or the
             bag is damaged.
-        ValueError: the rate is negative or not finite.
+        ValueError: the rate is negative or not finite, or the namespace is none.
     """
     if not 0.0 <= rate < float("inf"):
         raise ValueError(f"rate is {rate}; expected zero or a positive number")
     names = list(bag.topics) if topics is None else [bag.name_of(topic) for topic in topics]
+    full_names = {name: _joined(namespace, name) for name in names}
     for name in names:
         _check_type(bag, bag.topics[name])
     node = Node(
@@ -117,10 +123,10 @@ def replay(
         publishers = {
             name: node.create_publisher(
                 message_class(bag.topics[name].type_name),
-                _joined(namespace, name),
+                full_name,
                 _offered(bag.topics[name]),
             )
-            for name in names
+            for name, full_name in full_names.items()
         }
         clock = node.create_publisher(Clock, CLOCK, CLOCK_QOS)
         _wait_for_readers(publishers.values(), wait_for_readers_s, stopped)
@@ -130,8 +136,18 @@ def replay(
 
 
 def _joined(namespace: str, name: str) -> str:
+    if namespace and not _NAMESPACE.fullmatch(namespace):
+        raise ValueError(
+            f"namespace is {namespace!r}; expected names of letters, digits and _, none of them "
+            "beginning with a digit, with one / between two"
+        )
     prefix = namespace.strip("/")
-    return f"/{prefix}{name}" if prefix else name
+    full = f"/{prefix}{name}" if prefix else name
+    if len(full) > LONGEST_NAME:
+        raise ValueError(
+            f"topic {full!r} has {len(full)} characters; expected at most {LONGEST_NAME}"
+        )
+    return full
 
 
 def _wait_for_readers(
@@ -224,6 +240,9 @@ def run_replay(
     try:
         with _stop_on_signals() as stopped:
             bag = open_bag(path)
+            # half a flight must not go out before the damage in it is found
+            for _ in bag.raw_messages(topics):
+                pass
             rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
             result = replay(
                 bag, context, rate=rate, topics=topics, namespace=namespace, stopped=stopped

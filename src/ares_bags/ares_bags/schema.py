@@ -12,7 +12,7 @@ from typing import Any
 
 import yaml
 
-from ares_bags.errors import BagError
+from ares_bags.errors import BagError, cause
 
 _PRIMITIVES = frozenset(
     ("bool", "byte", "char", "float32", "float64", "int8", "uint8", "int16", "uint16")
@@ -121,6 +121,19 @@ def dump_yaml(value: object) -> str:
     return yaml.safe_dump(value, sort_keys=False, allow_unicode=True, width=2**20)
 
 
+def load_yaml(text: str) -> Any:
+    """The value of a YAML text.
+
+    Raises:
+        ValueError: it is not YAML.
+    """
+    try:
+        # the loader in C, where there is one: several texts are read for each bag
+        return yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    except (yaml.YAMLError, RecursionError) as error:
+        raise ValueError(f"not YAML ({cause(error)})") from error
+
+
 def qos_text(qos: tuple[Qos, ...]) -> str:
     """`offered_qos_profiles` of a channel: the YAML list as text; empty without profiles."""
     return dump_yaml([profile.as_dict() for profile in qos]) if qos else ""
@@ -133,9 +146,9 @@ def qos_from_text(text: str) -> tuple[Qos, ...]:
         ValueError: the text is not a list of profiles.
     """
     try:
-        entries = yaml.safe_load(text) or []
+        entries = load_yaml(text) or []
         return tuple(Qos.from_dict(entry) for entry in entries if type(entry["history"]) is str)
-    except (yaml.YAMLError, TypeError, KeyError) as error:
+    except (ValueError, TypeError, KeyError) as error:
         raise ValueError("offered_qos_profiles is not a list of QoS profiles") from error
 
 

@@ -119,13 +119,18 @@ def _ending(
     spans: list[_Span],
     metadata: list[MetadataIndex],
     data: dict[str, str],
+    checksum: int,
 ) -> bytes:
-    """Everything after the last chunk: metadata record, end of data, summary, footer."""
+    """Everything after the last chunk: metadata record, end of data, summary, footer.
+
+    The checksum is that of all before it.
+    """
     builder = RecordBuilder()
     Metadata(name=RECORD_NAME, metadata=data).write(builder)
     metadata = [*metadata, MetadataIndex(begin, builder.count, RECORD_NAME)]
-    DataEnd(data_section_crc=0).write(builder)
     before = builder.end()
+    DataEnd(data_section_crc=zlib.crc32(before, checksum)).write(builder)
+    before += builder.end()
 
     counts: dict[int, int] = {}
     for span in spans:
@@ -166,6 +171,11 @@ def _ending(
         summary_crc=zlib.crc32(footer_head, zlib.crc32(summary)),
     ).write(builder)
     return bytes(before + summary + builder.end() + MCAP0_MAGIC)
+
+
+def _checksum(path: Path, end: int) -> int:
+    with path.open("rb") as stream:
+        return zlib.crc32(stream.read(end))
 
 
 def _rewrite_end(path: Path, begin: int, ending: bytes) -> None:
@@ -213,9 +223,9 @@ def seal(path: Path, custom_data: dict[str, str]) -> dict[str, Any]:
         )
         begin = spans[-1].end if spans else start
         try:
-            _rewrite_end(
-                path, begin, _ending(begin, contents, spans, metadata, record_data(information))
-            )
+            checksum = _checksum(path, begin)
+            ending = _ending(begin, contents, spans, metadata, record_data(information), checksum)
+            _rewrite_end(path, begin, ending)
             write_metadata_file(path.parent, information)
         except OSError:
             if not spans:

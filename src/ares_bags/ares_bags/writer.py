@@ -26,6 +26,10 @@ from ares_bags.seal import seal
 INCOMPLETE_KEY = "incomplete"
 
 
+#: How the header of a file begins that was written here.
+LIBRARY = "ares_bags"
+
+
 class _WholeChunks:
     """Output stream whose bytes reach the file at `flush` only: all of them or none."""
 
@@ -122,8 +126,10 @@ class BagWriter:
             self._writer = Writer(
                 self._output,  # type: ignore[arg-type]
                 compression=CompressionType.ZSTD,
+                # bits outside of the chunks are covered by this checksum only
+                enable_data_crcs=True,
             )
-            self._writer.start(profile="ros2", library=f"ares_bags {LIBRARY_IDENTIFIER}")
+            self._writer.start(profile="ros2", library=f"{LIBRARY} {LIBRARY_IDENTIFIER}")
             # a killed recorder leaves at least what the bag is about
             self._writer.add_metadata(RECORD_NAME, record_data(self._information()))
             self._writer.flush()

@@ -13,6 +13,7 @@ from rosbags.rosbag2 import Reader
 from ares_bags.errors import BagError
 from ares_bags.reader import open_bag
 from ares_bags.testing import CUSTOM_DATA, NAV, messages, topics, write_bag
+from ares_bags.verify import verify
 from ares_bags.writer import BagWriter
 
 FILL = Path(__file__).with_name("fill_disk.py")
@@ -46,6 +47,7 @@ def test_every_limit_leaves_a_readable_bag(tmp_path: Path) -> None:
         assert {name: topic.count for name, topic in bag.topics.items() if topic.count} == {
             name: count for name, count in answer["counts"].items() if count
         }
+        assert verify(path).findings == []
         with Reader(path) as reader:
             assert reader.message_count == len(saved) == sum(1 for _ in reader.messages())
         if len(saved) == len(sent):

@@ -39,12 +39,16 @@ from ares_bags.testing import (
     nav_state,
     report,
 )
+from ares_bags.verify import Examination
 from ares_msgs.msg import FlightEvent, NavState
 from ares_node.diagnostics import hardware_id
 from ares_node.identity import id_text
 from ares_node.membership import Membership, Role, State
 from ares_node.qos import DIAGNOSTIC, EVENTS, FLIGHT
 from ares_node.testing import spin_until
+
+#: s; only a test that fails waits so long.
+PATIENCE_S = 120
 
 
 @dataclass
@@ -66,8 +70,14 @@ class Source:
                 self.event.publish(flight_event(number // 10))
             if number % 7 == 0:
                 self.diagnostics.publish(report(number))
+        self.wait_for_delivery()
 
-    def wait_for_recorder(self, timeout: float = 20.0) -> None:
+    def wait_for_delivery(self) -> None:
+        """Wait until what was published lies in the queues of its readers."""
+        for publisher in (self.nav, self.event, self.diagnostics):
+            assert publisher.wait_for_all_acked(Duration(seconds=PATIENCE_S))
+
+    def wait_for_recorder(self) -> None:
         outputs = (self.nav, self.event, self.diagnostics)
         # it listens to its own diagnostics
         wanted = (1, 1, 2)
@@ -77,7 +87,7 @@ class Source:
                 output.get_subscription_count() >= count
                 for output, count in zip(outputs, wanted, strict=True)
             ),
-            timeout,
+            PATIENCE_S,
         )
 
 
@@ -167,8 +177,9 @@ def test_qos_is_that_of_the_publisher(source: Source, recorders: Any, tmp_path: 
     )
     recorder = recorders(bag=str(tmp_path / "flight"), topics=["nav_state"])
     assert recorder.start()
-    assert spin_until(source.executor, lambda: other.get_subscription_count() == 1)
+    assert spin_until(source.executor, lambda: other.get_subscription_count() == 1, PATIENCE_S)
     other.publish(nav_state(0))
+    assert other.wait_for_all_acked(Duration(seconds=PATIENCE_S))
     recorder.drain_and_close(source.executor)
     topic = open_bag(tmp_path / "flight").topics[NAV]
     assert sorted(qos.durability for qos in topic.qos) == ["transient_local", "volatile"]
@@ -184,11 +195,12 @@ def test_times_of_other_clocks_and_before_zero(
     assert recorder.start()
     source.wait_for_recorder()
     source.nav.publish(nav_state(5))
-    assert spin_until(source.executor, lambda: recorder.message_counts.get(NAV) == 1)
+    assert spin_until(source.executor, lambda: recorder.message_counts.get(NAV) == 1, PATIENCE_S)
     for sec in (1_790_000_000, -3):
         foreign = report(0)
         foreign.header.stamp.sec = sec
         source.diagnostics.publish(foreign)
+    source.wait_for_delivery()
     recorder.drain_and_close(source.executor)
     bag = open_bag(tmp_path / "flight")
     flight_time = START_NS + 5 * 10**8
@@ -255,12 +267,17 @@ def test_full_disk_is_reported_once_and_the_flight_goes_on(
     try:
         for first in range(0, 2000, 50):
             source.publish(first, 50)
-            spin_until(source.executor, lambda: False, timeout=0.015)
+            taken = first + 50
+            assert spin_until(
+                source.executor,
+                lambda: recorder.error or recorder.message_counts.get(NAV) == taken,  # noqa: B023
+                PATIENCE_S,
+            )
             if recorder.error:
                 break
         assert recorder.error is not None
         source.publish(5000, 70)
-        assert spin_until(source.executor, lambda: recorder.lost > 70)
+        assert spin_until(source.executor, lambda: recorder.lost > 70, PATIENCE_S)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, former)
     recorder.drain_and_close(source.executor)
@@ -282,16 +299,10 @@ def test_full_disk_is_reported_once_and_the_flight_goes_on(
     assert "is incomplete: File too large; " in error_output
 
 
-def wait_until_quiet(file: Path) -> None:
-    """Wait until a file has grown and then has not grown for half a second."""
-    first = last = file.stat().st_size
-    changed = begin = time.monotonic()
-    while last == first or time.monotonic() - changed < 0.5:
-        assert time.monotonic() - begin < 30.0
+def wait_until_saved(bag: Path, count: int) -> None:
+    """Wait until the file of a bag that is being recorded holds so many navigation states."""
+    while Examination(bag, decode=False).message_counts.get(NAV, 0) < count:
         time.sleep(0.02)
-        size = file.stat().st_size
-        if size != last:
-            last, changed = size, time.monotonic()
 
 
 def start_process(
@@ -321,7 +332,7 @@ def test_a_signal_right_after_the_last_message_loses_nothing(
         source.wait_for_recorder()
         source.publish(0, 900)
         process.send_signal(number)
-        out, err = process.communicate(timeout=30)
+        out, err = process.communicate(timeout=PATIENCE_S)
     finally:
         process.kill()
     assert (process.returncode, out, err) == (0, "", "")
@@ -336,11 +347,11 @@ def test_a_killed_process_leaves_a_bag_that_can_be_repaired(
     try:
         source.wait_for_recorder()
         source.publish(0, 300)
-        wait_until_quiet(tmp_path / "flight" / "flight_0.mcap")
+        wait_until_saved(tmp_path / "flight", 300)
         source.publish(300, 100)
     finally:
         process.kill()
-        process.communicate(timeout=30)
+        process.communicate(timeout=PATIENCE_S)
     done = repair(tmp_path / "flight")
     # the timer flushed what came before the pause
     assert done.counts[NAV] >= 300
@@ -360,10 +371,11 @@ def test_a_process_with_a_full_disk_ends_with_status_1(
         assert spin_until(
             source.executor,
             lambda: any(array.status[0].name == "ares/recorder" for array in source.heard),
+            PATIENCE_S,
         )
         assert process.poll() is None, "it stays, so that the flight goes on"
         process.terminate()
-        _, err = process.communicate(timeout=30)
+        _, err = process.communicate(timeout=PATIENCE_S)
     finally:
         process.kill()
     assert process.returncode == 1
@@ -376,7 +388,7 @@ def test_a_process_that_cannot_start_ends_with_status_2(
     ros_environment: dict[str, str], tmp_path: Path
 ) -> None:
     process = start_process(ros_environment, tmp_path)
-    _, err = process.communicate(timeout=30)
+    _, err = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 2
     assert err == f"recorder: bag {tmp_path} exists already; expected a new name\n"
 
@@ -396,14 +408,14 @@ def test_two_recorders_write_equal_bags(
                 and source.event.get_subscription_count() == 2
                 and source.diagnostics.get_subscription_count() == 3
             ),
-            timeout=20.0,
+            timeout=PATIENCE_S,
         )
         source.publish(0, 300)
         recorder.drain_and_close(source.executor)
         for publisher in (source.nav, source.event, source.diagnostics):
-            assert publisher.wait_for_all_acked(Duration(seconds=20))
+            assert publisher.wait_for_all_acked(Duration(seconds=PATIENCE_S))
         process.terminate()
-        process.communicate(timeout=30)
+        process.communicate(timeout=PATIENCE_S)
     finally:
         process.kill()
     assert differences(open_bag(tmp_path / "one"), open_bag(tmp_path / "two")) == []

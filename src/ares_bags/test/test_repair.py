@@ -66,8 +66,9 @@ def test_sigkill_loses_at_most_the_flush_interval(tmp_path: Path) -> None:
     assert fingerprint(bag) == before, "the original is left alone"
     assert done.path == tmp_path / "flight_repaired"
     assert "has no end" in done.problem
-    # 0.05 s at some 1000 messages a second, and time to notice
-    assert taken - 200 <= done.saved <= taken
+    # 0.05 s at less than 1000 messages a second; the last one may be saved and not yet said
+    assert taken - 200 <= done.saved <= taken + 1
+    assert done.lost is None
 
     saved = open_bag(done.path)
     assert saved.message_count == done.saved

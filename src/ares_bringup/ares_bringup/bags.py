@@ -10,25 +10,31 @@ from rich.text import Text
 from ares_bags.errors import BagError
 from ares_bags.reader import Bag, open_bag
 from ares_bags.repair import repair
+from ares_bags.verify import Verification, verify
 from ares_bringup.options import CannotStart
 from ares_bringup.report import console, number
 
 NANOSECONDS = 1e9
+EXIT_DAMAGED = 1
 
 
-def show_bag(path: Path, as_json: bool) -> None:
-    """Print what a bag holds.
+def show_bag(path: Path, as_json: bool) -> int:
+    """Print what a bag holds and whether its checksums, indexes and counts are right.
+
+    Returns:
+        Exit status: 0, or 1 if the bag is damaged.
 
     Raises:
-        CannotStart: it is not a complete bag; one line.
+        CannotStart: it cannot be opened; one line.
     """
     try:
         bag = open_bag(path)
+        found = verify(path, decode=False)
     except BagError as error:
         raise CannotStart(str(error)) from error
     if as_json:
-        print(json.dumps(_contents(bag), indent=2, allow_nan=False))
-        return
+        print(json.dumps(_contents(bag) | {"findings": found.findings}, indent=2, allow_nan=False))
+        return _status(found)
     out = console()
     out.print(Text(f"{bag.file}, {number(bag.file.stat().st_size / 1e6, 2)} MB"), soft_wrap=True)
     for name, value in sorted(bag.custom_data.items()):
@@ -42,6 +48,65 @@ def show_bag(path: Path, as_json: bool) -> None:
     for name, topic in bag.topics.items():
         table.add_row(f"{topic.count:,}", Text(name), Text(topic.type_name))
     out.print(table)
+    if found.findings:
+        _print_damage(found)
+    else:
+        out.print("checksums, indexes and counts are right; `ares bag verify` decodes too")
+    return _status(found)
+
+
+def _status(found: Verification) -> int:
+    return EXIT_DAMAGED if found.findings else 0
+
+
+def _print_damage(found: Verification) -> None:
+    for finding in found.findings:
+        print(f"damaged: {finding}")
+    if found.lost:
+        print(f"{found.lost:,} of {found.expected:,} messages cannot be read")
+    print("`ares bag repair` saves what is intact")
+
+
+def verify_bag(path: Path, as_json: bool) -> int:
+    """Read everything in a bag and print what is wrong with it.
+
+    Returns:
+        Exit status: 0, or 1 if the bag is damaged.
+
+    Raises:
+        CannotStart: it is not a bag; one line.
+    """
+    try:
+        found = verify(path)
+    except BagError as error:
+        raise CannotStart(str(error)) from error
+    if as_json:
+        print(json.dumps(_verification(found), indent=2, allow_nan=False))
+        return _status(found)
+    print(f"{found.file}: {found.messages:,} messages in {found.chunks:,} chunks")
+    if found.findings:
+        _print_damage(found)
+    else:
+        print("whole: every checksum, index and count is right, every message can be decoded")
+        if found.unproven_chunks:
+            print(f"{found.unproven_chunks:,} chunks carry no checksum: a wrong bit may be there")
+        if not found.data_checksum:
+            print("no checksum covers what stands between the chunks; their copies agree")
+    return _status(found)
+
+
+def _verification(found: Verification) -> dict[str, object]:
+    return {
+        "file": str(found.file.absolute()),
+        "whole": not found.findings,
+        "messages": found.messages,
+        "messages_recorded": found.expected,
+        "chunks": found.chunks,
+        "damaged_chunks": found.damaged_chunks,
+        "unproven_chunks": found.unproven_chunks,
+        "data_checksum": found.data_checksum,
+        "findings": found.findings,
+    }
 
 
 def _contents(bag: Bag) -> dict[str, object]:
@@ -59,8 +124,11 @@ def _contents(bag: Bag) -> dict[str, object]:
     }
 
 
-def repair_bag(path: Path, into: Path | None) -> None:
-    """Save what can be read of a damaged bag and say what that is.
+def repair_bag(path: Path, into: Path | None) -> int:
+    """Save what is intact of a damaged bag and say what that is.
+
+    Returns:
+        Exit status: 0 if nothing that was recorded is lost, 1 if something is, or may be.
 
     Raises:
         CannotStart: nothing to repair, nothing to save, or the copy cannot be written.
@@ -69,15 +137,21 @@ def repair_bag(path: Path, into: Path | None) -> None:
         result = repair(path, into)
     except BagError as error:
         raise CannotStart(str(error)) from error
-    print(f"{result.problem}")
-    damaged = f", {result.damaged_chunks} damaged chunks passed over" * bool(result.damaged_chunks)
-    print(f"saved {result.saved:,} messages in {result.path}{damaged}")
+    print(result.problem)
+    print(f"saved {result.saved:,} messages in {result.path}; {result.loss}")
+    return EXIT_DAMAGED if result.lost != 0 else 0
 
 
-def replay_bag(path: Path, rate: float, topics: Sequence[str], namespace: str) -> int:
-    """Publish a bag again until its end or a signal; returns the exit status."""
+def replay_bag(path: Path, rate: float, topics: Sequence[str], namespace: str | None) -> int:
+    """Publish a bag again until its end or a signal; returns the exit status.
+
+    Raises:
+        CannotStart: the namespace has no name.
+    """
+    if namespace is not None and not namespace.strip("/"):
+        raise CannotStart(f"--namespace is {namespace!r}; expected a name such as /again")
     from ares_bags.replay import run_replay
     from ares_bringup.discovery import apply_discovery_settings
 
     apply_discovery_settings()
-    return run_replay(path, rate=rate, topics=list(topics) or None, namespace=namespace)
+    return run_replay(path, rate=rate, topics=list(topics) or None, namespace=namespace or "")

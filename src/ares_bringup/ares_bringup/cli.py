@@ -63,7 +63,7 @@ SETTINGS: dict[str, Any] = {
 app = typer.Typer(
     name="ares", help=HELP, context_settings={"help_option_names": ["-h", "--help"]}, **SETTINGS
 )
-bag_app = typer.Typer(help="Look into recorded flights: info, repair.", **SETTINGS)
+bag_app = typer.Typer(help="Look into recorded flights: info, verify, repair.", **SETTINGS)
 app.add_typer(bag_app, name="bag")
 
 
@@ -361,23 +361,41 @@ def bag_info(
     bag: Annotated[Path, typer.Argument(metavar="BAG", help="Folder of a bag.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """Say what a bag holds."""
+    """Say what a bag holds, and whether it is whole. Exit status 1: it is damaged."""
     from ares_bringup.bags import show_bag
 
-    show_bag(bag, as_json)
+    raise typer.Exit(show_bag(bag, as_json))
+
+
+@bag_app.command("verify")
+def bag_verify(
+    bag: Annotated[Path, typer.Argument(metavar="BAG", help="Folder of a bag.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Check every checksum, index and count, decode every message.
+
+    Exit status 0: all is well; 1: damaged; 2: not a bag.
+    """
+    from ares_bringup.bags import verify_bag
+
+    raise typer.Exit(verify_bag(bag, as_json))
 
 
 @bag_app.command("repair")
 def bag_repair(
-    bag: Annotated[Path, typer.Argument(metavar="BAG", help="Folder of a bag cut short.")],
+    bag: Annotated[Path, typer.Argument(metavar="BAG", help="Folder of a damaged bag.")],
     into: Annotated[
         Path | None, typer.Option(help="Folder of the copy; default: BAG_repaired.")
     ] = None,
 ) -> None:
-    """Copy what can be read of a bag that was cut short into a new bag."""
+    """Copy what is intact of a damaged bag into a new bag.
+
+    Exit status 0: nothing recorded is lost; 1: something is, or it cannot be known; 2: nothing
+    to repair, or nothing to save.
+    """
     from ares_bringup.bags import repair_bag
 
-    repair_bag(bag, into)
+    raise typer.Exit(repair_bag(bag, into))
 
 
 @app.command()
@@ -389,7 +407,7 @@ def replay(
     topic: Annotated[
         list[str] | None, typer.Option(help="Only this topic; may be given again.")
     ] = None,
-    namespace: Annotated[str, typer.Option(help="Put in front of every topic name.")] = "",
+    namespace: Annotated[str | None, typer.Option(help="Put in front of every topic name.")] = None,
 ) -> None:
     """Publish a recorded flight again, with its clock."""
     from ares_bringup.bags import replay_bag

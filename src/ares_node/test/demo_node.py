@@ -29,6 +29,13 @@ class DemoNode(FlightNode):
     def __init__(self, **kwargs: Any) -> None:
         mode = Parameter("mode", "run", "How to behave.", choices=MODES)
         super().__init__("demo", parameters=[mode], **kwargs)
+        if not self.values["autostart"]:
+            self.first = self.create_timer(0.001, self.say_idle)
+
+    def say_idle(self) -> None:
+        """Once, from inside the run's loop."""
+        self.first.cancel()
+        print("idle", flush=True)
 
     def configure(self) -> None:
         mode = self.values["mode"]

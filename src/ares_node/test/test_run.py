@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from lifecycle_msgs.srv import GetState
 from rcl_interfaces.msg import Log
 from rclpy.context import Context
 from rclpy.experimental.events_executor import EventsExecutor
@@ -32,7 +31,7 @@ def start(environment: dict[str, str], *arguments: str) -> "subprocess.Popen[str
 
 def run(environment: dict[str, str], *arguments: str) -> tuple[int, str, str]:
     process = start(environment, *arguments)
-    out, err = process.communicate(timeout=30)
+    out, err = process.communicate(timeout=120)
     return process.returncode, out, err
 
 
@@ -85,7 +84,7 @@ def test_a_signal_ends_the_run_cleanly(
     assert process.stdout is not None
     assert process.stdout.readline() == "running\n"
     process.send_signal(number)
-    out, err = process.communicate(timeout=30)
+    out, err = process.communicate(timeout=120)
     assert (process.returncode, err) == (0, "")
     assert out == "drained True\ndeactivated\ncleaned up\n"
 
@@ -95,7 +94,7 @@ def test_a_signal_while_starting(ros_environment: dict[str, str]) -> None:
     assert process.stdout is not None
     assert process.stdout.readline() == "starting\n"
     process.send_signal(signal.SIGTERM)
-    _, err = process.communicate(timeout=30)
+    _, err = process.communicate(timeout=120)
     assert (process.returncode, err) == (0, "")
 
 
@@ -136,24 +135,13 @@ def test_a_signal_during_the_imports(
     assert (process.returncode, err) == (0, "")
 
 
-def test_idle_process_wakes_on_a_signal(
-    ros_context: Context, ros_environment: dict[str, str]
-) -> None:
+def test_idle_process_wakes_on_a_signal(ros_environment: dict[str, str]) -> None:
     """Without autostart nothing ever calls back: only the signal can end the sleep."""
-    node = Node("manager", context=ros_context)
-    executor = EventsExecutor(context=ros_context)
-    executor.add_node(node)
-    client = node.create_client(GetState, "/ares/demo/get_state")
     process = start(ros_environment, "--ros-args", "-p", "autostart:=false")
-    try:
-        assert spin_until(executor, client.service_is_ready, timeout=30.0)
-        state = client.call_async(GetState.Request())
-        assert spin_until(executor, state.done, timeout=30.0)
-    finally:
-        process.send_signal(signal.SIGTERM)
-        out, err = process.communicate(timeout=30)
-        executor.shutdown()
-        node.destroy_node()
+    assert process.stdout is not None
+    assert process.stdout.readline() == "idle\n"
+    process.send_signal(signal.SIGTERM)
+    out, err = process.communicate(timeout=120)
     assert (process.returncode, out, err) == (0, "drained True\n", "")
 
 
@@ -167,10 +155,10 @@ def test_reports_carry_name_stamp_and_values(
     node.create_subscription(DiagnosticArray, "/diagnostics", heard.append, 10)
     process = start(ros_environment)
     try:
-        assert spin_until(executor, lambda: bool(heard), timeout=20.0)
+        assert spin_until(executor, lambda: bool(heard), timeout=120.0)
     finally:
         process.terminate()
-        process.communicate(timeout=30)
+        process.communicate(timeout=120)
         executor.shutdown()
         node.destroy_node()
     status = heard[0].status[0]

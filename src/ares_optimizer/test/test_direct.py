@@ -8,6 +8,7 @@ import pytest
 
 from ares_models.arrays import ALTITUDE_SPHERICAL
 from ares_models.mission import load_mission
+from ares_optimizer.deadline import TIME_LIMIT_PASSED, Deadline
 from ares_optimizer.direct import Guess, solve_direct, thesis_guess
 from ares_optimizer.solve import solve, start_of
 from ares_optimizer.verify import elements
@@ -232,13 +233,18 @@ def test_two_heating_jettisons(ares_v):
     assert solution.m_f_kg > 174_183.1
 
 
-def test_deadline_ends_a_search(ares_v):
+def test_deadline_ends_a_search(ares_v, monkeypatch):
     arrays = ares_v.arrays()
     arrays.jettisons["value"] = 1e-9
     start = start_of(ares_v)
-    solution = solve(arrays, state=start, time_limit_s=0.05)
+    long = solve(arrays, state=start)
+    # the time is over when it is asked for the fourth time
+    asked = iter([False] * 3)
+    monkeypatch.setattr(Deadline, "passed", property(lambda _: next(asked, True)))
+    solution = solve(arrays, state=start, time_limit_s=60.0)
     assert not solution.converged
-    assert solution.solve_ms < 500.0
+    assert solution.reason == TIME_LIMIT_PASSED
+    assert solution.iterations < long.iterations / 2
 
 
 def test_solver_object_tells_how_it_ended(ares_v):

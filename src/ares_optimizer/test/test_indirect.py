@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from datetime import timedelta
 
 import numpy as np
 import pytest
@@ -466,7 +465,7 @@ class TestConvergence:
         assert arrays.jettisons["mass"].tolist() == [5837.0]
         assert arrays.jettisons["value"].tolist() == [1135.0]
 
-    @settings(max_examples=25, deadline=timedelta(seconds=2))
+    @settings(max_examples=25)
     @given(
         mass=st.floats(500.0, 12000.0),
         limit=st.floats(200.0, 20000.0),
@@ -559,7 +558,7 @@ class TestObstacles:
         solution = solve_indirect(arrays, start)
         assert not solution.converged
         assert "heating limit of jettison 0, 0.01 W/m2" in solution.reason
-        assert solution.solve_ms < 1000.0
+        assert solution.iterations < 2000
 
     def test_weak_engine(self, ares):
         arrays, start = ares
@@ -568,7 +567,7 @@ class TestObstacles:
         solution = solve_indirect(arrays, start)
         assert not solution.converged
         assert solution.reason.startswith("no flight to the target found: radius")
-        assert solution.solve_ms < 1000.0
+        assert solution.iterations < 200
 
     def test_linear_gravity_is_no_proof(self, ares):
         """Converged to 1e-9 in its own field; the independent flight refuses it."""

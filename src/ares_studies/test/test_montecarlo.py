@@ -5,9 +5,11 @@ import math
 import os
 import pickle
 import signal
+import socket
 import subprocess
 import sys
 import time
+from contextlib import ExitStack
 from functools import partial
 
 import numpy as np
@@ -339,31 +341,44 @@ def start(arguments, **environment):
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory):
     """Address of a scheduler with two workers, and the workers."""
+    from distributed import Client
+
     folder = tmp_path_factory.mktemp("dask")
     where = folder / "scheduler.json"
     given = ["--scheduler-file", str(where), "--no-dashboard"]
-    scheduler = start(
-        ["distributed.cli.dask_scheduler", *given, "--host", "127.0.0.1", "--port", "0"]
-    )
-    workers = [
-        start(
-            ["distributed.cli.dask_worker", *given, "--nthreads", "1", "--no-nanny"]
-            + ["--local-directory", str(folder / name), "--name", name],
-        )
-        for name in ("one", "two")
-    ]
-    deadline = time.monotonic() + 60.0
-    while not (where.exists() and where.read_text()) and time.monotonic() < deadline:
-        time.sleep(0.05)
-    address = json.loads(where.read_text())["address"]
-    from distributed import Client
+    with ExitStack() as stack:
 
-    with Client(address, set_as_default=False) as client:
-        client.wait_for_workers(2, timeout=60)
-    yield address, workers
-    for process in (*workers, scheduler):
-        process.kill()
-        process.wait()
+        def run(*arguments):
+            process = start(arguments)
+            stack.callback(process.wait)
+            stack.callback(process.kill)
+            return process
+
+        scheduler = run(
+            "distributed.cli.dask_scheduler", *given, "--host", "127.0.0.1", "--port", "0"
+        )
+        while not (address := address_in(where)):
+            assert scheduler.poll() is None
+            time.sleep(0.05)
+        workers = [
+            run(
+                *("distributed.cli.dask_worker", address, "--no-dashboard"),
+                *("--nthreads", "1", "--no-nanny"),
+                *("--local-directory", str(folder / name), "--name", name),
+            )
+            for name in ("one", "two")
+        ]
+        with Client(address, set_as_default=False, timeout=120) as client:
+            client.wait_for_workers(2, timeout=240)
+        yield address, workers
+
+
+def address_in(file):
+    """The scheduler's address; empty as long as the file is not there or not whole."""
+    try:
+        return json.loads(file.read_text())["address"]
+    except (FileNotFoundError, json.JSONDecodeError):
+        return ""
 
 
 def test_a_cluster_flies_the_same_and_a_lost_worker_loses_no_flight(
@@ -393,8 +408,12 @@ def test_a_chunk_that_no_worker_brings_home_is_logged(standard):
 
 def test_no_scheduler_is_one_line(standard, tmp_path, monkeypatch):
     monkeypatch.setattr(engines, "CONNECT_TIMEOUT", 0.5)
-    with pytest.raises(EngineError, match="no Dask scheduler at") as caught:
-        fly(Plan(standard, 25), tmp_path, partial(fly_on_cluster, address="tcp://127.0.0.1:9"))
+    with socket.socket() as held:
+        # a port of one's own at which nobody listens
+        held.bind(("127.0.0.1", 0))
+        engine = partial(fly_on_cluster, address=f"tcp://127.0.0.1:{held.getsockname()[1]}")
+        with pytest.raises(EngineError, match="no Dask scheduler at") as caught:
+            fly(Plan(standard, 25), tmp_path, engine)
     assert "\n" not in str(caught.value)
 
 

@@ -1,0 +1,407 @@
+"""Whether a bag is whole: every checksum, index, count and message held against each other."""
+
+import zlib
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from mcap.opcode import Opcode
+from mcap.records import (
+    ChunkIndex,
+    DataEnd,
+    Header,
+    McapRecord,
+    Message,
+    MessageIndex,
+    Metadata,
+    MetadataIndex,
+    Statistics,
+)
+from mcap.summary import Summary
+from mcap_ros2.decoder import DecoderFactory
+
+from ares_bags.contents import Contents
+from ares_bags.errors import BagError, cause
+from ares_bags.metadata import (
+    METADATA_FILE,
+    NO_TIME_NS,
+    RECORD_NAME,
+    bag_information,
+    custom_data_conflict,
+    custom_data_of,
+    information_of,
+    read_metadata_file,
+    recorded_counts,
+)
+from ares_bags.reader import find_file
+from ares_bags.survey import (
+    CHUNK_HEAD,
+    HEAD,
+    UNREADABLE,
+    Span,
+    Survey,
+    begins_well,
+    chunk_content,
+    chunk_records,
+    map_file,
+    packing,
+    parse,
+    survey,
+)
+from ares_bags.writer import LIBRARY
+
+
+@dataclass
+class Verification:
+    """What a look at everything in a bag has found.
+
+    Attributes:
+        file: the MCAP file.
+        findings: what is wrong, one line each; empty if all is well.
+        messages: messages of described topics in chunks that can be read.
+        expected: messages that were recorded; None if nothing tells.
+        chunks: chunks, readable or not.
+        damaged_chunks: those whose contents are not what was written.
+        unproven_chunks: those that carry no checksum; a wrong bit in a message goes unnoticed.
+        decoded: whether each message was decoded too.
+        data_checksum: whether a checksum covers every byte before the index.
+    """
+
+    file: Path
+    findings: list[str] = field(default_factory=list)
+    messages: int = 0
+    expected: int | None = None
+    chunks: int = 0
+    damaged_chunks: int = 0
+    unproven_chunks: int = 0
+    decoded: bool = True
+    data_checksum: bool = False
+
+    @property
+    def lost(self) -> int | None:
+        """Messages that were recorded and cannot be read; None if nothing tells."""
+        return None if self.expected is None else max(self.expected - self.messages, 0)
+
+
+def surveyed(path: Path) -> tuple[Path, Survey]:
+    """The MCAP file of a bag and what is where in it.
+
+    Raises:
+        BagError: it does not exist, cannot be read, is empty or is not a bag.
+    """
+    file = find_file(path)
+    try:
+        if not file.stat().st_size:
+            raise BagError(f"bag {path} is empty: {file.name} has no bytes")
+        found = survey(map_file(file))
+    except OSError as error:
+        raise BagError(f"bag {path} cannot be read: {cause(error)}") from error
+    if found is None:
+        raise BagError(f"{path} is not a bag: {file.name} is not an MCAP file")
+    return file, found
+
+
+def verify(path: Path | str, *, decode: bool = True) -> Verification:
+    """Read everything in a bag and hold it against everything else in it.
+
+    Args:
+        path: the bag's folder, its MCAP file or its `metadata.yaml`.
+        decode: decode each message too; without, checksums, indexes and counts only.
+
+    Raises:
+        BagError: it is not a bag, or not one of ROS 2.
+    """
+    return Examination(Path(path), decode).result
+
+
+class Examination:
+    """One look at everything in a bag.
+
+    Attributes:
+        survey: what is where in the file.
+        result: what was found.
+        contents: schemas and channels, of the index and of all readable chunks.
+        copies: metadata of the bag, in the order of recording, with where each stands.
+        whole: whether every record and every chunk could be read.
+    """
+
+    def __init__(self, path: Path, decode: bool) -> None:
+        """Read a bag; see `verify`."""
+        file, self.survey = surveyed(path)
+        self.data = self.survey.data
+        self.result = Verification(file, decoded=decode)
+        self.contents = Contents()
+        self.copies: list[tuple[str, dict[str, Any]]] = []
+        self.whole = True
+        self._decoders = DecoderFactory()
+        self._undecoded: Counter[str] = Counter()
+        self._counts: Counter[int] = Counter()
+        self._first, self._last = NO_TIME_NS, 0
+        self._indexes: list[ChunkIndex] = []
+        self._metadata: list[MetadataIndex] = []
+        self._attachments = 0
+        self._ours = False
+        self._records()
+        metadata_file = file.with_name(METADATA_FILE)
+        self._all_metadata(metadata_file if metadata_file.is_file() or path.is_dir() else None)
+
+    @property
+    def message_counts(self) -> dict[str, int]:
+        """Messages that can be read, by topic."""
+        return {self.contents.topic(channel).name: n for channel, n in self._counts.items()}
+
+    def _say(self, finding: str) -> None:
+        self.result.findings.append(finding)
+
+    def _records(self) -> None:
+        """Everything in the MCAP file."""
+        found = self.survey
+        if not begins_well(self.data):
+            self._say("the first bytes are not those of an MCAP file")
+        if found.problem:
+            self._say(f"the file {found.problem}")
+        if found.summary:
+            self.contents.schemas |= found.summary.schemas
+            self.contents.channels |= found.summary.channels
+            for channel in found.summary.channels:
+                self.contents.topic(channel)  # raises for what is not of ROS 2
+        header = self._record(found.spans[0]) if found.spans else None
+        if isinstance(header, Header):
+            self._ours = header.library.startswith(LIBRARY)
+        else:
+            self._say("the file has no header")
+        for number, span in enumerate(found.spans):
+            self._span(number, span)
+        for topic, count in self._undecoded.items():
+            self._say(f"{topic}: {count} messages cannot be decoded")
+        self.result.chunks = len(found.chunks)
+        self.result.messages = self._counts.total()
+        if found.summary and found.spans:
+            self._summary(found.summary)
+            self._data_end(found.spans[-1])
+
+    def _record(self, span: Span) -> McapRecord | None:
+        """The record of a span, None if it cannot be read."""
+        if span.opcode is None or self.data[span.begin] != span.opcode:
+            return None
+        try:
+            return parse(self.data, span)
+        except UNREADABLE:
+            return None
+
+    def _span(self, number: int, span: Span) -> None:
+        """One record before the summary, or a gap."""
+        where = f"bytes {span.begin} to {span.end}"
+        if span.opcode is None:
+            self.whole = False
+            self._say(f"{where}: no record can be made out")
+        elif span.opcode == Opcode.CHUNK:
+            try:
+                content = chunk_content(self.data, span)
+                records = list(chunk_records(content))
+            except UNREADABLE as error:
+                self.whole = False
+                self.result.damaged_chunks += 1
+                self._say(f"{where}: chunk {len(self._indexes) + 1} is damaged ({cause(error)})")
+                self._indexes.append(ChunkIndex(0, span.begin, "", 0, 0, 0, {}, 0, 0))
+            else:
+                self._chunk(span, len(content), records, self._message_indexes(number + 1))
+        elif span.opcode == Opcode.ATTACHMENT:
+            self._attachments += 1
+            body = self.data[span.begin + HEAD.size : span.end]
+            if int.from_bytes(body[-4:], "little") not in (0, zlib.crc32(body[:-4])):
+                self._say(f"{where}: checksum of an attachment is wrong")
+        elif span.opcode in (Opcode.METADATA, Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL):
+            self._loose(self._record(span), span, where)
+
+    def _loose(self, record: McapRecord | None, span: Span, where: str) -> None:
+        """A record outside of the chunks."""
+        if isinstance(record, Metadata):
+            self._metadata.append(MetadataIndex(span.begin, span.end - span.begin, record.name))
+            if record.name == RECORD_NAME:
+                try:
+                    self.copies.append(("the file", information_of(record.metadata)))
+                except ValueError as error:
+                    self._say(f"{where}: metadata: {error}")
+        elif record is None:
+            self._say(f"{where}: a record cannot be read")
+        else:
+            self._take(record)
+
+    def _take(self, record: McapRecord) -> None:
+        """A message, or a schema or channel, which must be the same wherever it stands."""
+        if isinstance(record, Message):
+            try:
+                topic = self.contents.topic(record.channel_id)
+            except BagError:
+                self._undecoded[f"channel {record.channel_id}, which is not described"] += 1
+                return
+            self._counts[record.channel_id] += 1
+            self._first = min(self._first, record.log_time)
+            self._last = max(self._last, record.log_time)
+            if self.result.decoded and not self._decodes(record):
+                self._undecoded[topic.name] += 1
+        elif self.contents.contradicts(record):
+            kind = type(record).__name__.lower()
+            self._say(f"{kind} {getattr(record, 'id', '')} is described in two ways")
+        else:
+            self.contents.note(record)
+
+    def _decodes(self, message: Message) -> bool:
+        """Whether a message of a described topic can be decoded."""
+        schema = self.contents.schemas[self.contents.channels[message.channel_id].schema_id]
+        try:
+            decode = self._decoders.decoder_for("cdr", schema)
+            assert decode is not None  # Contents.topic() has checked the encodings
+            decode(message.data)
+        except Exception:
+            # the decoder raises one of many
+            return False
+        return True
+
+    def _message_indexes(self, number: int) -> Iterator[Span]:
+        """The message indexes that stand from a span on, which belong to the chunk before."""
+        spans = self.survey.spans
+        while number < len(spans) and spans[number].opcode == Opcode.MESSAGE_INDEX:
+            yield spans[number]
+            number += 1
+
+    def _chunk(
+        self,
+        span: Span,
+        size: int,
+        records: Sequence[tuple[int, McapRecord]],
+        message_indexes: Iterator[Span],
+    ) -> None:
+        """A readable chunk: its head, its message indexes, its entry in the index."""
+        place = f"chunk {len(self._indexes) + 1}"
+        entries: dict[int, list[tuple[int, int]]] = {}
+        for offset, record in records:
+            self._take(record)
+            if isinstance(record, Message):
+                entries.setdefault(record.channel_id, []).append((record.log_time, offset))
+        times = [time for pairs in entries.values() for time, _ in pairs]
+        compression, begin = packing(self.data, span)
+        index = ChunkIndex(
+            message_start_time=min(times, default=0),
+            message_end_time=max(times, default=0),
+            chunk_start_offset=span.begin,
+            chunk_length=span.end - span.begin,
+            message_index_offsets={},
+            message_index_length=0,
+            compression=compression,
+            compressed_size=span.end - begin,
+            uncompressed_size=size,
+        )
+        self._indexes.append(index)
+        *_, checksum = CHUNK_HEAD.unpack_from(self.data, span.begin + HEAD.size)
+        self.result.unproven_chunks += not checksum
+        if self.data[span.begin : begin] != _head(index, checksum):
+            self._say(f"{place}: its head is damaged, its contents are not")
+        for after in message_indexes:
+            found = self._record(after)
+            if isinstance(found, MessageIndex):
+                index.message_index_offsets[found.channel_id] = after.begin
+                if sorted(found.records) != sorted(entries.get(found.channel_id, ())):
+                    self._say(f"{place}: an index of its messages is wrong")
+            index.message_index_length += after.end - after.begin
+        if span.index is not None and span.index != index:
+            self._say(f"{place}: the index does not fit it, or the message indexes after it")
+
+    def _summary(self, summary: Summary) -> None:
+        """The counts, and where the metadata records are."""
+        if summary.metadata_indexes and summary.metadata_indexes != self._metadata:
+            self._say("the index of the metadata records is not that of those in the file")
+        statistics = summary.statistics
+        if statistics is None:
+            self._say("the index has no statistics")
+            return
+        self.result.expected = statistics.message_count
+        if not self.whole:
+            return
+        found = Statistics(
+            attachment_count=self._attachments,
+            channel_count=len(self.contents.channels),
+            channel_message_counts=dict(self._counts),
+            chunk_count=len(self._indexes),
+            message_count=self._counts.total(),
+            message_start_time=self._first if self._counts else 0,
+            message_end_time=self._last,
+            metadata_count=len(self._metadata),
+            schema_count=len(self.contents.schemas),
+        )
+        for name, value in vars(found).items():
+            said = getattr(statistics, name)
+            if isinstance(said, dict):
+                said = {channel: count for channel, count in said.items() if count}
+            if said != value:
+                self._say(f"the index says {name} is {said}, the file holds {value}")
+
+    def _data_end(self, span: Span) -> None:
+        """The end of the data section, and the checksum of all before it."""
+        record = self._record(span)
+        if not isinstance(record, DataEnd) or span.end - span.begin != HEAD.size + 4:
+            self._say(f"bytes {span.begin} to {span.end}: the end of the data is damaged")
+        elif record.data_section_crc:
+            self.result.data_checksum = True
+            if not self.result.findings and (
+                zlib.crc32(self.data[: span.begin]) != record.data_section_crc
+            ):
+                self._say("a bit before the index has changed; no finer checksum covers it")
+
+    def _all_metadata(self, path: Path | None) -> None:
+        """All copies of the metadata: against each other and against the messages."""
+        in_file = len(self.copies)
+        if path is not None:
+            try:
+                self.copies.append((METADATA_FILE, read_metadata_file(path)))
+            except FileNotFoundError:
+                self._say(f"{METADATA_FILE} is missing")
+            except (OSError, ValueError) as error:
+                self._say(f"{METADATA_FILE} cannot be read: {cause(error)}")
+        conflict = custom_data_conflict(
+            [(where, custom_data_of(copy)) for where, copy in self.copies]
+        )
+        if conflict:
+            self._say(conflict)
+        if self.result.expected is None:
+            counts = recorded_counts([copy for _, copy in self.copies])
+            self.result.expected = sum(counts.values()) if counts else None
+        if self.whole and self.survey.summary:
+            for where, copy in self.copies[max(in_file - 1, 0) :]:
+                self._information(where, copy)
+
+    def _information(self, where: str, information: Mapping[str, Any]) -> None:
+        """A copy of the metadata that was made at the end, against the messages."""
+        if not self._ours:
+            counts = recorded_counts([information])
+            if counts and {name: n for name, n in counts.items() if n} != self.message_counts:
+                self._say(f"{where} counts other messages than there are")
+            return
+        channels = self.contents.channels
+        ought = bag_information(
+            self.result.file.name,
+            [(self.contents.topic(channel), self._counts[channel]) for channel in channels],
+            (self._first, self._last) if self._counts else None,
+            custom_data_of(information),
+        )
+        for key in sorted(information.keys() | ought.keys(), key=str):
+            if key != "ros_distro" and information.get(key) != ought.get(key):
+                said, right = information.get(key), ought.get(key)
+                words = f": {said!r}, the messages say {right!r}" if isinstance(right, int) else ""
+                self._say(f"{key} in {where} is wrong{words}")
+
+
+def _head(index: ChunkIndex, checksum: int) -> bytes:
+    """The head that a chunk ought to have."""
+    return (
+        HEAD.pack(Opcode.CHUNK, index.chunk_length - HEAD.size)
+        + CHUNK_HEAD.pack(
+            index.message_start_time, index.message_end_time, index.uncompressed_size, checksum
+        )
+        + len(index.compression).to_bytes(4, "little")
+        + index.compression.encode()
+        + index.compressed_size.to_bytes(8, "little")
+    )
