@@ -212,6 +212,9 @@ def optimize(
         JettisonTarget | None,
         typer.Option(help="Of analytic: target of part one, found from; default: mission."),
     ] = None,
+    time_limit: Annotated[
+        float, typer.Option(min=0.0, help="Wall time after which the search is given up, s.")
+    ] = 30.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Find the optimal ascent off line, with its proof. Exit status 1: no optimum."""
@@ -227,7 +230,7 @@ def optimize(
 
         others = {"--heating": heating, "--hold-jettison": hold_jettison}
         refused = [name for name, value in others.items() if value]
-        raise typer.Exit(optimize_analytic(mission, as_json, refused, asked))
+        raise typer.Exit(optimize_analytic(mission, as_json, refused, asked, time_limit))
     for name in asked:
         raise BadInput(f"--{name.replace('_', '-')} goes with --method analytic only")
     from ares_bringup.optimize import optimize as solve
@@ -238,6 +241,7 @@ def optimize(
         as_json,
         heating.value if heating is not None else None,
         tuple(hold_jettison or ()),
+        time_limit,
     )
     raise typer.Exit(status)
 
