@@ -14,6 +14,7 @@ from typing import Annotated, Any
 import typer
 
 from ares_bringup import __version__
+from ares_bringup.interrupts import Interrupts
 from ares_bringup.options import (
     MAX_DOMAIN_ID,
     AnalyticProfile,
@@ -38,7 +39,7 @@ EXIT_STATUSES = """Exit status:
   1    flown, but not as it should: target missed, impact, propellant gone,
        something not jettisoned, a node lost, bag incomplete
   2    could not start: bad input, in one line on standard error
-  130  interrupted; what was flown is in the bag
+  130  interrupted; what was flown is in the bag (143: by SIGTERM; a flight: 130)
 
 \b
 Flown to the target means: radius within 100 m, speed 0.1 m/s, flight-path
@@ -448,6 +449,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         The exit status.
     """
+    with Interrupts() as interrupts:
+        status = _run(argv)
+    return interrupts.status(status)
+
+
+def _run(argv: Sequence[str] | None) -> int:
     try:
         status = app(
             args=list(sys.argv[1:] if argv is None else argv),
