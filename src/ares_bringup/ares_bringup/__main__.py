@@ -1,7 +1,8 @@
-"""`python -m ares_bringup` is the `ares` command. Also the judge's process."""
+"""The `ares` command and the judge's process: what runs before any slow import."""
 
 import sys
 
+from ares_bringup.interrupts import end_at_once
 from ares_node.entry import enter
 from ares_node.requirements import unmet
 
@@ -10,6 +11,7 @@ EXIT_BAD_INPUT = 2
 
 def main() -> int:
     """Run the command line if all that it needs is installed."""
+    end_at_once()
     reason = unmet("ares_bringup")
     if reason is None:
         try:
