@@ -503,5 +503,6 @@ def nrlmsis_tables(
 FIXED_MODELS: dict[str, Callable[[], Atmosphere]] = {
     "pra63": pra63,
     "pra63_exponential": pra63_exponential,
+    "pra63_data": pra63_data,
     "us76": us76,
 }
