@@ -78,19 +78,18 @@ def _number(path: KeyPath, value: object, low: float, high: float) -> float:
     return float(value)  # type: ignore[arg-type]
 
 
-def _spread(path: KeyPath, value: object, limit: float, least: float) -> Spread:
+def _spread(path: KeyPath, value: object, limits: "SpreadRange") -> Spread:
     """One distribution, or a complaint."""
     if isinstance(value, Spread):
         return value
     if not isinstance(value, dict):
         if isinstance(value, (str, bool)) or value is None:
             fail(path, value, _EXPECTED)
-        return Spread(size=_number(path, value, 0.0, limit))
+        return Spread(size=_number(path, value, 0.0, limits.limit))
     if set(value) not in _FORMS:
         fail(path, ", ".join(map(str, value)), "mean and sigma, or low and high")
-    reach = MAX_SIGMAS * limit
     bounds = {
-        key: _number((*path, key), number, 0.0 if key == "sigma" else max(least, -reach), reach)
+        key: _number((*path, key), number, 0.0 if key == "sigma" else limits.low, limits.reach)
         for key, number in value.items()
     }
     if "low" not in bounds:
@@ -115,6 +114,16 @@ class SpreadRange:
     least: float = -math.inf
     components: int | None = None
 
+    @property
+    def reach(self) -> float:
+        """Greatest mean, sigma beside a mean, and high."""
+        return MAX_SIGMAS * self.limit
+
+    @property
+    def low(self) -> float:
+        """Least mean and low."""
+        return max(self.least, -self.reach)
+
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
@@ -123,12 +132,12 @@ class SpreadRange:
 
     def _parse(self, value: Any) -> Spreads:
         if not isinstance(value, (list, tuple)):
-            return (_spread((), value, self.limit, self.least),)
+            return (_spread((), value, self),)
         if self.components == 1 or not value:
             fail((), value, _EXPECTED)
         if self.components not in (None, len(value)) and len(value) != 1:
             fail((), value, f"a list of {self.components}, or {_EXPECTED}")
-        return tuple(_spread((k,), item, self.limit, self.least) for k, item in enumerate(value))
+        return tuple(_spread((k,), item, self) for k, item in enumerate(value))
 
 
 Lengths = Annotated[Spreads, SpreadRange(1e6, components=3)]

@@ -1,0 +1,61 @@
+"""Which files are tried, and what is done with each."""
+
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from ares_bringup.sweep.attempts import ACTIONS, CAMPAIGNS, DISPERSIONS, FLIGHTS, MISSION, SOLUTIONS
+from ares_bringup.sweep.inputs import Input, inputs, to_yaml
+from ares_bringup.sweep.pool import Task
+from ares_models.input_file import InputKind, read_input
+from ares_models.mission import MISSION as MISSION_FILE
+from ares_models.mission import Mission
+from ares_vehicle_sim.dispersions import DISPERSIONS as DISPERSIONS_FILE
+from ares_vehicle_sim.dispersions import Dispersions
+
+#: Files beside the shipped ones, so that every key is used somewhere.
+_OWN = {MISSION: ("elements",), DISPERSIONS: ("dispersions", "covariance")}
+_MODELS = {MISSION: Mission, DISPERSIONS: Dispersions}
+_KINDS: Mapping[str, InputKind] = {MISSION: MISSION_FILE, DISPERSIONS: DISPERSIONS_FILE}
+
+
+def bases(kind: str) -> dict[str, dict[str, Any]]:
+    """Good files of a kind, as plain data by name."""
+    file = _KINDS[kind]
+    folder = resources.files("ares_bringup").joinpath("sweep")
+    paths = {name: file.find(name) for name in file.shipped()}
+    paths |= {name: Path(str(folder.joinpath(f"{name}.yaml"))) for name in _OWN[kind]}
+    return {name: read_input(path, file)[0] for name, path in paths.items()}
+
+
+def all_inputs(kind: str) -> list[Input]:
+    """Every input of a kind."""
+    return list(inputs(_MODELS[kind], bases(kind)))
+
+
+def tasks(kind: str, chosen: list[Input], everything: bool) -> list[Task]:
+    """What is done with inputs: every flight, and solutions and campaigns in turn, or all.
+
+    Args:
+        kind: of the inputs.
+        chosen: the inputs.
+        everything: all actions on each.
+    """
+    actions = ACTIONS[kind]
+
+    def turn(k: int) -> tuple[str, ...]:
+        if everything or kind == DISPERSIONS:
+            return actions
+        return (*FLIGHTS, SOLUTIONS[k % len(SOLUTIONS)], CAMPAIGNS[k % len(CAMPAIGNS)])
+
+    return [Task(str(one), kind, to_yaml(one.data), turn(k)) for k, one in enumerate(chosen)]
+
+
+def warm_up() -> list[Task]:
+    """Every action on every base: what it needs is compiled then."""
+    return [
+        Task(name, kind, to_yaml(data), ACTIONS[kind])
+        for kind in (MISSION, DISPERSIONS)
+        for name, data in bases(kind).items()
+    ]
