@@ -58,6 +58,11 @@ def _printable(text: str) -> str:
 MAX_FLIGHT_S = 43_200.0
 #: Shortest burn, coast or step of a thrust curve, s.
 MIN_TIME_S = 1e-3
+#: What NRLMSIS is asked for: 1e-22 W/m2/Hz, and a daily index.
+SOLAR_FLUX = Range(30.0, 500.0)
+GEOMAGNETIC_INDEX = Range(0.0, 400.0)
+#: From the centre, of an initial state by elements.
+LEAST_PERIGEE_M = 1.0
 #: Years of an epoch.
 FIRST_YEAR, LAST_YEAR = 1900, 2200
 
@@ -67,8 +72,8 @@ Oblateness = Annotated[float, Range(0.0, 0.1)]
 BodyRadius = Annotated[float, Range(1e5, 1e8)]
 RotationRate = Annotated[float, Range(0.0, 1e-2)]
 DensityFactor = Annotated[float, Range(1e-30, 1e6)]
-SolarFlux = Annotated[float, Range(30.0, 1000.0)]
-GeomagneticIndex = Annotated[float, Range(0.0, 1000.0)]
+SolarFlux = Annotated[float, SOLAR_FLUX]
+GeomagneticIndex = Annotated[float, GEOMAGNETIC_INDEX]
 MissionTime = Annotated[float, Range(-1e6, 1e7)]
 Coordinate = Annotated[float, Range(-1e9, 1e9)]
 VelocityComponent = Annotated[float, Range(-1e7, 1e7)]
@@ -263,11 +268,12 @@ class StateElements(Part):
     def _conic(self) -> "StateElements":
         if self.eccentricity == 1.0:
             fail(("eccentricity",), self.eccentricity, "not exactly 1")
-        if self.semi_major_axis_m * (1.0 - self.eccentricity) <= 0.0:
+        if self.semi_major_axis_m * (1.0 - self.eccentricity) < LEAST_PERIGEE_M:
             fail(
                 ("semi_major_axis_m",),
                 self.semi_major_axis_m,
-                "more than 0 for an ellipse, less than 0 for a hyperbola",
+                "more than 0 for an ellipse, less than 0 for a hyperbola, with a perigee at least "
+                f"{LEAST_PERIGEE_M:g} m from the centre",
             )
         if 1.0 + self.eccentricity * math.cos(math.radians(self.true_anomaly_deg)) <= 0.0:
             fail(("true_anomaly_deg",), self.true_anomaly_deg, "an anomaly inside the asymptotes")

@@ -59,7 +59,10 @@ def read(kind: str, path: Path) -> str:
 def fly(law_name: str, path: Path) -> str:
     """Fly a mission in one compiled loop."""
     mission = load_mission(path)
-    arrays = mission.arrays(foreseen=True)
+    try:
+        arrays = mission.arrays(foreseen=True)
+    except InputError as error:
+        return f"{REFUSED}: {_one_line(str(error))}"
     try:
         law = make_law(law_name, arrays)
         if law_name == PEG_THESIS:
@@ -111,12 +114,15 @@ def disperse(law: str, path: Path) -> str:
 
 
 _CAMPAIGN_LAWS = [law.value for law in Guidance if law is not Guidance.PEG_THESIS]
-FLIGHTS = tuple(f"fly {law.value}" for law in Guidance)
-SOLUTIONS = tuple(f"optimize {method.value}" for method in Method)
-CAMPAIGNS = tuple(f"campaign {law}" for law in _CAMPAIGN_LAWS)
-DISPERSED = tuple(f"disperse {law}" for law in _CAMPAIGN_LAWS)
 #: Everything that is done with a good file of a kind.
-ACTIONS = {MISSION: (*FLIGHTS, *SOLUTIONS, *CAMPAIGNS), DISPERSIONS: DISPERSED}
+ACTIONS = {
+    MISSION: (
+        *(f"fly {law.value}" for law in Guidance),
+        *(f"optimize {method.value}" for method in Method),
+        *(f"campaign {law}" for law in _CAMPAIGN_LAWS),
+    ),
+    DISPERSIONS: tuple(f"disperse {law}" for law in _CAMPAIGN_LAWS),
+}
 
 _VERBS: dict[str, Callable[[str, Path], str]] = {
     "read": read,

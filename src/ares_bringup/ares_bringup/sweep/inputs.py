@@ -27,8 +27,12 @@ _DELETED = object()
 ABSURD_NUMBERS = (1e308, -1e308, math.inf, -math.inf, math.nan)
 #: Nor one of these in place of a number.
 NO_NUMBERS: tuple[object, ...] = (True, "1.0", "", [1.0], {"value": 1.0})
+NO_LISTS: tuple[object, ...] = ([], None, 1.0, "x", {}, [None])
+NO_MAPPINGS: tuple[object, ...] = ({}, [], None, 1.0, "x")
 #: Nearly nothing: a number that lost most of its digits.
 TINY = 1e-320
+#: What a slip makes of a good number.
+SLIPS = (1e-3, 0.1, 0.9, 1.1, 10.0)
 TEXTS = ("", "x" * 81, "two\nlines", "bell\a", "\ud800", "1", "~", 1.0, True, None, ["x"])
 DATES = (
     "1900-01-01",
@@ -193,6 +197,8 @@ def _annotated(inner: Any, notes: tuple[Any, ...], value: Any, path: Path) -> It
     for note in notes:
         if isinstance(note, Range):
             yield from _number(note, inner is int, path)
+            if isinstance(value, (int, float)):
+                yield from ((path, slip * value, None) for slip in SLIPS if inner is float)
             return
         if isinstance(note, SpreadRange):
             yield from _spread(note, path)
@@ -247,7 +253,7 @@ def _list(arguments: tuple[Any, ...], value: Any, path: Path) -> Iterator[_Chang
     if not items:
         made = [sample(arguments[0])] * 2 if many else [sample(item) for item in arguments]
         yield path, made, None
-    yield from ((path, wrong, None) for wrong in ([], None, 1.0, "x", {}, [None]))
+    yield from ((path, wrong, None) for wrong in NO_LISTS)
     yield path, [sample(arguments[0])] * 100, False
     for k, item in enumerate(items):
         yield from _changes(arguments[0] if many else arguments[k], item, (*path, k))
@@ -257,7 +263,7 @@ def _list(arguments: tuple[Any, ...], value: Any, path: Path) -> Iterator[_Chang
 
 def _whole(model: type[BaseModel], value: Any, path: Path) -> Iterator[_Change]:
     """A mapping: its own changes, or, where it is missing, a made-up one with changes in it."""
-    yield from ((path, wrong, None) for wrong in ({}, [], None, 1.0, "x"))
+    yield from ((path, wrong, None) for wrong in NO_MAPPINGS)
     if isinstance(value, dict):
         yield from _mapping(model, value, path)
         return

@@ -5,18 +5,19 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from ares_bringup.sweep.attempts import ACTIONS, CAMPAIGNS, DISPERSIONS, FLIGHTS, MISSION, SOLUTIONS
+from ares_bringup.sweep.attempts import ACTIONS, DISPERSIONS, MISSION
 from ares_bringup.sweep.inputs import Input, inputs, to_yaml
 from ares_bringup.sweep.pool import Task
 from ares_models.input_file import InputKind, read_input
 from ares_models.mission import MISSION as MISSION_FILE
 from ares_models.mission import Mission
+from ares_models.mission_parts import Part
 from ares_vehicle_sim.dispersions import DISPERSIONS as DISPERSIONS_FILE
 from ares_vehicle_sim.dispersions import Dispersions
 
 #: Files beside the shipped ones, so that every key is used somewhere.
 _OWN = {MISSION: ("elements",), DISPERSIONS: ("dispersions", "covariance")}
-_MODELS = {MISSION: Mission, DISPERSIONS: Dispersions}
+_MODELS: Mapping[str, type[Part]] = {MISSION: Mission, DISPERSIONS: Dispersions}
 _KINDS: Mapping[str, InputKind] = {MISSION: MISSION_FILE, DISPERSIONS: DISPERSIONS_FILE}
 
 
@@ -34,8 +35,17 @@ def all_inputs(kind: str) -> list[Input]:
     return list(inputs(_MODELS[kind], bases(kind)))
 
 
+def each_once(found: list[Input]) -> list[Input]:
+    """Every value of every key once, in one of the files that have the key."""
+    alike: dict[object, list[Input]] = {}
+    for one in found:
+        keys = tuple(key for key in one.path if isinstance(key, str))
+        alike.setdefault((keys, to_yaml(one.value)), []).append(one)
+    return [some[k % len(some)] for k, some in enumerate(alike.values())]
+
+
 def tasks(kind: str, chosen: list[Input], everything: bool) -> list[Task]:
-    """What is done with inputs: every flight, and solutions and campaigns in turn, or all.
+    """What is done with inputs: one thing in turn, or everything.
 
     Args:
         kind: of the inputs.
@@ -43,13 +53,15 @@ def tasks(kind: str, chosen: list[Input], everything: bool) -> list[Task]:
         everything: all actions on each.
     """
     actions = ACTIONS[kind]
-
-    def turn(k: int) -> tuple[str, ...]:
-        if everything or kind == DISPERSIONS:
-            return actions
-        return (*FLIGHTS, SOLUTIONS[k % len(SOLUTIONS)], CAMPAIGNS[k % len(CAMPAIGNS)])
-
-    return [Task(str(one), kind, to_yaml(one.data), turn(k)) for k, one in enumerate(chosen)]
+    return [
+        Task(
+            str(one),
+            kind,
+            to_yaml(one.data),
+            actions if everything else (actions[k % len(actions)],),
+        )
+        for k, one in enumerate(chosen)
+    ]
 
 
 def warm_up() -> list[Task]:

@@ -6,6 +6,7 @@ import os
 import resource
 import signal
 import tempfile
+import warnings
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -72,6 +73,8 @@ def _serve(connection: Connection, warm: Sequence[Task]) -> None:
     """What a worker does: says what it begins, then what came of it."""
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    # a warning is a second line to the person at the terminal
+    warnings.simplefilter("error")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "input.yaml")
         for task in warm:
@@ -99,16 +102,27 @@ def _serve(connection: Connection, warm: Sequence[Task]) -> None:
 
 
 class Worker:
-    """A process that attempts, and its successors."""
+    """A process that attempts, and its successors.
 
-    def __init__(self, warm: Sequence[Task]) -> None:
+    Attributes:
+        wall_limit_s: an attempt that takes longer is given up.
+    """
+
+    def __init__(self, warm: Sequence[Task], wall_limit_s: float = WALL_LIMIT_S) -> None:
         """Start nothing yet.
 
         Args:
-            warm: attempted first by each process, without a limit.
+            warm: attempted first by each process, without a limit on its CPU time.
+            wall_limit_s: an attempt that takes longer is given up.
         """
         self._warm = warm
+        self.wall_limit_s = wall_limit_s
         self._process: multiprocessing.process.BaseProcess | None = None
+
+    @property
+    def pid(self) -> int | None:
+        """Of the process, if there is one."""
+        return self._process.pid if self._process else None
 
     def attempt(self, task: Task) -> list[Result]:
         """Everything of a task; after a crash or a hang a new process goes on with the rest."""
@@ -126,10 +140,9 @@ class Worker:
         """Attempt until the end, "", or until an action ends the process, which is returned."""
         if self._process is None:
             self._start()
-        connection = self._connection
-        connection.send(rest)
         action = ""
         try:
+            self._connection.send(rest)
             while True:
                 action = self._receive()
                 if not action:
@@ -137,7 +150,7 @@ class Worker:
                 outcome = self._receive()
                 if not (action.startswith("read") and results):
                     results.append(Result(task, action, outcome))
-        except EOFError:
+        except (EOFError, OSError):
             results.append(Result(task, action, f"{BROKEN}: {self._bury()}"))
             return action
 
@@ -151,7 +164,7 @@ class Worker:
         self._receive()
 
     def _receive(self) -> str:
-        if not self._connection.poll(WALL_LIMIT_S):
+        if not self._connection.poll(self.wall_limit_s):
             raise EOFError
         text: str = self._connection.recv()
         return text
@@ -167,7 +180,7 @@ class Worker:
         if status is None:
             process.kill()
             process.join()
-            return f"no answer within {WALL_LIMIT_S:g} s"
+            return f"no answer within {self.wall_limit_s:g} s"
         if status == -signal.SIGXCPU:
             return f"hang, more than {CPU_LIMIT_S} s of CPU time"
         return f"crash, {signal.Signals(-status).name if status < 0 else f'exit {status}'}"
