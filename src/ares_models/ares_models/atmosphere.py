@@ -477,7 +477,8 @@ def nrlmsis_tables(
         shape (n, m, 5).
 
     Raises:
-        AtmosphereError: the package ``pymsis`` is not installed.
+        AtmosphereError: the package ``pymsis`` is not installed, or has no density for these
+            indices.
     """
     try:
         import pymsis
@@ -495,6 +496,13 @@ def nrlmsis_tables(
         np.repeat(ap[:, None], 7, axis=1),
     )
     density = np.asarray(output, dtype=np.float64)[:, 0, 0, :, 0]
+    bad = np.flatnonzero(~np.all(density > 0.0, axis=1))
+    if bad.size:
+        k = bad[0]
+        raise AtmosphereError(
+            f"atmosphere model nrlmsis has no density for f107 {f107[k]:g}, f107a {f107a[k]:g} "
+            f"and ap {ap[k]:g}; expected a flux of the day nearer to its mean"
+        )
     piece = _pchip(1e3 * altitude_km, density)
     return hermite_table(piece.altitude, piece.value, piece.slope)
 
@@ -503,5 +511,6 @@ def nrlmsis_tables(
 FIXED_MODELS: dict[str, Callable[[], Atmosphere]] = {
     "pra63": pra63,
     "pra63_exponential": pra63_exponential,
+    "pra63_data": pra63_data,
     "us76": us76,
 }

@@ -1,16 +1,22 @@
 """Reading a file that people write: YAML 1.2 scalars, no surprises, errors that name the line."""
 
 import difflib
+import os
 import re
+import stat
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import yaml
 
-MAX_BYTES = 1 << 20
+#: A file of this size is read within seconds, whatever is in it.
+MAX_BYTES = 1 << 18
+
+#: Longest text of a file or an option that an error message repeats.
+_SHOWN = 60
 
 #: Keys and list indices from the top of the file to a value.
 KeyPath = tuple[str | int, ...]
@@ -86,7 +92,7 @@ class InputKind:
         if text in shipped and not isinstance(name_or_path, Path):
             folder = resources.files(self.package).joinpath(self.folder)
             return Path(str(folder.joinpath(f"{text}.yaml")))
-        if looks_like_path or (text and Path(text).is_file()):
+        if looks_like_path or os.path.isfile(text):  # noqa: PTH113, a long name is no error here
             return Path(text)
         close = difflib.get_close_matches(text.lower(), shipped, n=1, cutoff=0.4)
         hint = f"; did you mean {close[0]}?" if close else ""
@@ -107,8 +113,18 @@ def format_path(path: KeyPath) -> str:
         if isinstance(part, int):
             text += f"[{part}]"
         else:
-            text += f".{part}" if text else part
+            key = part if part.isprintable() and len(part) <= _SHOWN else _short(repr(part))
+            text += f".{key}" if text else key
     return text
+
+
+def format_number(value: float) -> str:
+    """A number of few digits as a person writes it: ``1e9``."""
+    return re.sub(r"e([-+])0*", lambda found: f"e{found[1]}".rstrip("+"), f"{value:g}")
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."
 
 
 def format_value(value: object) -> str:
@@ -121,8 +137,28 @@ def format_value(value: object) -> str:
         return "empty"
     if isinstance(value, bool):
         return str(value).lower()
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+    return _short(repr(value))
+
+
+def _read_text(path: Path, kind: InputKind) -> str:
+    """Text of a plain file: no device, no pipe, which might never end.
+
+    Raises:
+        InputError: not one, or one that is too large.
+        OSError, ValueError: it cannot be opened, or is not text.
+    """
+    source = str(path)
+    expected = f"expected a YAML {kind.name} file"
+    mode = path.stat().st_mode
+    if stat.S_ISDIR(mode):
+        raise kind.error(source, [f"is a directory; {expected}"])
+    if not stat.S_ISREG(mode):
+        raise kind.error(source, [f"is a device or a pipe; {expected}"])
+    with path.open("rb") as file:
+        content = file.read(MAX_BYTES + 1)
+    if len(content) > MAX_BYTES:
+        raise kind.error(source, [f"is larger than {MAX_BYTES} bytes; not a {kind.name} file"])
+    return content.decode("utf-8")
 
 
 def read_input(path: Path, kind: InputKind) -> tuple[dict[str, Any], dict[KeyPath, int]]:
@@ -144,17 +180,17 @@ def read_input(path: Path, kind: InputKind) -> tuple[dict[str, Any], dict[KeyPat
     source = str(path)
     expected = f"expected a YAML {kind.name} file"
     try:
-        if path.is_dir():
-            raise kind.error(source, [f"is a directory; {expected}"])
-        if path.stat().st_size > MAX_BYTES:
-            raise kind.error(source, [f"is larger than {MAX_BYTES} bytes; not a {kind.name} file"])
-        text = path.read_text("utf-8")
+        text = _read_text(path, kind)
+    except InputError:
+        raise
     except FileNotFoundError as error:
         raise kind.error(source, [f"no such file; {expected}"]) from error
     except UnicodeDecodeError as error:
         raise kind.error(source, [f"is not text (byte {error.start}); {expected}"]) from error
     except OSError as error:
-        raise kind.error(source, [f"cannot be read: {error.strerror}"]) from error
+        raise kind.error(_short(source), [f"cannot be read: {error.strerror}"]) from error
+    except ValueError as error:
+        raise kind.error(repr(source), [f"cannot be read: {error}"]) from error
     try:
         node = yaml.compose(text, Loader=yaml.BaseLoader)
     except yaml.MarkedYAMLError as error:
@@ -280,15 +316,8 @@ def _unit(key: str | int) -> str:
 def _expected(kind: str, context: dict[str, Any], message: str, path: KeyPath) -> str:
     names = [part for part in path if isinstance(part, str)]
     unit = _unit(names[-1]) if names else ""
-    bounds: dict[Literal["gt", "ge", "lt", "le"], str] = {
-        "gt": "greater than",
-        "ge": "of at least",
-        "lt": "less than",
-        "le": "of at most",
-    }
-    for key, words in bounds.items():
-        if key in context and kind not in ("too_long", "too_short"):
-            return f"a number {words} {context[key]:g}{unit}"
+    if kind == "out_of_range":
+        return f"{context['noun']} from {context['low']} to {context['high']}{unit}"
     if kind == "too_short":
         return f"a list of at least {context['min_length']}"
     if kind == "too_long":

@@ -8,6 +8,7 @@ import numpy as np
 
 from ares_models.arrays import MAX_JETTISONS
 from ares_models.mission_parts import BurnArc, CoastArc, TargetOrbit, TargetState, fail
+from ares_models.mission_physics import check_body, check_engines, check_flight_time
 from ares_models.orbits import Insertion
 
 if TYPE_CHECKING:
@@ -34,10 +35,13 @@ def check_mission(mission: "Mission") -> None:
         PydanticCustomError: a problem; turned into a MissionError by the loader.
     """
     _check_names(mission)
+    check_body(mission)
     _check_free_burn(mission)
     _check_curves_fit(mission)
     _check_masses(mission)
+    check_engines(mission)
     _check_jettison_times(mission)
+    check_flight_time(mission)
     _check_heating_limits(mission)
     _check_initial_state(mission)
     _check_target(mission)

@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
@@ -26,20 +27,7 @@ from pydantic_core import PydanticCustomError
 from ares_models.arrays import MAX_KNOTS
 from ares_models.earth import Earth, LaunchAngles
 from ares_models.orbits import Elements
-
-Number = Annotated[float, Field(strict=True)]
-Positive = Annotated[float, Field(strict=True, gt=0.0)]
-NonNegative = Annotated[float, Field(strict=True, ge=0.0)]
-Fraction = Annotated[float, Field(strict=True, ge=0.0, le=1.0)]
-Latitude = Annotated[float, Field(strict=True, ge=-90.0, le=90.0)]
-Turn = Annotated[float, Field(strict=True, ge=-360.0, le=360.0)]
-FlightPathAngle = Annotated[float, Field(strict=True, ge=-90.0, le=90.0)]
-Inclination = Annotated[float, Field(strict=True, ge=0.0, le=180.0)]
-Name = Annotated[str, Field(strict=True, min_length=1, max_length=80)]
-Text = Annotated[str, Field(strict=True, min_length=1)]
-Vector3 = tuple[Number, Number, Number]
-Knot = tuple[NonNegative, Fraction]
-Curve = Annotated[tuple[Knot, ...], Field(min_length=2, max_length=MAX_KNOTS)]
+from ares_models.ranges import Range
 
 Array = NDArray[np.float64]
 
@@ -57,12 +45,61 @@ def fail(path: tuple[str | int, ...], value: object, expected: str) -> NoReturn:
     )
 
 
-def _burn_time(value: object) -> object:
-    if value == "free":
-        return value
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 < value < math.inf:
-        fail((), value, "a time in s greater than 0, or the word free")
-    return float(value)
+def _printable(text: str) -> str:
+    if not text.isprintable():
+        fail((), text, "text on one line, of characters that can be printed")
+    return text
+
+
+# ---- every number that a file may hold, SI: wide enough for an apogee kick motor and for the
+# largest launcher ever drawn, and for bodies from a small moon to Jupiter
+
+#: Longest flight, s: from the initial state until the propellant of the free burn is gone.
+MAX_FLIGHT_S = 43_200.0
+#: Shortest burn, coast or step of a thrust curve, s.
+MIN_TIME_S = 1e-3
+#: What NRLMSIS is asked for: 1e-22 W/m2/Hz, and a daily index.
+SOLAR_FLUX = Range(30.0, 500.0)
+GEOMAGNETIC_INDEX = Range(0.0, 400.0)
+#: From the centre, of an initial state by elements.
+LEAST_PERIGEE_M = 1.0
+#: Years of an epoch.
+FIRST_YEAR, LAST_YEAR = 1900, 2200
+
+GravitationalParameter = Annotated[float, Range(1e9, 1e18)]
+StandardGravity = Annotated[float, Range(0.1, 100.0)]
+Oblateness = Annotated[float, Range(0.0, 0.1)]
+BodyRadius = Annotated[float, Range(1e5, 1e8)]
+RotationRate = Annotated[float, Range(0.0, 1e-2)]
+DensityFactor = Annotated[float, Range(1e-30, 1e6)]
+SolarFlux = Annotated[float, SOLAR_FLUX]
+GeomagneticIndex = Annotated[float, GEOMAGNETIC_INDEX]
+MissionTime = Annotated[float, Range(-1e6, 1e7)]
+Coordinate = Annotated[float, Range(-1e9, 1e9)]
+VelocityComponent = Annotated[float, Range(-1e7, 1e7)]
+Radius = Annotated[float, Range(1e5, 1e9)]
+Speed = Annotated[float, Range(1e-3, 1e6)]
+Latitude = Annotated[float, Range(-90.0, 90.0)]
+Turn = Annotated[float, Range(-360.0, 360.0)]
+FlightPathAngle = Annotated[float, Range(-90.0, 90.0)]
+Inclination = Annotated[float, Range(0.0, 180.0)]
+SemiMajorAxis = Annotated[float, Range(1e5, 1e9)]
+AnySemiMajorAxis = Annotated[float, Range(-1e12, 1e12)]
+Eccentricity = Annotated[float, Range(0.0, 0.999)]
+AnyEccentricity = Annotated[float, Range(0.0, 100.0)]
+Mass = Annotated[float, Range(1e-3, 1e9)]
+Thrust = Annotated[float, Range(1e-3, 1e10)]
+SpecificImpulse = Annotated[float, Range(1.0, 1e6)]
+Duration = Annotated[float, Range(MIN_TIME_S, MAX_FLIGHT_S)]
+Delay = Annotated[float, Range(0.0, MAX_FLIGHT_S)]
+KnotTime = Annotated[float, Range(0.0, 3600.0)]
+Fraction = Annotated[float, Range(0.0, 1.0)]
+HeatingRate = Annotated[float, Range(1e-6, 1e12)]
+
+Name = Annotated[str, Field(strict=True, min_length=1, max_length=80), AfterValidator(_printable)]
+Text = Annotated[str, Field(strict=True, min_length=1)]
+Knot = tuple[KnotTime, Fraction]
+Curve = Annotated[tuple[Knot, ...], Field(min_length=2, max_length=MAX_KNOTS)]
 
 
 def _moment(value: object) -> object:
@@ -74,10 +111,26 @@ def _moment(value: object) -> object:
         moment = None
     if moment is None:
         fail((), value, "a date and time such as 2010-06-21T12:00:00Z")
+    if not FIRST_YEAR <= moment.year <= LAST_YEAR:
+        fail((), value, f"a date and time of the years {FIRST_YEAR} to {LAST_YEAR}")
     return moment.astimezone(UTC) if moment.tzinfo else moment.replace(tzinfo=UTC)
 
 
-BurnTime = Annotated[float | Literal["free"], BeforeValidator(_burn_time)]
+def _is_free(value: object) -> str:
+    return "<word>" if isinstance(value, str) else "<time>"
+
+
+def _free(value: object) -> object:
+    if value != "free":
+        fail((), value, "a time in s, or the word free")
+    return value
+
+
+BurnTime = Annotated[
+    Annotated[Duration, Tag("<time>")]
+    | Annotated[Literal["free"], BeforeValidator(_free), Tag("<word>")],
+    Discriminator(_is_free),
+]
 Moment = Annotated[datetime, BeforeValidator(_moment)]
 
 
@@ -110,9 +163,9 @@ def by_keys(forms: Mapping[str, type[Part]], default: str | None) -> Callable[[A
 class EarthPart(Part):
     """Figure and rotation."""
 
-    equatorial_radius_m: Positive
-    polar_radius_m: Positive
-    rotation_rate_rad_s: NonNegative
+    equatorial_radius_m: BodyRadius
+    polar_radius_m: BodyRadius
+    rotation_rate_rad_s: RotationRate
 
     @model_validator(mode="after")
     def _oblate(self) -> "EarthPart":
@@ -136,10 +189,10 @@ class AtmospherePart(Part):
     """Which atmosphere; the indices are for nrlmsis, and only for it."""
 
     model: Literal["pra63", "pra63_exponential", "pra63_data", "us76", "nrlmsis"]
-    density_factor: Positive = 1.0
-    f107: Positive | None = None
-    f107a: Positive | None = None
-    ap: NonNegative | None = None
+    density_factor: DensityFactor = 1.0
+    f107: SolarFlux | None = None
+    f107a: SolarFlux | None = None
+    ap: GeomagneticIndex | None = None
     latitude_deg: Latitude | None = None
     longitude_deg: Turn | None = None
 
@@ -157,9 +210,9 @@ class AtmospherePart(Part):
 class EnvironmentPart(Part):
     """Gravity, Earth, altitude rule, atmosphere."""
 
-    mu_m3_s2: Positive
-    g0_m_s2: Positive = 9.80665
-    j2: Annotated[float, Field(strict=True, ge=0.0, le=0.1)] = 0.0
+    mu_m3_s2: GravitationalParameter
+    g0_m_s2: StandardGravity = 9.80665
+    j2: Oblateness = 0.0
     earth: EarthPart
     altitude: Literal["ellipsoid", "spherical"] = "ellipsoid"
     atmosphere: AtmospherePart
@@ -168,9 +221,9 @@ class EnvironmentPart(Part):
 class StateVectors(Part):
     """Initial state as inertial vectors."""
 
-    time_s: Number
-    position_m: Vector3
-    velocity_m_s: Vector3
+    time_s: MissionTime
+    position_m: tuple[Coordinate, Coordinate, Coordinate]
+    velocity_m_s: tuple[VelocityComponent, VelocityComponent, VelocityComponent]
 
     def state(self, mu: float) -> tuple[Array, Array]:
         """Position (m) and velocity (m/s), each shape (3,)."""
@@ -180,11 +233,11 @@ class StateVectors(Part):
 class StateAngles(Part):
     """Initial state as place, speed, flight-path angle and azimuth, all inertial."""
 
-    time_s: Number
+    time_s: MissionTime
     latitude_deg: Latitude
     right_ascension_deg: Turn
-    radius_m: Positive
-    speed_m_s: Positive
+    radius_m: Radius
+    speed_m_s: Speed
     flight_path_angle_deg: FlightPathAngle
     azimuth_deg: Turn
 
@@ -203,9 +256,9 @@ class StateAngles(Part):
 class StateElements(Part):
     """Initial state as Keplerian elements."""
 
-    time_s: Number
-    semi_major_axis_m: Annotated[float, Field(strict=True, ge=-1e12, le=1e12)]
-    eccentricity: Annotated[float, Field(strict=True, ge=0.0, le=100.0)]
+    time_s: MissionTime
+    semi_major_axis_m: AnySemiMajorAxis
+    eccentricity: AnyEccentricity
     inclination_deg: Inclination
     ascending_node_deg: Turn
     argument_of_perigee_deg: Turn
@@ -215,11 +268,12 @@ class StateElements(Part):
     def _conic(self) -> "StateElements":
         if self.eccentricity == 1.0:
             fail(("eccentricity",), self.eccentricity, "not exactly 1")
-        if self.semi_major_axis_m * (1.0 - self.eccentricity) <= 0.0:
+        if self.semi_major_axis_m * (1.0 - self.eccentricity) < LEAST_PERIGEE_M:
             fail(
                 ("semi_major_axis_m",),
                 self.semi_major_axis_m,
-                "more than 0 for an ellipse, less than 0 for a hyperbola",
+                "more than 0 for an ellipse, less than 0 for a hyperbola, with a perigee at least "
+                f"{LEAST_PERIGEE_M:g} m from the centre",
             )
         if 1.0 + self.eccentricity * math.cos(math.radians(self.true_anomaly_deg)) <= 0.0:
             fail(("true_anomaly_deg",), self.true_anomaly_deg, "an anomaly inside the asymptotes")
@@ -259,8 +313,11 @@ def _check_curve(key: str, curve: tuple[tuple[float, float], ...] | None, end: f
     if curve[0][0] != 0.0:
         fail((key, 0), list(curve[0]), "a first knot at 0 s")
     for k in range(1, len(curve)):
-        if curve[k][0] < curve[k - 1][0]:
-            fail((key, k), list(curve[k]), f"a time of at least {curve[k - 1][0]} s, as before it")
+        before, now = curve[k - 1][0], curve[k][0]
+        if now < before:
+            fail((key, k), list(curve[k]), f"a time of at least {before} s, as before it")
+        if before < now < before + MIN_TIME_S:
+            fail((key, k), list(curve[k]), f"the time of the knot before it, or {MIN_TIME_S} s on")
     if curve[-1][1] != end:
         fail((key, len(curve) - 1), list(curve[-1]), f"a last thrust fraction of {end:g}")
     if not curve[-1][0] > 0.0:
@@ -275,9 +332,9 @@ def curve_area(curve: tuple[tuple[float, float], ...]) -> float:
 class EngineOut(Part):
     """Engines lost during a burn; the others burn what is left of its propellant."""
 
-    time_after_ignition_s: Positive
-    engines: Annotated[int, Field(strict=True, ge=2, le=100)]
-    lost: Annotated[int, Field(strict=True, ge=1)] = 1
+    time_after_ignition_s: Duration
+    engines: Annotated[int, Range(2, 100)]
+    lost: Annotated[int, Range(1, 99)] = 1
 
     @model_validator(mode="after")
     def _some_are_left(self) -> "EngineOut":
@@ -295,8 +352,8 @@ class BurnArc(Part):
     """A stretch of constant full thrust, or of less once engines are lost."""
 
     name: Name | None = None
-    thrust_n: Positive
-    isp_s: Positive
+    thrust_n: Thrust
+    isp_s: SpecificImpulse
     burn_time_s: BurnTime
     start: Curve | None = None
     tail_off: Curve | None = None
@@ -373,7 +430,7 @@ class CoastArc(Part):
     """A stretch without thrust."""
 
     name: Name | None = None
-    coast_s: Positive
+    coast_s: Duration
 
     @property
     def duration_s(self) -> float:
@@ -396,11 +453,11 @@ class Stage(Part):
     """
 
     name: Name
-    ignition_mass_kg: Positive
-    propellant_kg: Positive | None = None
+    ignition_mass_kg: Mass
+    propellant_kg: Mass | None = None
     arcs: Annotated[tuple[Arc, ...], Field(min_length=1)] | None = None
-    thrust_n: Positive | None = None
-    isp_s: Positive | None = None
+    thrust_n: Thrust | None = None
+    isp_s: SpecificImpulse | None = None
     burn_time_s: BurnTime | None = None
     start: Curve | None = None
     tail_off: Curve | None = None
@@ -445,12 +502,12 @@ class Jettison(Part):
     """Something dropped on the way, and when."""
 
     name: Name
-    mass_kg: Positive
+    mass_kg: Mass
     stage: Name
-    heating_limit_w_m2: Positive | None = None
+    heating_limit_w_m2: HeatingRate | None = None
     heating_limit_holds: HeatingLimitHolds = "at_jettison"
-    time_s: Number | None = None
-    time_after_ignition_s: NonNegative | None = None
+    time_s: MissionTime | None = None
+    time_after_ignition_s: Delay | None = None
 
     @model_validator(mode="after")
     def _one_criterion(self) -> "Jettison":
@@ -472,8 +529,8 @@ class Jettison(Part):
 class TargetState(Part):
     """Terminal set: radius, speed, flight-path angle, inclination; perhaps the node."""
 
-    radius_m: Positive
-    speed_m_s: Positive
+    radius_m: Radius
+    speed_m_s: Speed
     flight_path_angle_deg: FlightPathAngle
     inclination_deg: Inclination
     ascending_node_deg: Turn | None = None
@@ -482,8 +539,8 @@ class TargetState(Part):
 class TargetOrbit(Part):
     """Terminal set: an orbit, anywhere on it."""
 
-    semi_major_axis_m: Positive
-    eccentricity: Annotated[float, Field(strict=True, ge=0.0, lt=1.0)]
+    semi_major_axis_m: SemiMajorAxis
+    eccentricity: Eccentricity
     inclination_deg: Inclination
     ascending_node_deg: Turn
     argument_of_perigee_deg: Turn

@@ -61,15 +61,20 @@ BROKEN = {
         "ignition_mass_kg: 1227734.0",
         "ignition_mass_kg: -1227734.0",
         "stages[0].ignition_mass_kg",
-        "is -1227734.0; expected a number greater than 0 in kg",
+        "is -1227734.0; expected a number from 0.001 to 1e9 in kg",
     ),
     "negative jettison": (
         "mass_kg: 5837.0",
         "mass_kg: -5837.0",
         "jettisons[0].mass_kg",
-        "is -5837.0; expected a number greater than 0 in kg",
+        "is -5837.0; expected a number from 0.001 to 1e9 in kg",
     ),
-    "zero thrust": ("17437041.0", "0", "stages[0].thrust_n", "expected a number greater than 0"),
+    "zero thrust": (
+        "17437041.0",
+        "0",
+        "stages[0].thrust_n",
+        "is 0; expected a number from 0.001 to 1e10 in N",
+    ),
     "not a number": (
         "isp_s: 448.0",
         "isp_s: .nan",
@@ -156,7 +161,7 @@ BROKEN = {
     ),
     "nrlmsis without an epoch": (
         "model: pra63",
-        "{model: nrlmsis, f107: 1, f107a: 1, ap: 1, latitude_deg: 0, longitude_deg: 0}",
+        "{model: nrlmsis, f107: 99, f107a: 99, ap: 1, latitude_deg: 0, longitude_deg: 0}",
         "epoch",
         "is missing; expected a date and time, because the atmosphere is nrlmsis",
     ),
@@ -195,7 +200,7 @@ BROKEN = {
     ),
     "position out of the Earth's reach": (
         "3058330.0]",
-        "1e300]",
+        "1e8]",
         "initial_state.position_m",
         "and below 63,781,400 m",
     ),
@@ -209,13 +214,13 @@ BROKEN = {
         "burn_time_s: free",
         "burn_time_s: forever",
         "stages[1].burn_time_s",
-        "is 'forever'; expected a time in s greater than 0, or the word free",
+        "is 'forever'; expected a time in s, or the word free",
     ),
     "negative burn time": (
         "burn_time_s: 181.25",
         "burn_time_s: -1",
         "stages[0].burn_time_s",
-        "is -1; expected a time in s greater than 0, or the word free",
+        "is -1; expected a number from 0.001 to 43200 in s",
     ),
     "no free burn": (
         "burn_time_s: free",
@@ -341,7 +346,7 @@ BROKEN = {
         "burn_time_s: free",
         "burn_time_s: free\n    start: [[0, 0], [2, 1.5]]",
         "stages[1].start[1][1]",
-        "is 1.5; expected a number of at most 1",
+        "is 1.5; expected a number from 0 to 1",
     ),
     "tail-off without room": (
         "burn_time_s: 181.25",
@@ -386,13 +391,13 @@ BROKEN = {
         "1.0064",
         "100.64",
         "target.flight_path_angle_deg",
-        "is 100.64; expected a number of at most 90 in deg",
+        "is 100.64; expected a number from -90 to 90 in deg",
     ),
     "inclination past 180": (
         "inclination_deg: 28.5",
         "inclination_deg: 285",
         "target.inclination_deg",
-        "is 285; expected a number of at most 180 in deg",
+        "is 285; expected a number from 0 to 180 in deg",
     ),
     "inclination out of reach": (
         "inclination_deg: 28.5",
@@ -468,8 +473,9 @@ def test_the_line_is_that_of_the_key(tmp_path):
 
 def test_problem_inside_an_arc(tmp_path):
     path = edited(tmp_path, "coast_s: 0.70", "coast_s: -0.70", SATURN)
-    assert "stages[0].arcs[0].coast_s is -0.7; expected a number greater than 0 in s" in message(
-        path
+    assert (
+        "stages[0].arcs[0].coast_s is -0.7; expected a number from 0.001 to 43200 in s"
+        in message(path)
     )
     path = edited(tmp_path, "isp_s: 427.0", "isp: 427.0", SATURN)
     assert "stages[0].arcs[3].isp_s is missing; expected a number in s" in message(path)
@@ -493,7 +499,7 @@ FILES = {
     "tab": (b"name:\n\t- x\n", "line 2: not valid YAML"),
     "two documents": (b"name: x\n---\nname: y\n", "line 2: not valid YAML"),
     "deep": (b"[" * 100000, "is nested too deeply"),
-    "huge": (b"#" * (1 << 21), "is larger than 1048576 bytes"),
+    "huge": (b"#" * (1 << 21), "is larger than 262144 bytes"),
 }
 
 
@@ -519,7 +525,7 @@ def test_a_file_that_may_not_be_read(tmp_path, monkeypatch):
     def refuse(*_):
         raise PermissionError(errno.EACCES, "Permission denied")
 
-    monkeypatch.setattr(Path, "read_text", refuse)
+    monkeypatch.setattr(Path, "open", refuse)
     assert "cannot be read: Permission denied" in message(path)
 
 

@@ -4,7 +4,6 @@ The format is described key by key in ``docs/montecarlo.md``; ``draws`` draws fr
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import NormalDist
@@ -12,10 +11,12 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BeforeValidator, Field, ValidationError, model_validator
+from pydantic import GetCoreSchemaHandler, ValidationError, model_validator
+from pydantic_core import CoreSchema, core_schema
 
 from ares_models.input_file import InputError, InputKind, KeyPath, explain, read_input
-from ares_models.mission_parts import Latitude, Moment, Number, Part, Turn, fail
+from ares_models.mission_parts import Latitude, Moment, Part, Turn, fail
+from ares_models.ranges import Range
 
 #: How far beyond the largest sigma a mean or a bound may be.
 MAX_SIGMAS = 5.0
@@ -72,26 +73,23 @@ _EXPECTED = "one sigma, or a mapping with mean and sigma or low and high"
 
 def _number(path: KeyPath, value: object, low: float, high: float) -> float:
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not is_number or not low <= float(value) <= high:  # type: ignore[arg-type]
-        if math.isinf(high):
-            fail(path, value, "a number" if math.isinf(low) else f"a number of at least {low:g}")
-        fail(path, value, f"a number of {low:g} to {high:g}")
+    if not is_number or not low <= value <= high:  # type: ignore[operator]
+        fail(path, value, f"a number of {Range(low, high)}")
     return float(value)  # type: ignore[arg-type]
 
 
-def _spread(path: KeyPath, value: object, limit: float, least: float) -> Spread:
+def _spread(path: KeyPath, value: object, limits: "SpreadRange") -> Spread:
     """One distribution, or a complaint."""
     if isinstance(value, Spread):
         return value
     if not isinstance(value, dict):
         if isinstance(value, (str, bool)) or value is None:
             fail(path, value, _EXPECTED)
-        return Spread(size=_number(path, value, 0.0, limit))
+        return Spread(size=_number(path, value, 0.0, limits.limit))
     if set(value) not in _FORMS:
         fail(path, ", ".join(map(str, value)), "mean and sigma, or low and high")
-    reach = MAX_SIGMAS * limit
     bounds = {
-        key: _number((*path, key), number, 0.0 if key == "sigma" else max(least, -reach), reach)
+        key: _number((*path, key), number, 0.0 if key == "sigma" else limits.low, limits.reach)
         for key, number in value.items()
     }
     if "low" not in bounds:
@@ -102,35 +100,61 @@ def _spread(path: KeyPath, value: object, limit: float, least: float) -> Spread:
     return Spread(0.5 * (low + high), 0.5 * (high - low), even=True)
 
 
-def _spreads(limit: float, least: float, components: int | None) -> Callable[[Any], Spreads]:
-    def parse(value: Any) -> Spreads:
+@dataclass(frozen=True)
+class SpreadRange:
+    """Bounds of a spread in a model: ``Annotated[Spreads, SpreadRange(0.2)]``.
+
+    Attributes:
+        limit: of one sigma; a mean, a low and a high reach MAX_SIGMAS times as far.
+        least: of a mean, a low and a high.
+        components: how many there are; None: as many as stages or jettisons.
+    """
+
+    limit: float
+    least: float = -math.inf
+    components: int | None = None
+
+    @property
+    def reach(self) -> float:
+        """Greatest mean, sigma beside a mean, and high."""
+        return MAX_SIGMAS * self.limit
+
+    @property
+    def low(self) -> float:
+        """Least mean and low."""
+        return max(self.least, -self.reach)
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        """Parses before the tuple of spreads is looked at."""
+        return core_schema.no_info_before_validator_function(self._parse, handler(source))
+
+    def _parse(self, value: Any) -> Spreads:
         if not isinstance(value, (list, tuple)):
-            return (_spread((), value, limit, least),)
-        if components == 1 or not value:
+            return (_spread((), value, self),)
+        if self.components == 1 or not value:
             fail((), value, _EXPECTED)
-        if components not in (None, len(value)) and len(value) != 1:
-            fail((), value, f"a list of {components}, or {_EXPECTED}")
-        return tuple(_spread((k,), item, limit, least) for k, item in enumerate(value))
-
-    return parse
+        if self.components not in (None, len(value)) and len(value) != 1:
+            fail((), value, f"a list of {self.components}, or {_EXPECTED}")
+        return tuple(_spread((k,), item, self) for k, item in enumerate(value))
 
 
-def _spreads_of(
-    limit: float = math.inf, least: float = -math.inf, components: int | None = None
-) -> Any:
-    return BeforeValidator(_spreads(limit, least, components))
-
-
-Lengths = Annotated[Spreads, _spreads_of(components=3)]
-Fractions = Annotated[Spreads, _spreads_of(0.2)]
-Fractions3 = Annotated[Spreads, _spreads_of(0.2, components=3)]
-Fraction = Annotated[Spreads, _spreads_of(0.2, components=1)]
-LogFactor = Annotated[Spreads, _spreads_of(3.0, components=1)]
-Times = Annotated[Spreads, _spreads_of(10.0, least=0.0)]
-Time = Annotated[Spreads, _spreads_of(10.0, least=0.0, components=1)]
-Index = Annotated[Spreads, _spreads_of(components=1)]
-Sigma = Annotated[float, Field(strict=True, ge=0.0)]
-SmallSigma = Annotated[float, Field(strict=True, ge=0.0, le=0.2)]
+Lengths = Annotated[Spreads, SpreadRange(1e6, components=3)]
+Speeds = Annotated[Spreads, SpreadRange(1e4, components=3)]
+Fractions = Annotated[Spreads, SpreadRange(0.2)]
+Fractions3 = Annotated[Spreads, SpreadRange(0.2, components=3)]
+Fraction = Annotated[Spreads, SpreadRange(0.2, components=1)]
+LogFactor = Annotated[Spreads, SpreadRange(3.0, components=1)]
+Times = Annotated[Spreads, SpreadRange(10.0, least=0.0)]
+Time = Annotated[Spreads, SpreadRange(10.0, least=0.0, components=1)]
+SolarFlux = Annotated[Spreads, SpreadRange(100.0, components=1)]
+GeomagneticIndex = Annotated[Spreads, SpreadRange(80.0, components=1)]
+LengthNoise = Annotated[float, Range(0.0, 1e6)]
+SpeedNoise = Annotated[float, Range(0.0, 1e4)]
+SmallSigma = Annotated[float, Range(0.0, 0.2)]
+Oblateness = Annotated[float, Range(0.0, 0.01)]
+Number = Annotated[float, Range(-1e12, 1e12)]
 Row = tuple[Number, Number, Number, Number, Number, Number]
 
 
@@ -141,9 +165,9 @@ class NavigationErrors(Part):
     """
 
     position_bias_m: Lengths = NOTHING
-    position_noise_m: Sigma = 0.0
-    velocity_bias_m_s: Lengths = NOTHING
-    velocity_noise_m_s: Sigma = 0.0
+    position_noise_m: LengthNoise = 0.0
+    velocity_bias_m_s: Speeds = NOTHING
+    velocity_noise_m_s: SpeedNoise = 0.0
     sensed_delta_v_scale: Fractions3 = NOTHING
     mass_scale: Fraction = NOTHING
     heating_scale: Fraction = NOTHING
@@ -155,9 +179,9 @@ class Nrlmsis(Part):
 
     first_date: Moment
     last_date: Moment
-    f107a: Index
-    f107_deviation: Index = NOTHING
-    ap: Index
+    f107a: SolarFlux
+    f107_deviation: SolarFlux = NOTHING
+    ap: GeomagneticIndex
     latitude_deg: Latitude
     longitude_deg: Turn
 
@@ -197,7 +221,7 @@ class Dispersions(Part):
     draws: Literal["random", "sobol"] = "random"
     initial_frame: Literal["eci", "local"] = "eci"
     initial_position_m: Lengths = NOTHING
-    initial_velocity_m_s: Lengths = NOTHING
+    initial_velocity_m_s: Speeds = NOTHING
     initial_covariance: tuple[Row, Row, Row, Row, Row, Row] | None = None
     thrust: Fractions = NOTHING
     specific_impulse: Fractions = NOTHING
@@ -210,7 +234,7 @@ class Dispersions(Part):
     start_delay_s: Times = NOTHING
     start_scale: Fractions = NOTHING
     latency_s: Time = NOTHING
-    j2: Annotated[float, Field(strict=True, ge=0.0, le=0.01)] | None = None
+    j2: Oblateness | None = None
     navigation: NavigationErrors = NavigationErrors()
 
     @model_validator(mode="after")

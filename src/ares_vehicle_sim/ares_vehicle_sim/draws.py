@@ -19,6 +19,7 @@ from scipy.special import ndtri
 from ares_models.arrays import MAX_KNOTS
 from ares_models.atmosphere import nrlmsis_tables
 from ares_models.mission import Mission
+from ares_models.mission_parts import GEOMAGNETIC_INDEX, SOLAR_FLUX
 from ares_vehicle_sim.arrays import VARIATION
 from ares_vehicle_sim.dispersions import (
     Dispersions,
@@ -223,15 +224,15 @@ class Sampler:
         if part is None:
             return self._atmosphere
         days, f107a, deviation, ap = (drawn[name][:, 0] for name in drawn if name[:8] == "nrlmsis.")
-        f107a = np.maximum(f107a, LEAST_F107)
+        f107a = np.clip(f107a, LEAST_F107, SOLAR_FLUX.high)
         begin = np.datetime64(part.first_date.replace(tzinfo=None), "s")
         return nrlmsis_tables(
             begin + (days * DAY_S).astype("timedelta64[s]"),
             part.latitude_deg,
             part.longitude_deg,
-            np.maximum(f107a + deviation, LEAST_F107),
+            np.clip(f107a + deviation, LEAST_F107, SOLAR_FLUX.high),
             f107a,
-            np.maximum(ap, 0.0),
+            np.clip(ap, GEOMAGNETIC_INDEX.low, GEOMAGNETIC_INDEX.high),
             ALTITUDE_KM,
         )
 

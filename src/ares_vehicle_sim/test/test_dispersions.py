@@ -61,7 +61,10 @@ ONE_SIGMA = "one sigma, or a mapping with mean and sigma or low and high"
         ("latency_s: [1, 2]", f"line 1: latency_s is a list of 2; expected {ONE_SIGMA}"),
         ("latency_s: {low: -1, high: 1}", "line 1: latency_s.low is -1; expected a number of 0 to"),
         ("initial_position_m: [1, 2]", "line 1: initial_position_m is a list of 2; expected a lis"),
-        ("initial_position_m: -1", "line 1: initial_position_m is -1; expected a number of at lea"),
+        (
+            "initial_position_m: -1",
+            "line 1: initial_position_m is -1; expected a number of 0 to 1e6",
+        ),
         ("initial_covariance: 3", "line 1: initial_covariance is 3; expected a list"),
         (COVARIANCE.format(5, 6), "line 2: initial_covariance is 'not symmetric'; expected a symm"),
         (COVARIANCE.format(200, 200), "line 2: initial_covariance is 'not positive definite'; exp"),
@@ -70,7 +73,10 @@ ONE_SIGMA = "one sigma, or a mapping with mean and sigma or low and high"
             "line 1: initial_position_m is 'a value'; expected no such key beside initial_covari",
         ),
         ("navigation: {bias: 1}", "line 1: navigation.bias is not a known key (its value is 1); k"),
-        ("navigation: {heating_noise: 3}", "line 1: navigation.heating_noise is 3; expected a num"),
+        (
+            "navigation: {heating_noise: 3}",
+            "line 1: navigation.heating_noise is 3; expected a number from 0 to 0.2",
+        ),
         ("draws: dice", "line 1: draws is 'dice'; expected one of 'random' or 'sobol'"),
         ("j2: true", "line 1: j2 is true; expected a number"),
         (MSIS.format("2009-01-01", 4), "line 1: nrlmsis.last_date is '2009-01-01 00:00:00+00:00';"),

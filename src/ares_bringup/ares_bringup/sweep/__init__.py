@@ -1,0 +1,1 @@
+"""Every value that a schema allows or forbids, tried: flown, solved, or refused in one line."""

@@ -1,0 +1,157 @@
+"""What is done with an input: read, flown by each law, solved by each method, in a campaign."""
+
+import io
+import json
+import os
+from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+
+from ares_bringup.cli import EXIT_BAD_INPUT, main
+from ares_bringup.options import Guidance, Method
+from ares_guidance.laws import PEG_THESIS, make_law, start_from
+from ares_models.input_file import InputError
+from ares_models.mission import load_mission
+from ares_optimizer.solution import OptimizerError
+from ares_optimizer.solve import solve
+from ares_studies.closed_loop import fly_compiled, offline_trajectory
+from ares_vehicle_sim.dispersions import load_dispersions
+
+MISSION = "mission"
+DISPERSIONS = "dispersions"
+
+#: Mission under the dispersions that are tried.
+DISPERSED_MISSION = "ares_v"
+
+REFUSED = "refused"
+DONE = "done"
+BROKEN = "broken"
+
+
+class Broken(Exception):
+    """What no input may bring about; the text is one line."""
+
+
+def _one_line(text: str) -> str:
+    """The text of a refusal.
+
+    Raises:
+        Broken: it is not one line for a person.
+    """
+    bare = text.removesuffix("\n")
+    if not bare or not bare.isprintable() or "Traceback" in bare or "pydantic" in bare:
+        raise Broken(f"not one clear line: {bare!r}")
+    return bare
+
+
+def read(kind: str, path: Path) -> str:
+    """Read a file; a refusal is one line."""
+    try:
+        (load_mission if kind == MISSION else load_dispersions)(path)
+    except InputError as error:
+        return f"{REFUSED}: {_one_line(str(error))}"
+    return DONE
+
+
+def fly(law_name: str, path: Path) -> str:
+    """Fly a mission in one compiled loop."""
+    mission = load_mission(path)
+    try:
+        arrays = mission.arrays(foreseen=True)
+    except InputError as error:
+        return f"{REFUSED}: {_one_line(str(error))}"
+    try:
+        law = make_law(law_name, arrays)
+        if law_name == PEG_THESIS:
+            start_from(law, offline_trajectory(solve(mission, Method.ANALYTIC.value)), arrays)
+    except (OptimizerError, ValueError) as error:
+        return f"{REFUSED}: {_one_line(str(error))}"
+    plant = fly_compiled(mission, law=law).plant
+    for name in ("time", "position", "velocity", "mass"):
+        if not np.all(np.isfinite(plant[name])):
+            raise Broken(f"{name} at the end is {plant[name]}")
+    if not plant["complete"]:
+        raise Broken("the flight has no end")
+    return DONE
+
+
+def command(*argv: str) -> str:
+    """A command of `ares` that prints one JSON object."""
+    out, err = io.StringIO(), io.StringIO()
+    with redirect_stdout(out), redirect_stderr(err):
+        status = main([*argv, "--json"])
+    if status == EXIT_BAD_INPUT:
+        return f"{REFUSED}: {_one_line(err.getvalue())}"
+    if err.getvalue() or status not in (0, 1):
+        raise Broken(f"exit status {status}: {err.getvalue()!r}")
+    json.loads(out.getvalue(), parse_constant=_no_number)
+    return DONE
+
+
+def _no_number(name: str) -> NoReturn:
+    raise Broken(f"{name} is printed")
+
+
+def optimize(method: str, path: Path) -> str:
+    """Solve a mission."""
+    return command("optimize", "--mission", str(path), "--method", method)
+
+
+def campaign(law: str, path: Path) -> str:
+    """One flight of a campaign of a mission."""
+    return command("montecarlo", "--mission", str(path), "--guidance", law, "--only", "0")
+
+
+def disperse(law: str, path: Path) -> str:
+    """One dispersed flight."""
+    # the one that measures no heating works its margin out of the dispersions
+    source = ("--heating-source", "model") if law == Guidance.IGM else ()
+    argv = ("montecarlo", "--mission", DISPERSED_MISSION, "--dispersions", str(path))
+    return command(*argv, "--guidance", law, "--only", "3", *source)
+
+
+_CAMPAIGN_LAWS = [law.value for law in Guidance if law is not Guidance.PEG_THESIS]
+#: Everything that is done with a good file of a kind.
+ACTIONS = {
+    MISSION: (
+        *(f"fly {law.value}" for law in Guidance),
+        *(f"optimize {method.value}" for method in Method),
+        *(f"campaign {law}" for law in _CAMPAIGN_LAWS),
+    ),
+    DISPERSIONS: tuple(f"disperse {law}" for law in _CAMPAIGN_LAWS),
+}
+
+_VERBS: dict[str, Callable[[str, Path], str]] = {
+    "read": read,
+    "fly": fly,
+    "optimize": optimize,
+    "campaign": campaign,
+    "disperse": disperse,
+}
+
+
+def attempt(action: str, path: Path) -> str:
+    """Do one thing with a file.
+
+    Args:
+        action: of ACTIONS, or ``read mission`` or ``read dispersions``.
+        path: the file.
+
+    Returns:
+        what came of it; begins with REFUSED, DONE or BROKEN.
+    """
+    verb, how = action.split()
+    try:
+        return _VERBS[verb](how, path)
+    except Broken as error:
+        return f"{BROKEN}: {error}"
+    except Exception as error:
+        trace = error.__traceback__
+        while trace and trace.tb_next:
+            trace = trace.tb_next
+        where = trace.tb_frame.f_code if trace else None
+        place = f"{os.path.basename(where.co_filename)}:{where.co_name}" if where else ""  # noqa: PTH119
+        return f"{BROKEN}: {type(error).__name__} in {place}: {' '.join(str(error).split())}"

@@ -1,0 +1,73 @@
+"""Which files are tried, and what is done with each."""
+
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from ares_bringup.sweep.attempts import ACTIONS, DISPERSIONS, MISSION
+from ares_bringup.sweep.inputs import Input, inputs, to_yaml
+from ares_bringup.sweep.pool import Task
+from ares_models.input_file import InputKind, read_input
+from ares_models.mission import MISSION as MISSION_FILE
+from ares_models.mission import Mission
+from ares_models.mission_parts import Part
+from ares_vehicle_sim.dispersions import DISPERSIONS as DISPERSIONS_FILE
+from ares_vehicle_sim.dispersions import Dispersions
+
+#: Files beside the shipped ones, so that every key is used somewhere.
+_OWN = {MISSION: ("elements",), DISPERSIONS: ("dispersions", "covariance")}
+_MODELS: Mapping[str, type[Part]] = {MISSION: Mission, DISPERSIONS: Dispersions}
+_KINDS: Mapping[str, InputKind] = {MISSION: MISSION_FILE, DISPERSIONS: DISPERSIONS_FILE}
+
+
+def bases(kind: str) -> dict[str, dict[str, Any]]:
+    """Good files of a kind, as plain data by name."""
+    file = _KINDS[kind]
+    folder = resources.files("ares_bringup").joinpath("sweep")
+    paths = {name: file.find(name) for name in file.shipped()}
+    paths |= {name: Path(str(folder.joinpath(f"{name}.yaml"))) for name in _OWN[kind]}
+    return {name: read_input(path, file)[0] for name, path in paths.items()}
+
+
+def all_inputs(kind: str) -> list[Input]:
+    """Every input of a kind."""
+    return list(inputs(_MODELS[kind], bases(kind)))
+
+
+def each_once(found: list[Input]) -> list[Input]:
+    """Every value of every key once, in one of the files that have the key."""
+    alike: dict[object, list[Input]] = {}
+    for one in found:
+        keys = tuple(key for key in one.path if isinstance(key, str))
+        alike.setdefault((keys, to_yaml(one.value)), []).append(one)
+    return [some[k % len(some)] for k, some in enumerate(alike.values())]
+
+
+def tasks(kind: str, chosen: list[Input], everything: bool) -> list[Task]:
+    """What is done with inputs: one thing in turn, or everything.
+
+    Args:
+        kind: of the inputs.
+        chosen: the inputs.
+        everything: all actions on each.
+    """
+    actions = ACTIONS[kind]
+    return [
+        Task(
+            str(one),
+            kind,
+            to_yaml(one.data),
+            actions if everything else (actions[k % len(actions)],),
+        )
+        for k, one in enumerate(chosen)
+    ]
+
+
+def warm_up() -> list[Task]:
+    """Every action on every base: what it needs is compiled then."""
+    return [
+        Task(name, kind, to_yaml(data), ACTIONS[kind])
+        for kind in (MISSION, DISPERSIONS)
+        for name, data in bases(kind).items()
+    ]

@@ -1,0 +1,176 @@
+"""Whether a mission can be flown at all: a body that holds together, engines, a flight that ends.
+
+Each number is within its own range by then; here they are seen together.
+"""
+
+import math
+from typing import TYPE_CHECKING
+
+from ares_models.input_file import KeyPath, format_number
+from ares_models.mission_parts import MAX_FLIGHT_S, MIN_TIME_S, BurnArc, Stage, fail
+from ares_models.ranges import Range
+
+if TYPE_CHECKING:
+    from ares_models.mission import Mission
+
+#: Gravity on the equator, m/s2: a moon of 500 km to twice Jupiter.
+SURFACE_GRAVITY = Range(0.05, 50.0)
+#: Smallest ratio of the polar to the equatorial radius; Saturn has 0.9.
+LEAST_ROUNDNESS = 0.5
+#: g0 Isp, m/s: from cold gas to ions.
+EXHAUST_VELOCITY = Range(100.0, 1e5)
+#: Thrust over mass when a burn's stage begins, m/s2; the fiercest missiles reach a tenth.
+MAX_ACCELERATION = 1e4
+#: Share of the last stage's ignition mass that is no propellant, at least.
+LEAST_DRY_SHARE = 1e-3
+
+
+def check_body(mission: "Mission") -> None:
+    """Radii, gravity and rotation fit each other.
+
+    Raises:
+        PydanticCustomError: they do not.
+    """
+    environment = mission.environment
+    earth, mu = environment.earth, environment.mu_m3_s2
+    path: KeyPath = ("environment", "earth")
+    least = LEAST_ROUNDNESS * earth.equatorial_radius_m
+    if earth.polar_radius_m < least:
+        fail((*path, "polar_radius_m"), earth.polar_radius_m, f"at least {least:,.0f} m")
+    gravity = mu / earth.equatorial_radius_m**2
+    if not SURFACE_GRAVITY.low <= gravity <= SURFACE_GRAVITY.high:
+        fail(
+            ("environment", "mu_m3_s2"),
+            mu,
+            f"a gravity on the equator of {SURFACE_GRAVITY} m/s2; it is {gravity:.3g} m/s2",
+        )
+    fastest = math.sqrt(gravity / earth.equatorial_radius_m)
+    if earth.rotation_rate_rad_s >= fastest:
+        fail(
+            (*path, "rotation_rate_rad_s"),
+            earth.rotation_rate_rad_s,
+            f"less than {fastest:.3g} rad/s, at which the equator would be in orbit",
+        )
+
+
+def check_engines(mission: "Mission") -> None:
+    """Exhaust velocity, acceleration, and what the last stage weighs when it is empty.
+
+    Raises:
+        PydanticCustomError: nothing flies like that.
+    """
+    g0 = mission.environment.g0_m_s2
+    for i, stage in enumerate(mission.stages):
+        for k, arc in enumerate(stage.flight_arcs):
+            if not isinstance(arc, BurnArc):
+                continue
+            exhaust = g0 * arc.isp_s
+            if not EXHAUST_VELOCITY.low <= exhaust <= EXHAUST_VELOCITY.high:
+                fail(
+                    ("stages", i, *stage.arc_path(k, "isp_s")),
+                    arc.isp_s,
+                    f"an exhaust velocity g0 Isp of {EXHAUST_VELOCITY} m/s; it is "
+                    f"{exhaust:.3g} m/s",
+                )
+            highest = MAX_ACCELERATION * stage.ignition_mass_kg
+            if arc.thrust_n > highest:
+                fail(
+                    ("stages", i, *stage.arc_path(k, "thrust_n")),
+                    arc.thrust_n,
+                    f"at most {highest:.6g} N, {MAX_ACCELERATION:,.0f} m/s2 at ignition",
+                )
+    last = mission.stages[-1]
+    most = (1.0 - LEAST_DRY_SHARE) * last.ignition_mass_kg
+    if last.propellant_kg is not None and last.propellant_kg > most:
+        fail(
+            ("stages", len(mission.stages) - 1, "propellant_kg"),
+            last.propellant_kg,
+            f"at most {most:.9g} kg of the last stage",
+        )
+
+
+def check_flight_time(mission: "Mission") -> None:
+    """The flight ends, and what is timed happens before it.
+
+    Raises:
+        PydanticCustomError: not so.
+    """
+    now = 0.0
+    for i, stage in enumerate(mission.stages):
+        for k, arc in enumerate(stage.flight_arcs):
+            path = ("stages", i, *stage.arc_path(k))
+            if isinstance(arc, BurnArc) and arc.free:
+                now += _longest_free_burn(mission, stage, arc, path, now)
+                continue
+            now += _longest(arc) if isinstance(arc, BurnArc) else arc.coast_s
+            if now > MAX_FLIGHT_S:
+                fail(
+                    (*path, "burn_time_s" if isinstance(arc, BurnArc) else "coast_s"),
+                    arc.duration_s,
+                    f"a flight of at most {MAX_FLIGHT_S:,.0f} s; it is {now:,.6g} s by then",
+                )
+    _check_jettisons(mission, now)
+
+
+def _longest(burn: BurnArc) -> float:
+    """Length of a burn of fixed time, s, stretched by the engines that it loses."""
+    failure = burn.engine_out
+    if failure is None:
+        return burn.duration_s
+    at = failure.time_after_ignition_s
+    return at + (burn.duration_s - at) / failure.left
+
+
+def _longest_free_burn(
+    mission: "Mission", stage: Stage, burn: BurnArc, path: KeyPath, begin: float
+) -> float:
+    """Length of the free burn, s, when it goes on until the propellant is gone.
+
+    Args:
+        mission: the mission.
+        stage: its last stage.
+        burn: the free burn.
+        path: key path of the burn.
+        begin: s after the initial state.
+    """
+    g0 = mission.environment.g0_m_s2
+    fixed = sum(other.propellant(g0) for other in stage.burns if not other.free)
+    left = mission.propellant(len(mission.stages) - 1) - fixed
+    full_thrust = left / burn.mass_flow(g0)
+    # a start that outlasts the propellant never comes to full thrust
+    started = 0.0 if burn.start is None else burn.start[-1][0]
+    if burn.start is not None and full_thrust + burn.start_loss_s < started + MIN_TIME_S:
+        fail(
+            (*path, "start"),
+            list(burn.start),
+            f"a start that is over before the {max(left, 0.0):,.6g} kg of propellant are gone",
+        )
+    length = full_thrust + burn.start_loss_s + burn.tail_s
+    if begin + length > MAX_FLIGHT_S:
+        least = left * g0 * burn.isp_s / (MAX_FLIGHT_S - begin - length + full_thrust)
+        expected = f"the {left:,.6g} kg of propellant to be gone within {MAX_FLIGHT_S:,.0f} s"
+        if least > 0.0:
+            expected += f" of flight, by at least {least:.4g} N"
+        fail((*path, "thrust_n"), burn.thrust_n, expected)
+    return length
+
+
+def _check_jettisons(mission: "Mission", length: float) -> None:
+    """Each timed jettison has its moment in the longest flight there can be."""
+    ignition = mission.ignition_times()
+    end = mission.initial_state.time_s + length
+    for k, jettison in enumerate(mission.jettisons):
+        if jettison.time_s is not None and jettison.time_s > end:
+            fail(
+                ("jettisons", k, "time_s"),
+                jettison.time_s,
+                f"at most {format_number(end)} s, when all propellant is gone",
+            )
+        after = jettison.time_after_ignition_s
+        room = end - ignition[mission.stage_names.index(jettison.stage)]
+        if after is not None and after > room:
+            fail(
+                ("jettisons", k, "time_after_ignition_s"),
+                after,
+                f"at most {format_number(room)} s, when all propellant is gone",
+            )

@@ -1,0 +1,163 @@
+"""What the schemas accept flies, or is solved, or is refused in one line; all else is refused."""
+
+import os
+import re
+import signal
+from collections import Counter
+from pathlib import Path
+from typing import Annotated, Literal, get_args, get_origin
+
+import pytest
+
+from ares_bringup.sweep.attempts import ACTIONS, DISPERSIONS, MISSION
+from ares_bringup.sweep.inputs import all_keys, inputs, to_yaml, used_keys
+from ares_bringup.sweep.plan import all_inputs, bases, each_once, tasks, warm_up
+from ares_bringup.sweep.pool import Task, Worker, attempt_all
+from ares_models.mission import Mission
+from ares_models.mission_parts import Part
+from ares_models.ranges import Range
+from ares_vehicle_sim.dispersions import Dispersions, SpreadRange
+
+DOCS = Path(__file__).parent.parent / "docs"
+#: Distinct files that are tried, at least.
+ENOUGH = 3000
+
+SCHEMAS = {MISSION: Mission, DISPERSIONS: Dispersions}
+PAGES = {MISSION: DOCS / "missions.md", DISPERSIONS: DOCS / "montecarlo.md"}
+
+
+@pytest.mark.timeout(900)
+def test_every_value_is_flown_or_solved_or_refused_in_one_line():
+    chosen = {kind: each_once(all_inputs(kind)) for kind in ACTIONS}
+    todo = [task for kind, some in chosen.items() for task in tasks(kind, some, everything=False)]
+    assert len({task.text for task in todo}) == len(todo) >= ENOUGH
+    results = list(attempt_all(todo, warm_up()))
+    assert [str(result) for result in results if result.broken] == []
+
+    read = {result.task.text: result for result in results if result.action.startswith("read")}
+    assert len(read) == len(todo)
+    fits = {one.fit: [] for some in chosen.values() for one in some}
+    for some in chosen.values():
+        for one in some:
+            fits[one.fit].append(read[to_yaml(one.data)])
+    # what no file may hold is held by none
+    assert [str(result) for result in fits[False] if not result.refused] == []
+    # and what the schema names is refused for what stands beside it only
+    own = re.compile(r"expected (a number|an integer) (from|of) [-0-9.e]+ to|expected one of '")
+    assert [str(result) for result in fits[True] if own.search(result.outcome)] == []
+    done = Counter(result.action for result in results if not result.refused)
+    assert set(done) >= {action for actions in ACTIONS.values() for action in actions}
+
+
+@pytest.mark.parametrize("kind", ACTIONS)
+def test_the_inputs_are_made_from_the_schema(kind):
+    found = all_inputs(kind)
+    assert len({to_yaml(one.data) for one in found}) == len(found)
+    paths = {tuple(key for key in one.path if isinstance(key, str)) for one in found}
+    tried = {key for path in paths for key in path}
+    assert {key for _, key in all_keys(SCHEMAS[kind])} <= tried
+    # what is in no file is made up: but then it is tried alone, in one way
+    used = set().union(*(used_keys(SCHEMAS[kind], data) for data in bases(kind).values()))
+    assert all_keys(SCHEMAS[kind]) == used
+
+
+def test_a_new_key_is_tried_without_a_word():
+    class Inner(Part):
+        depth_m: Annotated[float, Range(1.0, 5.0)]
+
+    class Outer(Part):
+        colour: Literal["red", "blue"] = "red"
+        inner: Inner | None = None
+
+    tried = {str(one): one.fit for one in inputs(Outer, {"old": {}})}
+    for value in ('"red"', '"blue"'):
+        assert tried[f"old: colour = {value}"] is True
+    assert tried['old: colour = "no such choice"'] is False
+    for value in ("1.0", "5.0", "0.9999999999999999", "5.000000000000001", "1e+308", "-1e+308"):
+        assert f'old: inner = {{"depth_m": {value}}}' in tried
+    assert 'old: inner = {"depth_m": 1e-320}' in tried
+
+
+@pytest.mark.parametrize(
+    ("number", "words"),
+    [
+        (signal.SIGSEGV, "crash, SIGSEGV"),
+        (signal.SIGXCPU, "hang, more than 10 s of CPU time"),
+        (signal.SIGSTOP, "no answer within 1 s"),
+    ],
+)
+def test_a_crash_and_a_hang_are_findings_and_the_rest_goes_on(number, words):
+    good = next(task for task in warm_up() if task.name == "ares_v")
+    task = Task("good", MISSION, good.text, ("fly peg",))
+    worker = Worker([])
+    patience = worker.wall_limit_s
+    try:
+        assert [result.outcome for result in worker.attempt(task)] == ["done", "done"]
+        os.kill(worker.pid, number)
+        worker.wall_limit_s = 1.0 if number == signal.SIGSTOP else patience
+        (lost,) = worker.attempt(task)
+        worker.wall_limit_s = patience
+        assert lost.broken
+        assert words in str(lost)
+        assert [result.outcome for result in worker.attempt(task)] == ["done", "done"]
+    finally:
+        worker.close()
+    assert worker.pid is None
+
+
+# ---- the pages say what the schemas say
+
+
+def _rows(page):
+    """Keys of the tables of a page, without what stands before the last dot, and their rows."""
+    rows = {}
+    for line in page.read_text().splitlines():
+        if line.startswith("| ") and "`" in line.split("|")[1]:
+            for key in re.findall(r"`([a-z0-9_.]+)`", line.split("|")[1]):
+                rows.setdefault(key.rpartition(".")[2], []).append(line)
+    return rows
+
+
+def _limits(annotation):
+    """Ranges, spreads and choices somewhere in a type, models left out."""
+    if get_origin(annotation) is Literal:
+        yield from (choice for choice in get_args(annotation))
+    for note in getattr(annotation, "__metadata__", ()):
+        if isinstance(note, (Range, SpreadRange)):
+            yield note
+    for inner in get_args(annotation):
+        yield from _limits(inner)
+
+
+def _models(annotation):
+    if isinstance(annotation, type) and issubclass(annotation, Part):
+        return {annotation}
+    return set().union(*(_models(inner) for inner in get_args(annotation)))
+
+
+def _fields(model):
+    for key, info in model.model_fields.items():
+        annotation = info.rebuild_annotation()
+        yield model, key, annotation
+        for part in _models(annotation):
+            yield from _fields(part)
+
+
+@pytest.mark.parametrize("kind", ACTIONS)
+def test_the_page_states_every_range_and_every_choice(kind):
+    text, rows = PAGES[kind].read_text(), _rows(PAGES[kind])
+    missing = []
+    for model, key, annotation in _fields(SCHEMAS[kind]):
+        for limit in _limits(annotation):
+            if isinstance(limit, str):
+                stated = f"`{limit}`" in text
+            elif isinstance(limit, SpreadRange):
+                stated = any(
+                    f"| {limit.limit:g} |" in row.replace("1e6", "1e+06") for row in rows[key]
+                )
+            else:
+                lines = rows.get(key, text.splitlines())
+                stated = any(f" {limit}" in row for row in lines if f"`{key}`" in row or key in row)
+            if not stated:
+                missing.append(f"{model.__name__}.{key}: {limit}")
+    assert missing == []
