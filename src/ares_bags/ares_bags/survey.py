@@ -18,7 +18,6 @@ from struct import Struct
 from struct import error as struct_error
 from typing import Any
 
-import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
@@ -56,7 +55,7 @@ _LENGTH = Struct("<I")
 _LONG_LENGTH = Struct("<Q")
 
 #: What the parsers raise for bytes that are not what they should be.
-UNREADABLE = (McapError, ValueError, OverflowError, MemoryError, struct_error, zstandard.ZstdError)
+UNREADABLE = (McapError, ValueError, OverflowError, MemoryError, struct_error)
 
 _PRIVATE_OPCODES = 0x80
 _KINDS: dict[int, Any] = {
@@ -274,7 +273,11 @@ def chunk_content(data: memoryview, chunk: Span) -> bytes:
         uncompressed_crc=0,
         uncompressed_size=size,
     )
-    stream, length = get_chunk_data_stream(packed)
+    try:
+        stream, length = get_chunk_data_stream(packed)
+    except Exception as error:
+        # each library for unpacking raises its own
+        raise ValueError(f"it cannot be unpacked: {cause(error)}") from error
     content = stream.read(length)
     if zlib.crc32(content) != checksum and (checksum or len(content) != size):
         raise ValueError("checksum of its contents is wrong")

@@ -237,14 +237,13 @@ def test_deadline_ends_a_search(ares_v, monkeypatch):
     arrays = ares_v.arrays()
     arrays.jettisons["value"] = 1e-9
     start = start_of(ares_v)
-    long = solve(arrays, state=start)
     # the time is over when it is asked for the fourth time
     asked = iter([False] * 3)
     monkeypatch.setattr(Deadline, "passed", property(lambda _: next(asked, True)))
     solution = solve(arrays, state=start, time_limit_s=60.0)
     assert not solution.converged
     assert solution.reason == TIME_LIMIT_PASSED
-    assert solution.iterations < long.iterations / 2
+    assert solution.iterations < 300
 
 
 def test_solver_object_tells_how_it_ended(ares_v):
