@@ -112,7 +112,7 @@ def test_a_mission_file_is_read_again_when_it_has_changed(served, tmp_path):
 
 @pytest.mark.parametrize("method", ["direct11", "indirect"])
 def test_there_is_no_thrust_direction_on_a_coast(served, method):
-    answer = served(mission="delta_iii", method=method)
+    answer = served(mission="ares_v_transients", method=method)
     assert answer.error_code == Response.NONE, answer.message
     coasts = np.array(answer.arc_delta_v) == 0.0
     assert coasts.any() and not coasts.all()
