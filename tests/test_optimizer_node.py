@@ -112,7 +112,7 @@ def test_a_mission_file_is_read_again_when_it_has_changed(served, tmp_path):
 
 @pytest.mark.parametrize("method", ["direct11", "indirect"])
 def test_there_is_no_thrust_direction_on_a_coast(served, method):
-    answer = served(mission="delta_iii", method=method)
+    answer = served(mission="ares_v_transients", method=method)
     assert answer.error_code == Response.NONE, answer.message
     coasts = np.array(answer.arc_delta_v) == 0.0
     assert coasts.any() and not coasts.all()
@@ -128,11 +128,21 @@ def test_there_is_no_thrust_direction_on_a_coast(served, method):
 
 def test_the_service_is_listed_only_where_it_is_served(graph):
     def listed():
-        return any(name.endswith(SOLVE) for name, _ in graph.observer.get_service_names_and_types())
+        found = graph.observer.get_service_names_and_types()
+        return any(name.endswith(SOLVE) for name, _ in found)
 
+    graph.start(GuidanceNode)
+    node = graph.start(OptimizerNode)
+    graph.spin(listed)
+    node.trigger_deactivate()
+    graph.spin(lambda: not listed())
+    node.trigger_activate()
+    graph.spin(listed)
+
+
+def test_who_waits_for_an_optimizer_that_is_deactivated_is_told(graph):
     node = graph.start(OptimizerNode)
     client = graph.observer.create_client(SolveTrajectory, SOLVE)
-    graph.spin(listed)
     graph.spin(client.service_is_ready)
     # what has come and is not worked on yet is answered too
     calls = [client.call_async(SolveTrajectory.Request()) for _ in range(3)]
@@ -141,7 +151,7 @@ def test_the_service_is_listed_only_where_it_is_served(graph):
     graph.spin(lambda: all(call.done() for call in calls))
     codes = {call.result().error_code for call in calls}
     assert codes <= {Response.NOT_ACTIVE, Response.NONE}
-    graph.spin(lambda: not listed())
+    graph.spin(lambda: not client.service_is_ready())
     node.trigger_activate()
     graph.spin(client.service_is_ready)
     last = client.call_async(SolveTrajectory.Request())

@@ -21,6 +21,7 @@ KEYS = {
     "yaml": "python3-yaml",
     "rosbags": "python3-rosbags-pip",
     "markupsafe": "python3-jinja2",
+    "zstandard": "mcap-ros2-support",
 } | {
     name: f"python3-{name}"
     for name in ("hypothesis", "jinja2", "matplotlib", "numba", "numpy", "pydantic", "pytest")

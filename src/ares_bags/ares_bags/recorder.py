@@ -276,12 +276,18 @@ class RecorderNode(FlightNode):
         if name in NUMBERED:
             self._expected[name] = 0
             return partial(self._is_our_state, name)
+        if name == FLIGHT_EVENT:
+            return self._is_our_event
         return lambda data: self._is_ours(flight_of_cdr(data)[0])
 
     def _is_ours(self, flight_id: int) -> bool:
         if not self._membership.flight_id:
             self._membership.say(self._membership.state, flight_id=flight_id)
         return self._membership.belongs(flight_id)
+
+    def _is_our_event(self, data: bytes) -> bool:
+        # those of a flight before come to a late reader too: they are no flight to join
+        return bool(self._membership.flight_id) and self._is_ours(flight_of_cdr(data)[0])
 
     def _is_our_state(self, name: str, data: bytes) -> bool:
         flight_id, sequence = flight_of_cdr(data)

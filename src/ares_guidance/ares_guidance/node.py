@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from rclpy.client import Client
 from rclpy.task import Future
 
 from ares_guidance.guess import OfflineTrajectory
@@ -119,8 +120,11 @@ class GuidanceNode(FlightNode):
         self._command_out = self.create_publisher(ThrustCommand, THRUST_COMMAND, FLIGHT)
         self._status_out = self.create_publisher(GuidanceStatus, GUIDANCE_STATUS, FLIGHT)
         self._nav_in = self.create_subscription(NavState, NAV_STATE, self._on_nav_state, FLIGHT)
-        self._optimizer = self.create_client(SolveTrajectory, SOLVE_TRAJECTORY)
         self._wants_guess = values["initial_guess"] != "none" or values["law"] == PEG_THESIS
+        # a client alone lists the service on the graph
+        self._optimizer: Client | None = None
+        if self._wants_guess:
+            self._optimizer = self.create_client(SolveTrajectory, SOLVE_TRAJECTORY)
         self._guess: Future | None = None
         self._held_back: NavState | None = None
         self._last_ns: int | None = None
@@ -149,7 +153,8 @@ class GuidanceNode(FlightNode):
         self.destroy_publisher(self._command_out)
         self.destroy_publisher(self._status_out)
         self.destroy_subscription(self._nav_in)
-        self.destroy_client(self._optimizer)
+        if self._optimizer is not None:
+            self.destroy_client(self._optimizer)
         self._membership.close()
 
     def _rehearse(self, start: Start) -> None:
@@ -245,9 +250,14 @@ class GuidanceNode(FlightNode):
         now = ns_from_stamp(message.stamp)
         waited = time.monotonic() - self._asked_at if self._guess else 0.0
         if self._guess is None:
-            if not self._optimizer.service_is_ready() and self._patient():
+            optimizer = self._optimizer
+            if optimizer is not None and optimizer.service_is_ready():
+                self._ask(optimizer, message)
                 return False
-            return self._ask(message, now)
+            if self._patient():
+                return False
+            self._without_guess("no such service on the graph", now)
+            return True
         if self._guess.done():
             self._take_guess(self._guess.result(), now)
         elif waited > self.values["optimizer_timeout_s"]:
@@ -261,10 +271,7 @@ class GuidanceNode(FlightNode):
             self._looked_since = time.monotonic()
         return time.monotonic() - self._looked_since < self.values["optimizer_timeout_s"]
 
-    def _ask(self, message: NavState, now: int) -> bool:
-        if not self._optimizer.service_is_ready():
-            self._without_guess("no such service on the graph", now)
-            return True
+    def _ask(self, optimizer: Client, message: NavState) -> None:
         request = SolveTrajectory.Request(
             mission=self.values["mission"],
             method="" if self.values["initial_guess"] == "optimizer" else ANALYTIC,
@@ -273,8 +280,7 @@ class GuidanceNode(FlightNode):
             time_limit=self.values["optimizer_timeout_s"],
         )
         self._asked_at = time.monotonic()
-        self._guess = self._optimizer.call_async(request)
-        return False
+        self._guess = optimizer.call_async(request)
 
     def _take_guess(self, answer: Any, now: int) -> None:
         if answer is None or answer.error_code != SolveTrajectory.Response.NONE:
