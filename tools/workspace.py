@@ -877,7 +877,7 @@ def main(arguments: list[str]) -> int:
         install_browser(workspace, environ)
         return run_tests(workspace, environ, rest)
     environment = workspace.environment(environ)
-    command = [str(workspace.interpreter), "-m", "ares_bringup.cli", *arguments]
+    command = [str(workspace.interpreter), "-m", "ares_bringup", *arguments]
     if arguments in ([], ["--help"], ["-h"]):
         status = subprocess.run(command, env=environment, check=False).returncode
         print(f"\n{VERBS}")

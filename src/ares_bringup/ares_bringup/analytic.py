@@ -25,6 +25,7 @@ from ares_models.mission import Mission, MissionError, load_mission
 from ares_optimizer.analytic import AnalyticSolution, solve_analytic
 from ares_optimizer.analytic_flight import KeyFigures, key_figures, planar_flight
 from ares_optimizer.analytic_options import JETTISON_TARGETS, AnalyticOptions
+from ares_optimizer.deadline import Deadline
 from ares_optimizer.solution import OptimizerError, Solution
 from ares_optimizer.solve import solve
 
@@ -48,7 +49,11 @@ _DECIMALS = {"iterations, part one": 0, "iterations, part two": 0, "jettison rad
 
 
 def optimize_analytic(
-    mission_name: str, as_json: bool, refused: Sequence[str], asked: Mapping[str, Any]
+    mission_name: str,
+    as_json: bool,
+    refused: Sequence[str],
+    asked: Mapping[str, Any],
+    time_limit_s: float,
 ) -> int:
     """Solve with both jettison targets, print both beside the optimum.
 
@@ -57,6 +62,7 @@ def optimize_analytic(
         as_json: one JSON object instead of the tables.
         refused: options that were given and belong to other methods.
         asked: what was given of `AnalyticOptions`, by its names.
+        time_limit_s: wall time of the iterations, and of the search for the optimum beside, s.
 
     Returns:
         0 if the iteration converged, else 1; the reason is in what is printed.
@@ -73,11 +79,18 @@ def optimize_analytic(
         mission = load_mission(mission_name)
         # refused before the optimum is sought; and the compiled functions are loaded
         solve_analytic(mission, verify=False)
-        optimum = solve(mission)
-        found = {
-            name: solve_analytic(mission, replace(options, jettison_target=name), optimum=optimum)
-            for name in JETTISON_TARGETS
-        }
+        solve(load_mission(THESIS_MISSION))
+        optimum = solve(mission, time_limit_s=time_limit_s)
+        with Deadline(time_limit_s) as deadline:
+            found = {
+                name: solve_analytic(
+                    mission,
+                    replace(options, jettison_target=name),
+                    optimum=optimum,
+                    deadline=deadline,
+                )
+                for name in JETTISON_TARGETS
+            }
     except (MissionError, OptimizerError) as error:
         raise CannotStart(" ".join(str(error).split())) from error
     chosen = found[options.jettison_target]

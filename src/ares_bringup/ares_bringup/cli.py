@@ -14,6 +14,7 @@ from typing import Annotated, Any
 import typer
 
 from ares_bringup import __version__
+from ares_bringup.interrupts import Interrupts
 from ares_bringup.options import (
     MAX_DOMAIN_ID,
     AnalyticProfile,
@@ -38,7 +39,7 @@ EXIT_STATUSES = """Exit status:
   1    flown, but not as it should: target missed, impact, propellant gone,
        something not jettisoned, a node lost, bag incomplete
   2    could not start: bad input, in one line on standard error
-  130  interrupted; what was flown is in the bag
+  130  interrupted; what was flown is in the bag (143: by SIGTERM; a flight: 130)
 
 \b
 Flown to the target means: radius within 100 m, speed 0.1 m/s, flight-path
@@ -212,6 +213,9 @@ def optimize(
         JettisonTarget | None,
         typer.Option(help="Of analytic: target of part one, found from; default: mission."),
     ] = None,
+    time_limit: Annotated[
+        float, typer.Option(min=0.0, help="Wall time after which the search is given up, s.")
+    ] = 30.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Find the optimal ascent off line, with its proof. Exit status 1: no optimum."""
@@ -227,7 +231,7 @@ def optimize(
 
         others = {"--heating": heating, "--hold-jettison": hold_jettison}
         refused = [name for name, value in others.items() if value]
-        raise typer.Exit(optimize_analytic(mission, as_json, refused, asked))
+        raise typer.Exit(optimize_analytic(mission, as_json, refused, asked, time_limit))
     for name in asked:
         raise BadInput(f"--{name.replace('_', '-')} goes with --method analytic only")
     from ares_bringup.optimize import optimize as solve
@@ -238,6 +242,7 @@ def optimize(
         as_json,
         heating.value if heating is not None else None,
         tuple(hold_jettison or ()),
+        time_limit,
     )
     raise typer.Exit(status)
 
@@ -444,6 +449,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         The exit status.
     """
+    with Interrupts() as interrupts:
+        status = _run(argv)
+    return interrupts.status(status)
+
+
+def _run(argv: Sequence[str] | None) -> int:
     try:
         status = app(
             args=list(sys.argv[1:] if argv is None else argv),

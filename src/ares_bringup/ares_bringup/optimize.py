@@ -34,6 +34,7 @@ def optimize(
     as_json: bool,
     heating: HeatingName | None,
     held: Sequence[str],
+    time_limit_s: float,
 ) -> int:
     """Solve, print, say by the exit status whether the optimum was found.
 
@@ -43,6 +44,7 @@ def optimize(
         as_json: one JSON object instead of the tables.
         heating: where the heating limit holds; None: as the mission says.
         held: jettisons held at a time, `NAME=SECONDS` each.
+        time_limit_s: wall time of the search, s.
 
     Returns:
         0 for a proven optimum, else 1; the reason is in what is printed.
@@ -53,11 +55,11 @@ def optimize(
     try:
         mission = load_mission(mission_name)
         times = _held_times(mission, held)
-        # the first call of a process loads the compiled functions; the second is timed
-        for _ in range(2):
-            solution = solve(mission, method, heating=heating, jettison_times=times)
-            if not solution.converged:
-                break
+        # the first call of a process loads, or even compiles; only the second has a time limit
+        solve(load_mission(THESIS_MISSION), method)
+        solution = solve(
+            mission, method, heating=heating, jettison_times=times, time_limit_s=time_limit_s
+        )
     except (MissionError, OptimizerError) as error:
         raise CannotStart(" ".join(str(error).split())) from error
     if as_json:

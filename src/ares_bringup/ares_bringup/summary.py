@@ -7,6 +7,7 @@ from enum import StrEnum
 from typing import Any
 
 from ares_models.arrays import (
+    LONGEST_FLIGHT,
     TARGET_KEPLERIAN,
     TARGET_RADIUS_SPEED_ANGLE_PLANE,
 )
@@ -20,6 +21,7 @@ from ares_vehicle_sim.arrays import (
     IMPACT,
     JETTISON_DONE,
     STAGING,
+    TIME_LIMIT,
 )
 
 EVENT_NAMES = {
@@ -32,9 +34,10 @@ EVENT_NAMES = {
     DEPLETION: "propellant depleted",
     FLIGHT_COMPLETE: "flight complete",
     IMPACT: "impact",
+    TIME_LIMIT: "time limit",
 }
 
-ENDS = (FLIGHT_COMPLETE, IMPACT)
+ENDS = (FLIGHT_COMPLETE, IMPACT, TIME_LIMIT)
 
 #: Exit statuses of `ares fly`.
 EXIT_TARGET = 0
@@ -67,6 +70,7 @@ class Outcome(StrEnum):
     TARGET_MISSED = "target_missed"
     DEPLETION = "depletion"
     IMPACT = "impact"
+    TIME_LIMIT = "time_limit"
     INCOMPLETE = "incomplete"
     INTERRUPTED = "interrupted"
 
@@ -342,8 +346,8 @@ class FlightSummary:
 
     @property
     def end(self) -> Event | None:
-        """FLIGHT_COMPLETE or IMPACT; None before."""
-        return self.first(FLIGHT_COMPLETE) or self.first(IMPACT)
+        """FLIGHT_COMPLETE, IMPACT or TIME_LIMIT; None before."""
+        return next(filter(None, map(self.first, ENDS)), None)
 
     @property
     def t_plf_s(self) -> float | None:
@@ -387,6 +391,8 @@ class FlightSummary:
         """How the flight ended."""
         if self.first(IMPACT):
             return Outcome.IMPACT
+        if self.first(TIME_LIMIT):
+            return Outcome.TIME_LIMIT
         if self.end is None:
             return Outcome.INTERRUPTED if self.interrupted else Outcome.INCOMPLETE
         if self.first(CUTOFF) is None:
@@ -408,6 +414,7 @@ class FlightSummary:
             Outcome.TARGET_MISSED: ["target missed: " + "; ".join(self.misses())],
             Outcome.DEPLETION: ["propellant ran out before the target was reached"],
             Outcome.IMPACT: ["the vehicle met the ground"],
+            Outcome.TIME_LIMIT: [f"the flight was not over after {LONGEST_FLIGHT:,.0f} s"],
             Outcome.INCOMPLETE: ["the flight did not come to its end"],
             Outcome.INTERRUPTED: ["interrupted"],
         }[self.outcome]

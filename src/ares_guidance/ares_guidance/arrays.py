@@ -75,6 +75,8 @@ OPTIMAL_MEMORY = np.dtype(
         ("jettisons", JETTISON, (MAX_JETTISONS,)),  # with the limits in on-board units
         ("arcs", ARC, (MAX_SEGMENTS,)),  # with the engines as measured
         ("arcs_from", np.int64),  # the arc at which they were copied, + 1
+        ("wasted", np.int64),  # steps of the integrator in searches that found nothing
+        ("wasted_in", np.int64),  # the arc in which that was, + 1
         ("thrust_ratio", np.float64),
         ("flow_ratio", np.float64),
         ("options", OPTIONS),

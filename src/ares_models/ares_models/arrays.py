@@ -17,6 +17,9 @@ Record = Any
 MAX_JETTISONS = 8
 MAX_KNOTS = 8
 
+#: s; what lasts longer is no ascent: no kernel steps beyond, whatever its numbers are.
+LONGEST_FLIGHT = 86_400.0
+
 COAST = 0
 BURN = 1
 

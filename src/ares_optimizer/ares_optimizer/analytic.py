@@ -32,6 +32,7 @@ from ares_optimizer.analytic_parts import (
     target_of_optimum,
 )
 from ares_optimizer.analytic_plane import plane_to_target
+from ares_optimizer.deadline import Deadline
 from ares_optimizer.diagnose import target_obstacle
 from ares_optimizer.kernels.analytic import sample_burn
 from ares_optimizer.kernels.analytic_plane import Plane, place_samples
@@ -192,6 +193,7 @@ def solve_analytic(
     state: NDArray[np.void] | None = None,
     optimum: Solution | None = None,
     verify: bool = True,
+    deadline: Deadline | None = None,
 ) -> AnalyticSolution:
     """The ascent by chapter 5 of the thesis.
 
@@ -203,6 +205,7 @@ def solve_analytic(
             here, by ``direct11``.
         verify: fly the steering with the independent integrator and fill ``verification`` and
             ``constraints`` of the solution.
+        deadline: at which the iteration ends; None: no limit.
 
     Raises:
         OptimizerError: a mission or a state that the method has no solution for, one line.
@@ -228,7 +231,7 @@ def solve_analytic(
     began = time.perf_counter()
     try:
         if not reason:
-            _search(ascent, options, optimum, found)
+            _search(ascent, options, optimum, found, deadline or Deadline())
     except NoSolution as failure:
         reason = str(failure)
     elapsed = 1e3 * (time.perf_counter() - began)
@@ -248,7 +251,11 @@ def solve_analytic(
 
 
 def _search(
-    ascent: Ascent, options: AnalyticOptions, optimum: Solution | None, found: _Found
+    ascent: Ascent,
+    options: AnalyticOptions,
+    optimum: Solution | None,
+    found: _Found,
+    deadline: Deadline,
 ) -> None:
     """Jettison target, part one, part two.
 
@@ -267,14 +274,14 @@ def _search(
         begin = target.time_s
         if begin - ascent.start_s > _SHORTEST:
             found.one = part_one(ascent, options, target)
-            found.one.run("part one")
+            found.one.run("part one", deadline)
             begin = found.one.end_s
             start = (target.radius_m, target.speed_m_s, math.radians(target.flight_path_angle_deg))
         # as printed, part two starts from all of the target, its mass included
         jettison_s = begin if options.ties.solved else target.time_s
         tau -= jettison_s - ascent.staging_s + ascent.drop_s
     found.two = part_two(ascent, options, start, begin, tau)
-    found.two.run("part two")
+    found.two.run("part two", deadline)
 
 
 def _report(work: Work) -> AnalyticPart:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ares_models.arrays import BURN, HEATING_LIMIT, TARGET_KEPLERIAN, MissionArrays
 from ares_optimizer.analytic_options import POSITION_INTEGRALS, STEERINGS, AnalyticOptions
 from ares_optimizer.analytic_plane import tilted_plane
+from ares_optimizer.deadline import TIME_LIMIT_PASSED, Deadline
 from ares_optimizer.kernels import analytic as kernels
 from ares_optimizer.kernels import analytic_iteration as iteration
 from ares_optimizer.kernels import analytic_target as target_search
@@ -288,13 +289,14 @@ class Work:
         """Mission elapsed time of the last burn's end."""
         return self.start_s + float(self.burns["duration"].sum())
 
-    def run(self, name: str) -> None:
+    def run(self, name: str, deadline: Deadline) -> None:
         """Iterate from the guess; if solved and in vain, from one with a time of its own.
 
         Raises:
-            NoSolution: it did not converge.
+            NoSolution: it did not converge, or not in time.
         """
         row = self.part[0]
+        deadline.watch(self.part["stop"])
         met = iteration.iterate(row, self.burns)
         if not met and row["solved"] and not row["timed"]:
             before = int(row["iterations"])
@@ -302,6 +304,8 @@ class Work:
             met = iteration.iterate(row, self.burns)
             row["iterations"] += before
         self.converged = bool(met and row["time_to_go"] >= 0.0)
+        if not self.converged and deadline.passed:
+            raise NoSolution(TIME_LIMIT_PASSED)
         if not self.converged:
             raise NoSolution(f"{name} {_errors(row)}")
 

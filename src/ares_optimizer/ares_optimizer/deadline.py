@@ -1,17 +1,28 @@
-"""A wall-clock limit that searches ask between their steps."""
+"""A wall-clock limit that searches ask between their steps, compiled ones too."""
 
 import math
+import threading
 import time
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import NDArray
 
 #: What a search says that the limit has ended.
 TIME_LIMIT_PASSED = "the time limit passed before the search ended"
 
+Flag = NDArray[np.int64]
+
 
 class Deadline:
-    """A moment after which no further start is tried.
+    """A moment after which no further start is tried, and a running search ends.
+
+    A kernel cannot ask the clock. It looks at a flag instead, which a thread writes when the
+    time is over; the thread lives within the ``with`` statement of the deadline.
 
     Attributes:
         end: s, on the clock of ``time.perf_counter``.
+        flag: shape (1,), for kernels: 1 once the time is over.
     """
 
     def __init__(self, seconds: float | None = None) -> None:
@@ -21,6 +32,38 @@ class Deadline:
             seconds: from now; None: no limit.
         """
         self.end = math.inf if seconds is None else time.perf_counter() + seconds
+        self.flag: Flag = np.zeros(1, np.int64)
+        self._flags = [self.flag]
+        self._timer: threading.Timer | None = None
+
+    def __enter__(self) -> "Deadline":
+        """Begin to watch the clock for the kernels."""
+        left = self.end - time.perf_counter()
+        if left <= threading.TIMEOUT_MAX:
+            self._timer = threading.Timer(max(0.0, left), self._pass)
+            self._timer.daemon = True
+            self._timer.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Watch no longer."""
+        if self._timer is not None:
+            self._timer.cancel()
+
+    def _pass(self) -> None:
+        for flag in self._flags:
+            flag[0] = 1
+
+    def watch(self, flag: Flag) -> None:
+        """Have a kernel's own flag, shape (1,), set when the time is over."""
+        self._flags.append(flag)
+        if self.passed:
+            self._pass()
 
     def within(self, seconds: float) -> "Deadline":
         """A deadline that is no later than this one and no further off than given."""

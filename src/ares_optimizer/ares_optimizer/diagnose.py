@@ -203,7 +203,7 @@ def rescue(
         for d in range(len(within.problem.drops)):
             column = drop_column(within.problem, d)
             variables[column] += fraction * (variables[-1] - variables[column])
-        cool = least_heating(within, variables)
+        cool = least_heating(within, variables, deadline)
         found.iterations += cool.iterations
         found.restarts += 1
         level = heating_level(cool)
@@ -213,7 +213,7 @@ def rescue(
             break
     limit = float(base.problem.drops[-1, D_LOG_LIMIT])
     if best <= limit + _FEASIBLE:
-        again = run(within, coolest, 1.0)
+        again = run(within, coolest, 1.0, deadline)
         again.iterations += found.iterations
         again.restarts = found.restarts + 1
         if again.converged:
@@ -239,10 +239,10 @@ def _within_propellant(transcription: Transcription) -> Transcription:
     return replace(transcription, problem=problem._replace(latest_cutoff=latest))
 
 
-def least_heating(transcription: Transcription, variables: Array) -> Found:
+def least_heating(transcription: Transcription, variables: Array, deadline: Deadline) -> Found:
     """Search for the flight to the target with the least heating at the last free drop."""
     problem = transcription.problem._replace(objective=MINIMISE_HEATING)
-    return run(replace(transcription, problem=problem), variables, 1.0)
+    return run(replace(transcription, problem=problem), variables, 1.0, deadline)
 
 
 def heating_level(found: Found) -> float:

@@ -48,6 +48,8 @@ Array = NDArray[np.float64]
 
 #: A law longer than this is cut in equal parts with a free rate each, s.
 LONGEST_LAW = 450.0
+#: Such cuts at most: in a flight so long that it would take more, the parts are longer.
+MOST_CUTS = 32
 #: Added to a log heating limit: nothing reaches it.
 LIFTED = 60.0
 
@@ -145,11 +147,12 @@ class Found:
         )
 
 
-def run(transcription: Transcription, guess: Array, goal: float) -> Found:
+def run(transcription: Transcription, guess: Array, goal: float, deadline: Deadline) -> Found:
     """One search from one guess."""
     variables = np.array(guess, dtype=np.float64)
+    problem = transcription.problem._replace(stop=deadline.flag)
     end, iterations, miss, curvature, nu, mu, values, final = search(
-        variables, transcription.problem, goal, _ITERATIONS
+        variables, problem, goal, _ITERATIONS
     )
     return Found(transcription, variables, end, miss, curvature, nu, mu, values, final, iterations)
 
@@ -276,9 +279,9 @@ def carry_over(found: Found, transcription: Transcription) -> Array:
     return variables
 
 
-def own_starts(transcription: Transcription) -> Array:
+def own_starts(transcription: Transcription, deadline: Deadline) -> Array:
     """Starts of the solver's own, best first, shape (k, n)."""
-    problem = transcription.problem
+    problem = transcription.problem._replace(stop=deadline.flag)
     starts = np.zeros((_STARTS, problem.variables))
     misses = np.zeros(_STARTS)
     count = sweep(problem, make_scratch(problem), make_point(problem), starts, misses)
@@ -326,10 +329,10 @@ def solve_base(transcription: Transcription, guess: Guess | None, deadline: Dead
     best: Found | None = None
     if guess is not None:
         start = guess_variables(transcription.problem, guess)
-        best = run(transcription, start, _GUESS_IS_RESTORED_TO)
+        best = run(transcription, start, _GUESS_IS_RESTORED_TO, deadline)
     if best is None or not best.converged:
-        for start in own_starts(transcription):
-            best = _better(best, run(transcription, start, _GUESS_IS_RESTORED_TO))
+        for start in own_starts(transcription, deadline):
+            best = _better(best, run(transcription, start, _GUESS_IS_RESTORED_TO, deadline))
             if best.converged or deadline.passed:
                 break
     if best is None:
@@ -338,7 +341,7 @@ def solve_base(transcription: Transcription, guess: Guess | None, deadline: Dead
         # a jettison at a later crossing of the limit may be a local optimum
         moved = _first_crossing(best)
         if moved is not None:
-            best = _better(best, run(transcription, moved, _GUESS_IS_RESTORED_TO))
+            best = _better(best, run(transcription, moved, _GUESS_IS_RESTORED_TO, deadline))
     return best
 
 
@@ -380,7 +383,7 @@ def tighten(
             break
         amount = max(0.0, reached - step)
         target = eased(transcription, amount) if amount > 0.0 else transcription
-        trial = run(target, variables, _SOLUTION_IS_RESTORED_TO)
+        trial = run(target, variables, _SOLUTION_IS_RESTORED_TO, deadline)
         iterations += trial.iterations
         restarts += 1
         if restarts > _MOST_EASINGS:
@@ -398,9 +401,10 @@ def tighten(
     return best
 
 
-def continue_from(found: Found, transcription: Transcription) -> Found:
+def continue_from(found: Found, transcription: Transcription, deadline: Deadline) -> Found:
     """Solve a neighbouring problem from a solution, keeping the account of the work."""
-    more = run(transcription, carry_over(found, transcription), _SOLUTION_IS_RESTORED_TO)
+    guess = carry_over(found, transcription)
+    more = run(transcription, guess, _SOLUTION_IS_RESTORED_TO, deadline)
     more.iterations += found.iterations
     more.restarts = found.restarts
     return more
@@ -410,9 +414,10 @@ def splits_for(found: Found) -> tuple[float, ...]:
     """Times that cut every overlong law into equal parts."""
     times = [*law_times(found.transcription.problem, found.variables), found.cutoff_s]
     times.sort()
+    longest = max(LONGEST_LAW, (times[-1] - times[0]) / MOST_CUTS)
     cuts: list[float] = []
     for begin, end in pairwise(times):
-        parts = math.ceil((end - begin) / LONGEST_LAW)
+        parts = math.ceil((end - begin) / longest)
         cuts += [begin + (end - begin) * k / parts for k in range(1, parts)]
     return tuple(cuts)
 
@@ -471,14 +476,15 @@ def _hold_limit(
         return transcribe(arrays, start, method, heating, splits=(*splits, *more))
 
     path = problem(method, Heating.FROM_JETTISON)
-    found = continue_from(before, path)
+    found = continue_from(before, path, deadline)
     if found.converged and found.cutoff_s <= before.cutoff_s + _COSTS_NOTHING:
         return found
     # with every parameter free the late jettison is found from afar
     free = problem("direct20", Heating.AT_JETTISON)
-    late = run(free, _late_drops(carry_over(before, free), free.problem), math.inf)
+    late_guess = _late_drops(carry_over(before, free), free.problem)
+    late = run(free, late_guess, math.inf, deadline)
     if late.converged:
-        late = continue_from(late, path)
+        late = continue_from(late, path, deadline)
     if not found.converged:
         bound = late.cutoff_s if late.converged else math.inf
         tightened = tighten(before, path, deadline, bound)
@@ -490,7 +496,8 @@ def _hold_limit(
         # where the limit is touched the primer's rate jumps: let the steering's do so too
         touched = [t for t, mu in path_peaks(found) if mu > 0.0]
         if touched:
-            better = continue_from(found, problem(method, Heating.FROM_JETTISON, touched))
+            refined = problem(method, Heating.FROM_JETTISON, touched)
+            better = continue_from(found, refined, deadline)
             found = _better(found, better)
     return found
 
@@ -535,20 +542,21 @@ def continue_to(
     splits: tuple[float, ...] = ()
     found = base
     if method == "jump":
-        found = continue_from(base, transcribe(arrays, start, method, first))
+        found = continue_from(base, transcribe(arrays, start, method, first), deadline)
         if (found.cutoff_s - base.cutoff_s) * base.transcription.flow_kg_s > _JUMP_MAY_COST:
             # another root of the jump condition, no optimum
             found.end = NO_PROGRESS
     else:
         splits = splits_for(base)
         if splits or method != "direct11":
-            found = continue_from(base, transcribe(arrays, start, method, first, splits=splits))
+            cut = transcribe(arrays, start, method, first, splits=splits)
+            found = continue_from(base, cut, deadline)
         if splits and not found.converged:
             # the cuts are a refinement: better none than no solution
             splits = ()
             plain = base
             if method != "direct11":
-                plain = continue_from(base, transcribe(arrays, start, method, first))
+                plain = continue_from(base, transcribe(arrays, start, method, first), deadline)
             found = _better(found, plain)
     if heating is Heating.FROM_JETTISON and found.converged and found.drop_times_s:
         found = _hold_limit(arrays, start, method, splits, found, deadline)

@@ -19,6 +19,7 @@ from scipy.interpolate import CubicHermiteSpline
 from ares_models.arrays import (
     BURN,
     HEATING_LIMIT,
+    LONGEST_FLIGHT,
     MISSION_TIME,
     NAVIGATION,
     TARGET_KEPLERIAN,
@@ -171,6 +172,7 @@ _TEXTS = {
     newton.SINGULAR: "the Jacobian of the two-point problem is singular",
     newton.BAD_TIMETABLE: "the times make no flight",
     newton.AT_FLOOR: "a heating limit is passed when its drop is due",
+    newton.STOPPED: TIME_LIMIT_PASSED,
     newton.UNSOUND: "the root found is no flight: underground, or burning longer would cost less",
 }
 
@@ -213,7 +215,7 @@ class TwoPointSolver:
 
     Attributes:
         arrays: the mission.
-        deadline: after which no continuation begins or goes on.
+        deadline: at which a search ends, and after which no continuation begins.
         options: shape (1,), dtype ``kernels.two_point.OPTIONS``.
         work: shape (1,), dtype ``kernels.two_point.WORK``.
     """
@@ -251,7 +253,7 @@ class TwoPointSolver:
                 linear within each arc, and Eqs. 3.20, 3.21 leave out part of its gradient.
             tolerance: of the last Newton step, in scaled unknowns.
             max_iterations: of one start.
-            deadline: after which no continuation begins or goes on; None: no limit.
+            deadline: at which a search ends; None: no limit.
 
         Raises:
             OptimizerError: a choice that is not there, or a mission that the method cannot take.
@@ -283,6 +285,7 @@ class TwoPointSolver:
         self.options["max_iterations"] = max_iterations
         self.options["tolerance"] = tolerance
         self.work = np.zeros(1, kernels.WORK)
+        self.deadline.watch(self.work["stop"])
 
     def drops(self, start: NDArray[np.void]) -> int:
         """Number of heating jettisons whose time is unknown."""
@@ -471,7 +474,7 @@ def solve_indirect(
         correction: see :class:`TwoPointSolver`.
         finish: under inverse-square gravity, lead the closed form's root to the exact one by
             Runge-Kutta; what the closed form came to is in ``notes``.
-        deadline: after which no further start is tried; None: no limit.
+        deadline: at which the search ends; None: no limit.
         verify: fly the solution again and fill ``verification``, ``constraints``,
             ``trajectory`` and ``costates``. Without it ``converged`` is the solver's word.
 
@@ -504,7 +507,12 @@ def solve_indirect(
     root = _find(solver, start, unknowns)
     notes: dict[str, float] = {}
     if root.converged and propagator == "closed_form" and gravity == "inverse_square":
-        exact = TwoPointSolver(arrays, heating=heating, step_s=_fine(step_s, start, root))
+        exact = TwoPointSolver(
+            arrays,
+            heating=heating,
+            step_s=_fine(step_s, start, root),
+            deadline=solver.deadline,
+        )
         notes = _closed_form_notes(solver, start, root, arc_length_s, rule)
         if finish:
             solver = exact
@@ -685,7 +693,10 @@ def _pieces(solver: TwoPointSolver) -> NDArray[np.void]:
 def _why_not(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> str:
     """One line on what stands in the way."""
     if root.status == newton.BAD_TIMETABLE:
-        return "no flight can be laid out: the last burn does not begin, or too many events"
+        return (
+            "no flight can be laid out: the last burn does not begin, or only "
+            f"{LONGEST_FLIGHT:,.0f} s after the start, or too many events"
+        )
     options = solver.options.copy()
     solver.options["step"] = max(float(options["step"][0]), _SEARCH_STEP_S)
     solver.options["heating"] = timetable.HEATING_IGNORED

@@ -196,7 +196,8 @@ def solve(
             ``from_jettison``: from then on; ``ignored``: the fairing goes at ignition. None:
             as the mission says; ``at_jettison`` for a mission given as arrays.
         jettison_times: jettisons held at a time (s), by index: their limits are ignored.
-        time_limit_s: wall clock after which no further start is tried.
+        time_limit_s: wall clock after which the search ends, compiled parts of it too; the
+            proof of what was found by then is not cut short. None: no limit.
         verify: fly the solution again and fill ``verification``, ``constraints``,
             ``trajectory`` and ``costates``. Without it ``converged`` is the solver's word.
 
@@ -218,20 +219,20 @@ def solve(
     arrays, state = arrays_and_state(mission, state)
     if time_limit_s is not None and not time_limit_s >= 0.0:
         raise OptimizerError(f"time_limit_s is {time_limit_s} s; expected 0 or more")
-    deadline = Deadline(time_limit_s)
     if jettison_times:
         arrays = hold_jettisons(arrays, jettison_times)
-    if method == ANALYTIC_METHOD:
-        return _solve_analytic(arrays, state, guess, heating, deadline, verify)
-    if method in INDIRECT_METHODS:
-        return _solve_indirect(arrays, state, method, guess, heating, deadline, verify)
-    if isinstance(guess, Solution):
-        guess = guess_from(guess)
-    if guess is not None and not isinstance(guess, Guess):
-        raise OptimizerError(
-            f"guess is a {type(guess).__name__}; expected a Guess or a Solution for {method}"
-        )
-    return _solve_direct(arrays, state, method, guess, Heating(heating), deadline, verify)
+    with Deadline(time_limit_s) as deadline:
+        if method == ANALYTIC_METHOD:
+            return _solve_analytic(arrays, state, guess, heating, deadline, verify)
+        if method in INDIRECT_METHODS:
+            return _solve_indirect(arrays, state, method, guess, heating, deadline, verify)
+        if isinstance(guess, Solution):
+            guess = guess_from(guess)
+        if guess is not None and not isinstance(guess, Guess):
+            raise OptimizerError(
+                f"guess is a {type(guess).__name__}; expected a Guess or a Solution for {method}"
+            )
+        return _solve_direct(arrays, state, method, guess, Heating(heating), deadline, verify)
 
 
 def _solve_direct(
@@ -253,7 +254,8 @@ def _solve_direct(
     found = solve_direct(arrays, start, method, heating, guess, deadline)
     reason = ""
     if not found.base_converged or (propellant_obstacle(found) and held_by_heating(found)):
-        found, reason = rescue(arrays, start, heating, found, deadline.within(_RESCUE))
+        with deadline.within(_RESCUE) as soon:
+            found, reason = rescue(arrays, start, heating, found, soon)
         if not reason:
             found = continue_to(arrays, start, method, heating, found, deadline)
     elapsed = 1e3 * (time.perf_counter() - began)
@@ -281,7 +283,9 @@ def _solve_direct(
         parameters=found.variables,
         restarts=found.restarts,
     )
-    return _prove_direct(arrays, state, found, solution, heating) if verify else solution
+    if not verify or reason == TIME_LIMIT_PASSED:
+        return solution
+    return _prove_direct(arrays, state, found, solution, heating)
 
 
 def _prove_direct(
@@ -407,4 +411,4 @@ def _solve_analytic(
         raise OptimizerError(f"heating is {heating!r}; analytic takes at_jettison")
     if deadline.passed:
         return failed(ANALYTIC_METHOD, TIME_LIMIT_PASSED)
-    return solve_analytic(arrays, state=state, verify=verify).solution
+    return solve_analytic(arrays, state=state, verify=verify, deadline=deadline).solution

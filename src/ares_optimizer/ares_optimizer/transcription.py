@@ -13,7 +13,14 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import BURN, MISSION_TIME, TIME_AFTER_IGNITION, MissionArrays, Record
+from ares_models.arrays import (
+    BURN,
+    LONGEST_FLIGHT,
+    MISSION_TIME,
+    TIME_AFTER_IGNITION,
+    MissionArrays,
+    Record,
+)
 from ares_optimizer.kernels.problem import (
     AT_DROP,
     AT_FIXED_TIME,
@@ -271,6 +278,14 @@ def transcribe(
     last_piece = main[-1]
     left = float(last_piece["mass"]) - float(drops[:, 0].sum())
     last_arc = main[main["arc"] == len(arcs) - 1][0]
+    earliest_cutoff = float(last_arc["start"]) + _SHORTEST_BURN
+    latest_cutoff = float(last_piece["start"]) + _USABLE * left / float(last_piece["flow"])
+    latest_cutoff = min(latest_cutoff, now + LONGEST_FLIGHT)
+    if not earliest_cutoff < now + LONGEST_FLIGHT:
+        raise OptimizerError(
+            f"the last burn begins at {earliest_cutoff - _SHORTEST_BURN:g} s; expected less than "
+            f"{LONGEST_FLIGHT:g} s after the start, {now:g} s"
+        )
     problem = Problem(
         environment=arrays.environment,
         atmosphere=arrays.atmosphere,
@@ -283,11 +298,12 @@ def transcribe(
         laws=laws,
         law_time=law_times,
         longest_step=longest_step,
-        earliest_cutoff=float(last_arc["start"]) + _SHORTEST_BURN,
-        latest_cutoff=float(last_piece["start"]) + _USABLE * left / float(last_piece["flow"]),
+        earliest_cutoff=earliest_cutoff,
+        latest_cutoff=latest_cutoff,
         heating=HEATING_FROM_JETTISON if heating is Heating.FROM_JETTISON else HEATING_AT_JETTISON,
         objective=MINIMISE_TIME,
         variables=columns + len(free) + 1,
+        stop=np.zeros(1, np.int64),
     )
     return Transcription(
         problem,

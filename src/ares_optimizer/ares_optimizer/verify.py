@@ -37,7 +37,8 @@ Steering = Callable[[float, float], Direction]
 
 RELATIVE_TOLERANCE = 1e-11
 ABSOLUTE_TOLERANCE = np.array([1e-6] * 3 + [1e-9] * 3 + [1e-6])
-SAMPLE_PERIOD = 1.0  # s
+SAMPLE_PERIOD = 1.0  # s; longer where a flight would have more than MOST_SAMPLES
+MOST_SAMPLES = 5000
 #: What a constraint may be off, per unit, and still count as met.
 TOLERANCES = {"m": 1.0, "m/s": 1e-2, "deg": 1e-4, "W/m2": 0.2, "kg": 0.1, "s": 1e-3, "1": 1e-6}
 _ACTIVE = 1e-3  # an inequality this close to its limit, relatively, is active
@@ -411,6 +412,7 @@ def fly(
     directions: list[Array] = []
     pieces: list[tuple[float, float, State]] = []
     watching = False
+    period = max(SAMPLE_PERIOD, (plan.end - now) / MOST_SAMPLES)
     peak, peak_time = -math.inf, math.nan
     t = now
     for end in [*ends, math.inf]:
@@ -432,7 +434,7 @@ def fly(
             break
         direction = steering(t, end)
         state, after = _integrate(arrays, running(plan.engines, t, end), direction, (t, end), y)
-        grid = np.linspace(t, end, max(2, math.ceil((end - t) / SAMPLE_PERIOD) + 1))
+        grid = np.linspace(t, end, max(2, math.ceil((end - t) / period) + 1))
         samples = np.array([state(s) for s in grid])
         samples[0] = y
         samples[-1] = after

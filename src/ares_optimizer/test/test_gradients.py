@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from ares_models.mission import load_mission
+from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct import carry_over, own_starts, run, solve_direct
 from ares_optimizer.kernels.evaluate import evaluate, make_point, make_scratch
 from ares_optimizer.kernels.jump import JUMP_INPUTS, JUMP_OUTPUTS, jump, jump_jacobian
@@ -142,7 +143,7 @@ def test_tangents_agree_with_complex_step(mission, method, j2):
     arrays.environment["j2"] = j2
     problem = transcribe(arrays, start_of(mission)[0], method).problem
     n = problem.variables
-    p = own_starts(transcribe(arrays, start_of(mission)[0], method))[0]
+    p = own_starts(transcribe(arrays, start_of(mission)[0], method), Deadline())[0]
     rng = np.random.default_rng(3)
     p[: n - 1 - len(problem.drops)] += 0.05 * rng.standard_normal(n - 1 - len(problem.drops))
     scratch = make_scratch(problem)
@@ -172,7 +173,7 @@ def test_steps_are_fine_enough():
     start = start_of(mission)[0]
     coarse = transcribe(mission.arrays(), start, "direct11")
     fine = transcribe(mission.arrays(), start, "direct11", longest_step=1.0)
-    p = own_starts(coarse)[0]
+    p = own_starts(coarse, Deadline())[0]
     ends = []
     for problem in (coarse.problem, fine.problem):
         scratch = make_scratch(problem)
@@ -288,7 +289,7 @@ def test_reduced_hessian_is_that_of_the_lagrangian():
     # along a direction of the null space, against second differences of the Lagrangian
     mission = load_mission("ares_v")
     transcription = transcribe(mission.arrays(), start_of(mission)[0], "direct14")
-    found = run(transcription, own_starts(transcription)[0], 1.0)
+    found = run(transcription, own_starts(transcription, Deadline())[0], 1.0, Deadline())
     problem = transcription.problem
     p, n = found.variables, problem.variables
     scratch, point, other = make_scratch(problem), make_point(problem), make_point(problem)

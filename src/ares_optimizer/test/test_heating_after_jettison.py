@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from ares_models.mission import load_mission
+from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct import own_starts
-from ares_optimizer.kernels.evaluate import MAX_NODES, evaluate, make_point, make_scratch
+from ares_optimizer.kernels.evaluate import evaluate, make_point, make_scratch
 from ares_optimizer.kernels.heating import between_nodes, heating_peaks
 from ares_optimizer.kernels.shooting import N_COLUMNS, N_TIME
 from ares_optimizer.solution import OptimizerError
@@ -101,7 +102,7 @@ def test_quintic_between_nodes_is_the_flight():
     mission = load_mission("ares_v")
     transcription = transcribe(mission.arrays(), start_of(mission)[0], "direct11")
     problem = transcription.problem
-    p = own_starts(transcription)[0]
+    p = own_starts(transcription, Deadline())[0]
     scratch = make_scratch(problem)
     evaluate(p, problem, 0, scratch, make_point(problem))
     fine = problem._replace(longest_step=problem.longest_step / 8.0)
@@ -127,7 +128,7 @@ def test_peaks_are_found_and_counted():
     flown = solution.trajectory
     first = int(np.searchsorted(flown.time_s, solution.t_plf_s)) + 1
     rows = np.arange(first, len(flown.time_s), 8)
-    nodes = np.zeros((MAX_NODES, N_COLUMNS))
+    nodes = np.zeros((len(rows), N_COLUMNS))
     nodes[: len(rows), 0] = flown.time_s[rows]
     nodes[: len(rows), 1:4] = flown.position[rows]
     nodes[: len(rows), 4:7] = flown.velocity[rows]

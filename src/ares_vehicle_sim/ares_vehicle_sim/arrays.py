@@ -4,7 +4,8 @@ import numpy as np
 
 from ares_models.arrays import MAX_JETTISONS, STEERING
 
-MAX_EVENTS = 64
+#: Room for the longest sequence that a mission may have, tested.
+MAX_EVENTS = 128
 
 #: Stages and jettisons that a variation has room for.
 MAX_STAGES = 8
@@ -18,6 +19,7 @@ CUTOFF = 6
 DEPLETION = 7
 FLIGHT_COMPLETE = 8
 IMPACT = 9
+TIME_LIMIT = 10
 
 EVENT = np.dtype(
     [

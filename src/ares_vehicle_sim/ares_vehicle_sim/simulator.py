@@ -24,6 +24,7 @@ from ares_vehicle_sim.kernels.plant import (
 from ares_vehicle_sim.kernels.variation import vary
 
 NANOSECONDS = 1_000_000_000
+SHORTEST_PERIOD_S = 1e-3
 
 
 class CommandRefused(ValueError):
@@ -43,6 +44,17 @@ class SimulatorOptions:
     navigation_period_s: float = 0.1
     integration_step_s: float = 0.1
     attitude_rate_limit_rad_s: float = math.inf
+
+    def __post_init__(self) -> None:
+        """Check the times.
+
+        Raises:
+            ValueError: naming the option, its value and what was expected.
+        """
+        for name in ("navigation_period_s", "integration_step_s"):
+            value = getattr(self, name)
+            if not SHORTEST_PERIOD_S <= value < math.inf:
+                raise ValueError(f"{name} is {value}; expected at least {SHORTEST_PERIOD_S:g} s")
 
     def record(self) -> NDArray[np.void]:
         """The options as the plant's kernel reads them, shape (1,), dtype OPTIONS."""

@@ -13,6 +13,7 @@ from ares_models.arrays import (
     ENVIRONMENT,
     HEATING_LIMIT,
     JETTISON,
+    LONGEST_FLIGHT,
     MISSION_TIME,
     STEERING,
     TIME_AFTER_IGNITION,
@@ -247,3 +248,59 @@ def test_no_command_is_taken_while_one_is_under_way():
     accept_command(plant, vehicle.steering[0])
     assert plant["coming"]["direction"] == pytest.approx([0.0, 1.0, 0.0])
     assert plant["coming_time"] == pytest.approx(50.25)
+
+
+def test_a_flight_that_does_not_end_is_ended():
+    vehicle = Vehicle(mu=0.0)
+    vehicle.arcs["duration"][1] = 1e300
+    vehicle.options["max_step"] = 100.0
+    plant = vehicle.fly(2.0 * LONGEST_FLIGHT, period=1000.0)
+    assert plant["complete"] == 1
+    assert plant["inserted"] == 0
+    (event,) = vehicle.events(names.TIME_LIMIT)
+    assert event["time"] == pytest.approx(50.0 + LONGEST_FLIGHT, abs=1000.0)
+    assert event["index"] == 1
+
+
+@pytest.mark.parametrize("begin", [-1e308, -1e17, 1e17, math.nan])
+def test_a_clock_that_cannot_advance_ends_the_flight(begin):
+    vehicle = Vehicle()
+    vehicle.plant["time"] = begin
+    assert vehicle.fly(51.0)["complete"] == 1
+    assert len(vehicle.events(names.TIME_LIMIT)) == 1
+
+
+@pytest.mark.parametrize("step", [1e-9, 0.0, math.nan])
+def test_steps_without_number_end_the_flight(step):
+    vehicle = Vehicle()
+    vehicle.options["max_step"] = step
+    assert vehicle.fly(51.0)["complete"] == 1
+    assert len(vehicle.events(names.TIME_LIMIT)) == 1
+
+
+def test_a_last_arc_of_fixed_length_is_not_followed_by_another():
+    vehicle = Vehicle(mu=0.0)
+    vehicle.arcs["duration"][3] = 20.0
+    plant = vehicle.fly(400.0)
+    assert plant["arc"] == 3
+
+
+def test_there_is_room_for_every_event_of_the_longest_mission():
+    """Eight stages of three arcs, engines lost in each, and eight jettisons."""
+    vehicle = Vehicle(mu=0.0)
+    arcs = np.repeat(vehicle.arcs[:1], 48)
+    arcs["stage"] = np.arange(48) // 6
+    arcs["begins_stage"] = np.arange(48) % 6 == 0
+    arcs["duration"] = 1.0
+    arcs["duration"][-1] = math.inf
+    arcs["propellant"] = 6.5 * arcs["mass_flow"]
+    vehicle.arcs = arcs
+    vehicle.jettisons = np.repeat(vehicle.jettisons, 8)
+    vehicle.jettisons["criterion"] = MISSION_TIME
+    vehicle.jettisons["value"] = 60.0
+    vehicle.jettisons["stage"] = 0
+    plant = vehicle.fly(110.0)
+    assert plant["complete"] == 1
+    assert len(vehicle.events(names.IGNITION)) == 48
+    assert plant["events"][plant["event_count"] - 1]["type"] == names.FLIGHT_COMPLETE
+    assert plant["event_count"] < names.MAX_EVENTS

@@ -414,8 +414,9 @@ def guidance_step(
     if due:
         state.cycle += 1
         watch_engines(nav, arcs, state)
-        while state.next_cycle_time <= nav.time + 1e-9:
-            state.next_cycle_time += settings.cycle_period
+        # whole periods, however many were missed
+        behind = (nav.time + 1e-9 - state.next_cycle_time) / settings.cycle_period
+        state.next_cycle_time += (math.floor(behind) + 1.0) * settings.cycle_period
         if state.phase == PHASE_CONVERGING or state.phase == PHASE_TRACKING:
             solve(
                 nav,

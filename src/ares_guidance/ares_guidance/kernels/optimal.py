@@ -47,6 +47,9 @@ SMALL = 3e-3
 #: Change of an engine up to which that Jacobian is kept.
 SAME_ENGINE = 0.01
 _ROUNDING = 1e-6
+#: Steps of the integrator that may go into searches without a result while an arc lasts; then
+#: the law flies PEG until the next arc. It bounds what a hopeless mission costs, to seconds.
+MOST_WASTED = 4_000_000
 
 
 @kernel
@@ -206,6 +209,12 @@ def search(
 ) -> tuple[int, bool]:
     """The optimum by Newton's method; iterations, and whether it was found."""
     work = memory.work
+    if memory.wasted_in != nav.arc + 1:
+        memory.wasted_in = nav.arc + 1
+        memory.wasted = 0
+    if memory.wasted >= MOST_WASTED:
+        return 0, False
+    memory.options.max_steps = MOST_WASTED - memory.wasted
     # no literal and no nested array: each would compile the search once more
     thorough = memory.options.max_iterations < 0
     iterations, _, status, _ = find_optimum(
@@ -222,6 +231,7 @@ def search(
         memory.unknowns[:],
         work,
     )
+    memory.wasted = 0 if status == CONVERGED else memory.wasted + work.spent
     memory.age = 0
     for j in range(jettisons.shape[0]):
         # a limit that does not bind was flown as a time: the Jacobian is of another problem

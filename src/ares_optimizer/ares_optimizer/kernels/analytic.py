@@ -104,6 +104,7 @@ PART = np.dtype(
         # of the iteration
         ("iterations", np.int64),
         ("searches", np.int64),  # projections in search of the time to go
+        ("stop", np.int64),  # another thread writes 1 here to end the iteration
         ("partials", np.float64, (2,)),  # Eq. 5.32, m/rad, by the first two unknowns
     ],
     align=True,

@@ -147,7 +147,7 @@ def search_time(part: Record, burns: NDArray[Any], moments: Array) -> bool:
     longest = _MOST_OF_TAU * final.tau
     for _ in range(_SEARCHES):
         part.searches += 1
-        if not project(part, burns, moments):
+        if part.stop != 0 or not project(part, burns, moments):
             return False
         if abs(part.speed_error) < SPEED_TOLERANCE:
             return True
@@ -281,6 +281,8 @@ def iterate(part: Record, burns: NDArray[Any]) -> bool:
     scale = 0.0
     for iteration in range(1, part.max_iterations + 1):
         part.iterations = iteration
+        if part.stop != 0:
+            return False
         projected = _project(part, burns, moments)
         old = size
         size = _residuals(part, f)

@@ -22,6 +22,7 @@ from ares_optimizer.kernels.problem import (
     Problem,
 )
 from ares_optimizer.kernels.shooting import (
+    MOST_STEPS,
     N_COLUMNS,
     WORK_ROWS,
     drop_column,
@@ -30,9 +31,6 @@ from ares_optimizer.kernels.shooting import (
 )
 from ares_optimizer.kernels.terminal import MAX_ROWS, terminal_rows
 
-MAX_BREAKS = 128
-MAX_NODES = 192
-_FREE_LAWS = 16
 _INACTIVE = -1.0
 # a jettison comes at least this long before the cut-off, s
 _MARGIN = 0.1
@@ -44,7 +42,7 @@ class Scratch(NamedTuple):
     Attributes:
         times, breaks: order of events.
         work: scratch of the integration.
-        nodes: shape (MAX_NODES, N_COLUMNS).
+        nodes: shape (k, N_COLUMNS), room for every step of every break.
         drops: shape (d + PEAKS, 14), states at the free drops and at later heating peaks.
         drop_tangents: shape (d + PEAKS, 6, n).
         final: shape (8,).
@@ -86,15 +84,23 @@ class Point(NamedTuple):
 
 
 @kernel
+def most_breaks(problem: Problem) -> int:
+    """Most breaks that ``lay_out`` can come to: of each kind all, and the cut-off."""
+    pieces = problem.profile.shape[0] + problem.tail.shape[0]
+    return pieces + problem.laws.shape[0] + problem.drops.shape[0] + PEAKS + 1
+
+
+@kernel
 def make_scratch(problem: Problem) -> Scratch:
     """Room for one problem."""
     n = problem.variables
     d = problem.drops.shape[0] + PEAKS
+    breaks = most_breaks(problem)
     return Scratch(
-        np.zeros(MAX_BREAKS),
-        np.zeros((MAX_BREAKS, 4), np.int64),
+        np.zeros(breaks),
+        np.zeros((breaks, 4), np.int64),
         np.zeros((WORK_ROWS, 3 * n)),
-        np.zeros((MAX_NODES, N_COLUMNS)),
+        np.empty((breaks * (MOST_STEPS + 1), N_COLUMNS)),
         np.zeros((d, 14)),
         np.zeros((d, 6, n)),
         np.zeros(8),

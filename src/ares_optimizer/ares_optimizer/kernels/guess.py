@@ -31,6 +31,7 @@ from ares_optimizer.kernels.timetable import (
 from ares_optimizer.kernels.two_point import unknown_count
 
 _PANEL = 60.0  # s, of Simpson's rule
+_MOST_PANELS = 2000
 
 
 @kernel
@@ -54,7 +55,7 @@ def steering_integrals(
     for i in range(work.segment_count):
         segment = work.segments[i]
         length = segment.end - segment.start
-        panels = max(1, int(math.ceil(length / _PANEL)))
+        panels = int(math.ceil(min(max(length / _PANEL, 1.0), _MOST_PANELS)))
         h = length / panels
         for j in range(2 * panels + 1):
             weight = h / 6.0

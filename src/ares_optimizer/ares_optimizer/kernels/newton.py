@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import BURN, HEATING_LIMIT, Record
+from ares_models.arrays import BURN, HEATING_LIMIT, LONGEST_FLIGHT, Record
 from ares_models.jit import kernel
 from ares_optimizer.kernels.timetable import (
     COLUMN_CUTOFF,
@@ -15,7 +15,7 @@ from ares_optimizer.kernels.timetable import (
     MAX_SEGMENTS,
     build_timetable,
 )
-from ares_optimizer.kernels.two_point import AT_ONCE, shoot, unknown_count
+from ares_optimizer.kernels.two_point import AT_ONCE, search_is_over, shoot, unknown_count
 
 CONVERGED = 0
 ITERATION_LIMIT = 1
@@ -26,6 +26,8 @@ BAD_TIMETABLE = 4
 AT_FLOOR = 5
 #: Converged, but to something that no vehicle should fly.
 UNSOUND = 6
+#: The time or the work that the search may take has ended.
+STOPPED = 7
 
 _SMALLEST_FRACTION = 1e-3
 _ROUNDING = 1e-13  # of the residuals: under a micrometre; near cut-off no step can mend it
@@ -85,7 +87,7 @@ def find_floors(start: Record, arcs: NDArray[Any], jettisons: NDArray[Any], work
     """Earliest time of every unknown time, and the latest cut-off, into ``work``.
 
     Returns:
-        False if the sequence makes no flight.
+        False if the sequence makes no flight, or none of at most LONGEST_FLIGHT.
     """
     last = arcs.shape[0] - 1
     count = build_timetable(
@@ -113,8 +115,9 @@ def find_floors(start: Record, arcs: NDArray[Any], jettisons: NDArray[Any], work
         count -= 1
     final = work.segments[count - 1]
     # 2 % of the mass is left: beyond that nothing flies
-    work.ceiling = final.start + 0.98 * final.mass / final.flow
-    return True
+    latest = start.time + LONGEST_FLIGHT
+    work.ceiling = min(final.start + 0.98 * final.mass / final.flow, latest)
+    return work.floor[COLUMN_CUTOFF] < work.ceiling
 
 
 @kernel
@@ -249,6 +252,8 @@ def solve_two_point(
     if not good:
         return 0, math.inf, BAD_TIMETABLE
     for iteration in range(1, options.max_iterations + 1):
+        if search_is_over(options, work):
+            return iteration, math.inf, STOPPED
         residual_norm = 0.0
         for i in range(n):
             residual_norm += work.residual[i] ** 2
@@ -301,7 +306,7 @@ def solve_two_point(
                 break
             with_tangents = False
             fraction *= 0.5
-            if fraction < _SMALLEST_FRACTION:
+            if not fraction >= _SMALLEST_FRACTION:
                 return iteration, residual_norm, STALLED
         for i in range(n):
             unknowns[i] = work.trial[i]

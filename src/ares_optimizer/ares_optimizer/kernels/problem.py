@@ -76,6 +76,7 @@ class Problem(NamedTuple):
         heating: HEATING_AT_JETTISON or HEATING_FROM_JETTISON.
         objective: MINIMISE_TIME, or MINIMISE_HEATING: that at the last free drop.
         variables: number of columns.
+        stop: shape (1,); another thread writes 1 there to end a search.
     """
 
     environment: NDArray[Any]
@@ -94,3 +95,4 @@ class Problem(NamedTuple):
     heating: int
     objective: int
     variables: int
+    stop: Index

@@ -139,8 +139,8 @@ def sample_flight(
     mu = environment.mu
     omega_square = begin_state(start, mu, options, unknowns, work)
     state = work.state
-    # one spare segment carries the steps
-    step = work.segments[count] if count < work.segments.shape[0] else work.segments[0]
+    # the spare segment carries the steps
+    step = work.segments[work.segments.shape[0] - 1]
     rows = 0
     costate = 0.0
     for i in range(count):

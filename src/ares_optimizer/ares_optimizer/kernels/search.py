@@ -23,6 +23,7 @@ from ares_optimizer.kernels.newton import (
     BAD_TIMETABLE,
     CONVERGED,
     STALLED,
+    STOPPED,
     UNSOUND,
     find_floors,
     solve_two_point,
@@ -36,10 +37,10 @@ from ares_optimizer.kernels.timetable import (
 )
 from ares_optimizer.kernels.two_point import (
     AT_ONCE,
-    MAX_UNKNOWNS,
     begin_state,
     fly_segment,
     gravity_terms,
+    search_is_over,
     shoot,
     unknown_count,
 )
@@ -58,6 +59,7 @@ _STARTS = np.array(
 )
 _ROUNDING = 1e-6  # of pi, where a drop weighs nothing
 _SCAN = 5.0  # s, between looks at the heating
+_MOST_SCANS = 2000
 
 
 @kernel
@@ -96,6 +98,7 @@ def fly_to(
         end = segment.end
         if end < time:
             steps = max(1, int(math.ceil((end - segment.start) / options.step - 1e-9)))
+            work.spent += steps
             fly_segment(segment, steps, environment.mu, omega_square, options, 0, work)
             continue
         segment.end = max(segment.start, time)
@@ -326,7 +329,9 @@ def _crossing(
     time = earliest
     before = 0.0
     goal = math.log(limit)
-    while time < unknowns[COLUMN_CUTOFF]:
+    for _ in range(_MOST_SCANS):
+        if not time < unknowns[COLUMN_CUTOFF] or search_is_over(options, work):
+            break
         fly_to(start, environment, arcs, jettisons, options, unknowns, time, work)
         rate = _log_heating_now(environment, atmosphere, work) - goal
         if rate <= 0.0:
@@ -452,7 +457,7 @@ def find_optimum(
         iterations, norm of the residuals, status (newton.CONVERGED or why not), number of
         starts after the first. A failure leaves the start that came nearest in ``unknowns``.
     """
-    best = np.empty(MAX_UNKNOWNS)
+    best = unknowns.copy()
     best_residual = math.inf
     best_status = STALLED
     found = False
@@ -464,7 +469,11 @@ def find_optimum(
     one_plane = target.kind != TARGET_RADIUS_SPEED_ANGLE_INCLINATION
     solved_near = False
     solved_far = False
+    work.spent = 0
     for attempt in range(-1 if guessed else 0, last):
+        if search_is_over(options, work):
+            best_status = STOPPED
+            break
         near = attempt < 0 or _STARTS[attempt, 2] > 0.0
         if attempt >= 0 and (solved_near if near else solved_far):
             continue
@@ -511,6 +520,9 @@ def find_optimum(
     if heating_count(start, jettisons, options.heating) == 0:
         last = 0
     for attempt in range(last):
+        if search_is_over(options, work):
+            best_status = STOPPED
+            break
         _reset(jettisons, work)
         starts += 1
         iterations, residual, status = _solve_timed_first(

@@ -37,6 +37,7 @@ TOO_MANY_ITERATIONS = 1
 NO_PROGRESS = 2
 NOT_FEASIBLE = 3
 NOT_FINITE = 4
+STOPPED = 5
 
 _DIFFERENCE = 1e-6
 _FEASIBLE = 1e-8
@@ -157,7 +158,7 @@ def restore(
     evaluate(p, problem, n, scratch, point)
     square = sum_violation(point, 2)
     for k in range(iterations):
-        if violation(point) <= goal or not math.isfinite(square):
+        if violation(point) <= goal or not math.isfinite(square) or problem.stop[0] != 0:
             return violation(point), k
         # what is at its limit is held too, or the step would run into it
         rows, values, _ = active_rows(point, none, -1e-9)
@@ -273,6 +274,9 @@ def reduced_hessian(
     trial = np.empty(n)
     moved = np.empty(n)
     for a in range(z + 1):
+        if problem.stop[0] != 0:
+            hessian[:] = 0.0
+            break
         h = _DIFFERENCE
         if a == z:
             size = 0.0
@@ -500,6 +504,8 @@ def minimise(
         lagrangian_gradient(point, nu, mu, base)
         basis = np.ascontiguousarray(q[:, e:])
         reduced_hessian(p, problem, scratch, other, nu, mu, base, basis, whole, hessian, cross)
+        if problem.stop[0] != 0:
+            return STOPPED, k, miss, math.inf
         if not math.isfinite(np.sum(hessian)):
             return NOT_FINITE, k, miss, math.inf
         eigenvalues, vectors = np.linalg.eigh(hessian)
@@ -588,7 +594,7 @@ def minimise(
             else:
                 first = False
                 radius = 0.3 * min(radius, length)
-                if radius < _SMALLEST_RADIUS:
+                if not radius >= _SMALLEST_RADIUS:
                     estimate_multipliers(point, nu, mu)
                     end = NO_PROGRESS if miss <= 1e-6 else NOT_FEASIBLE
                     return end, k, miss, abs(change)

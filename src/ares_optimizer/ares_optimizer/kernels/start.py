@@ -165,6 +165,8 @@ def sweep(problem: Problem, scratch: Scratch, point: Point, starts: Array, misse
     found = 0
     p = np.zeros(n)
     for a in range(4):
+        if found > 0 and problem.stop[0] != 0:
+            break
         cutoff = cutoff_for(problem, needed * (1.05 + 0.1 * a))
         time = cutoff - problem.start_time
         angle = 0.5 * (norm(v) + norm(wanted)) * time / radius

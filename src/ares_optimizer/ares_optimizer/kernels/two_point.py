@@ -69,6 +69,7 @@ OPTIONS = np.dtype(
         ("step", np.float64),  # s, longest step or closed-form arc
         ("max_iterations", np.int64),
         ("tolerance", np.float64),  # of the last Newton step, in scaled unknowns
+        ("max_steps", np.int64),  # of the integrator, in one search; 0: no limit
     ],
     align=True,
 )
@@ -94,11 +95,13 @@ WORK = np.dtype(
         ("terminal_gradient", np.float64, (6, 6)),
         ("heating_times", np.float64, (8,)),
         ("jettisons", JETTISON, (MAX_JETTISONS,)),  # as flown: inactive limits become times
-        ("segments", SEGMENT, (MAX_SEGMENTS,)),
+        ("segments", SEGMENT, (MAX_SEGMENTS + 1,)),  # one to spare
         ("steps", np.int64, (MAX_SEGMENTS,)),
         ("segment_count", np.int64),
         ("lowest", np.float64),  # smallest radius of the last flight, m
         ("evaluations", np.int64),
+        ("spent", np.int64),  # steps of the integrator, in this search
+        ("stop", np.int64),  # another thread writes 1 here to end the search
         ("stuck", np.int64),  # heating unknown that ran into its earliest time
         ("pinned", np.int64, (MAX_JETTISONS,)),  # 1: this heating unknown stays there
         ("waiting_pays", np.int64, (MAX_JETTISONS,)),  # 1: a later drop would be better
@@ -342,6 +345,12 @@ def unknown_count(start: Record, jettisons: NDArray[Any], options: Record) -> in
 
 
 @kernel
+def search_is_over(options: Record, work: Record) -> bool:
+    """Whether the time or the work that a search may take has ended."""
+    return work.stop != 0 or 0 < options.max_steps <= work.spent
+
+
+@kernel
 def begin_state(
     start: Record, mu: float, options: Record, unknowns: NDArray[np.float64], work: Record
 ) -> float:
@@ -483,6 +492,7 @@ def shoot(
         steps = int(math.ceil((segment.end - segment.start) / options.step - 1e-9))
         steps = max(1, steps, work.steps[i])
         work.steps[i] = steps
+        work.spent += steps
         fly_segment(segment, steps, mu, omega_square, options, columns, work)
         if segment.end_heating >= 0 and i + 1 < count:
             index = segment.end_heating

@@ -20,7 +20,7 @@ RESULT = np.dtype(
         ("inclination_error", np.float64),  # rad
         ("ascending_node_error", np.float64),  # rad; nan: free
         ("argument_of_perigee_error", np.float64),  # rad; nan: free
-        ("ended", np.int64),  # CUTOFF, DEPLETION or IMPACT
+        ("ended", np.int64),  # CUTOFF, DEPLETION, IMPACT or TIME_LIMIT
         ("converged", np.int64),  # 1: guidance had a solution
         ("iterations", np.int64),
         ("on_board", np.int64),  # bit k: jettison k was not done before the cut-off

@@ -82,6 +82,7 @@ def fly_on_cores(settings: Settings, chunks: Iterable[Chunk], *, count: int) -> 
     waiting = iter(chunks)
     pool = ThreadPoolExecutor(count, thread_name_prefix="flights")
     running: set[Future[Any]] = set()
+    patient = True
     try:
         while True:
             for chunk in islice(waiting, AHEAD * count - len(running)):
@@ -91,8 +92,12 @@ def fly_on_cores(settings: Settings, chunks: Iterable[Chunk], *, count: int) -> 
             done, running = wait(running, return_when=FIRST_COMPLETED)
             for future in done:
                 yield future.result()
+    except KeyboardInterrupt:
+        # flights under way are given up
+        patient = False
+        raise
     finally:
-        pool.shutdown(cancel_futures=True)
+        pool.shutdown(wait=patient, cancel_futures=True)
 
 
 def fly_on_cluster(settings: Settings, chunks: Iterable[Chunk], *, address: str) -> Tables:

@@ -16,7 +16,7 @@ from ares_models.jit import kernel
 from ares_models.kernels.states import insertion_quantities
 from ares_models.kernels.vectors import Vector, axpy, cross, dot, load, norm, scale, unit
 from ares_studies.kernels import fly
-from ares_vehicle_sim.arrays import CUTOFF, DEPLETION, IMPACT, JETTISON_DONE
+from ares_vehicle_sim.arrays import CUTOFF, DEPLETION, IMPACT, JETTISON_DONE, TIME_LIMIT
 from ares_vehicle_sim.kernels.plant import begin_flight
 from ares_vehicle_sim.kernels.variation import vary
 
@@ -127,8 +127,8 @@ def judge(
         event = plant.events[i]
         if event.type == CUTOFF:
             result.cutoff_time = event.time
-        elif event.type == IMPACT:
-            result.ended = IMPACT
+        elif event.type == IMPACT or event.type == TIME_LIMIT:
+            result.ended = event.type
         elif event.type == JETTISON_DONE:
             part = jettisons[event.index]
             if math.isnan(result.cutoff_time):

@@ -10,7 +10,7 @@ import pyarrow as pa
 
 from ares_studies.montecarlo.flights import Flown
 from ares_studies.montecarlo.kernels import ANGLE, RADIUS_M, SPEED_M_S
-from ares_vehicle_sim.arrays import DEPLETION, IMPACT
+from ares_vehicle_sim.arrays import DEPLETION, IMPACT, TIME_LIMIT
 
 
 class Outcome(StrEnum):
@@ -18,6 +18,7 @@ class Outcome(StrEnum):
 
     ERROR = "error"
     IMPACT = "impact"
+    TIME_LIMIT = "time_limit"
     NOT_CONVERGED = "not_converged"
     DEPLETION = "depletion"
     TARGET_MISSED = "target_missed"
@@ -131,6 +132,8 @@ def explain(result: Any, jettisons: Sequence[str]) -> tuple[Outcome, str]:
     reasons = []
     if result["ended"] == IMPACT:
         reasons.append((Outcome.IMPACT, f"met the ground at {result['end_time']:.1f} s"))
+    if result["ended"] == TIME_LIMIT:
+        reasons.append((Outcome.TIME_LIMIT, f"not over at {result['end_time']:.1f} s"))
     if not result["converged"]:
         reasons.append((Outcome.NOT_CONVERGED, "guidance never converged"))
     if result["ended"] == DEPLETION:

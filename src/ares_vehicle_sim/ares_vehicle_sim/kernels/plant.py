@@ -9,7 +9,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from ares_models.arrays import BURN, HEATING_LIMIT, MISSION_TIME, Record
+from ares_models.arrays import BURN, HEATING_LIMIT, LONGEST_FLIGHT, MISSION_TIME, Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import (
     altitude,
@@ -42,11 +42,16 @@ from ares_vehicle_sim.arrays import (
     JETTISON_DONE,
     MAX_EVENTS,
     STAGING,
+    TIME_LIMIT,
 )
 
 SAME_TIME = 1e-9
 SAME_BURNOUT = 1e-6
 SLEW_STEP = 0.02
+#: Most integration steps between two navigation states.
+MOST_STEPS = 1e7
+#: s, either side of 0; beyond it a clock in nanoseconds does not count any more.
+LATEST_CLOCK = 1e9
 #: How far the length of a commanded direction may be from 1.
 UNIT_TOLERANCE = 1e-6
 
@@ -154,6 +159,14 @@ def log_event(plant: Record, kind: int, index: int) -> None:
     store(event.position, load(plant.position))
     store(event.velocity, load(plant.velocity))
     event.heating_rate = plant.heating_rate
+
+
+@kernel
+def end_by_limit(plant: Record) -> None:
+    """End a flight that would go on for ever."""
+    if plant.complete == 0:
+        plant.complete = 1
+        log_event(plant, TIME_LIMIT, plant.arc)
 
 
 @kernel
@@ -293,7 +306,7 @@ def process_due_events(plant: Record, arcs: NDArray[Any], jettisons: NDArray[Any
             end_thrust(plant, arcs)
             log_event(plant, CUTOFF, plant.arc)
             changed = True
-        elif plant.arc_start_time + arc.duration <= now:
+        elif plant.arc_start_time + arc.duration <= now and plant.arc + 1 < arcs.shape[0]:
             end_thrust(plant, arcs)
             log_event(plant, ARC_ENDED, plant.arc)
             begin_arc(plant, plant.arc + 1, arcs, jettisons)
@@ -326,7 +339,9 @@ def next_event(plant: Record, arcs: NDArray[Any], jettisons: NDArray[Any]) -> fl
     if plant.inserted == 1:
         return at
     arc = arcs[plant.arc]
-    end = plant.arc_start_time + arc.duration
+    end = math.inf
+    if plant.arc + 1 < arcs.shape[0]:
+        end = plant.arc_start_time + arc.duration
     at = min(at, end)
     if arc.kind == BURN:
         cutoff = plant.command.cutoff_time
@@ -445,6 +460,8 @@ def begin_flight(
     sense(plant, environment, atmosphere)
     log_event(plant, FLIGHT_STARTED, 0)
     begin_arc(plant, 0, arcs, jettisons)
+    if not abs(plant.time) <= LATEST_CLOCK:
+        end_by_limit(plant)
 
 
 @kernel
@@ -474,6 +491,9 @@ def flight_step(
 ) -> None:
     """Advance the vehicle to ``until`` or to the end of the flight.
 
+    A flight that is not over after LONGEST_FLIGHT, or that would take more than MOST_STEPS
+    steps to ``until``, ends with the event TIME_LIMIT.
+
     Args:
         plant: record PLANT. Changed; events are appended to ``plant.events``.
         environment: record ENVIRONMENT, the true one.
@@ -486,9 +506,16 @@ def flight_step(
     largest = options.max_step
     if math.isfinite(options.attitude_rate_limit):
         largest = min(largest, SLEW_STEP)
+    early = plant.time - plant.events[0].time < LONGEST_FLIGHT
+    if not (early and until - plant.time < MOST_STEPS * largest):
+        end_by_limit(plant)
     due = next_event(plant, arcs, jettisons)
+    rounds = 0
     while plant.complete == 0:
         if due <= plant.time + SAME_TIME:
+            rounds += 1
+            if rounds > MAX_EVENTS:
+                end_by_limit(plant)
             process_due_events(plant, arcs, jettisons)
             due = next_event(plant, arcs, jettisons)
             continue

@@ -1,0 +1,91 @@
+"""SIGINT and SIGTERM end a command at any time: between bytecodes, in a kernel, in an import.
+
+Python runs its handlers between bytecodes, and a kernel has none. A thread hears of the signal
+all the same, since kernels leave the interpreter's lock alone; if the command has not ended by
+itself within GRACE, the thread ends the process. Whatever is being computed then is computed
+only: files are written between kernels, and each whole or not at all.
+"""
+
+import os
+import signal
+import sys
+import threading
+import time
+from types import FrameType, TracebackType
+
+#: Wall time in s that a command gets to end in good order.
+GRACE = 1.2
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+def exit_status(number: int) -> int:
+    """Exit status of a command that a signal has ended: 130 for SIGINT, 143 for SIGTERM."""
+    return 128 + number
+
+
+def end_at_once() -> None:
+    """Until the command line is there: a signal ends the process, and nothing is printed."""
+    for number in _SIGNALS:
+        signal.signal(number, lambda number, _: os._exit(exit_status(number)))
+
+
+class Interrupts:
+    """Both signals as KeyboardInterrupt, and an end that comes for sure.
+
+    Must be entered in the main thread. A verb with signals of its own, such as a flight, may
+    take them meanwhile and give them back.
+    """
+
+    def __init__(self) -> None:
+        self._number = 0
+        self._over = False
+
+    def __enter__(self) -> "Interrupts":
+        """Take the signals."""
+        self._readable, self._writable = os.pipe()
+        os.set_blocking(self._writable, False)
+        self._former_fd = signal.set_wakeup_fd(self._writable, warn_on_full_buffer=False)
+        self._former = {number: signal.signal(number, self._interrupt) for number in _SIGNALS}
+        self._thread = threading.Thread(target=self._listen, name="interrupts", daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Give them back; after a signal the process still ends within GRACE of it."""
+        self._over = True
+        signal.set_wakeup_fd(self._former_fd)
+        if self._number:
+            return
+        for number, handler in self._former.items():
+            signal.signal(number, handler)
+        os.write(self._writable, b"\0")
+        self._thread.join()
+        os.close(self._readable)
+        os.close(self._writable)
+
+    def status(self, otherwise: int) -> int:
+        """Exit status after a signal; the other one if none came."""
+        return exit_status(self._number) if self._number else otherwise
+
+    def _interrupt(self, number: int, _: FrameType | None) -> None:
+        # the next signal ends the process, in which Python's own clean-up may still run
+        end_at_once()
+        self._number = number
+        raise KeyboardInterrupt
+
+    def _listen(self) -> None:
+        number = 0
+        while number not in _SIGNALS:
+            number = os.read(self._readable, 1)[0]
+            if number == 0:
+                return
+        time.sleep(GRACE)
+        if not self._over:
+            print("ares: interrupted", file=sys.stderr, flush=True)
+        os._exit(exit_status(number))

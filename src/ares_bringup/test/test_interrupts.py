@@ -1,0 +1,116 @@
+"""A signal ends a command at any time, and nothing of Python's is printed."""
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+BOTH = [signal.SIGINT, signal.SIGTERM]
+
+#: A kernel that goes on for minutes, in the main thread or in one of a pool that is waited for.
+IN_A_KERNEL = """
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from ares_bringup.interrupts import Interrupts
+from ares_models.jit import kernel
+
+
+@kernel
+def turn(stop):
+    x = 1.0
+    while stop[0] == 0:
+        for _ in range(1000):
+            x = 1.0 - 0.5 * x
+        stop[1] += 1
+    return x
+
+
+stop = np.zeros(2, np.int64)
+stop[0] = 1
+turn(stop)
+stop[0] = 0
+with Interrupts() as interrupts:
+    try:
+        if sys.argv[1] == "main":
+            print("ready", flush=True)
+            turn(stop)
+        pool = ThreadPoolExecutor(1)
+        pool.submit(turn, stop)
+        print("ready", flush=True)
+        while True:
+            stop[1] += 0
+    except KeyboardInterrupt:
+        print("in order", flush=True)
+sys.exit(interrupts.status(0))
+"""
+
+#: A command that ends by itself, with what it has to say.
+IN_PYTHON = """
+import sys
+import time
+
+from ares_bringup.interrupts import Interrupts
+
+with Interrupts() as interrupts:
+    try:
+        print("ready", flush=True)
+        time.sleep(600.0)
+    except KeyboardInterrupt:
+        print("in order", flush=True)
+sys.exit(interrupts.status(0))
+"""
+
+AT_ONCE = """
+import time
+
+from ares_bringup.interrupts import end_at_once
+
+end_at_once()
+print("ready", flush=True)
+time.sleep(600.0)
+"""
+
+
+def interrupted(tmp_path, text, number, *arguments):
+    """Exit status, output and errors of a script that gets a signal once it is ready."""
+    script = tmp_path / "script.py"
+    script.write_text(text)
+    process = subprocess.Popen(
+        [sys.executable, str(script), *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "ready\n"
+    process.send_signal(number)
+    out, err = process.communicate(timeout=120)
+    return process.returncode, out, err
+
+
+@pytest.mark.parametrize("number", BOTH)
+def test_in_a_kernel(tmp_path, number):
+    status, out, err = interrupted(tmp_path, IN_A_KERNEL, number, "main")
+    assert (status, out, err) == (128 + number, "", "ares: interrupted\n")
+
+
+@pytest.mark.parametrize("number", BOTH)
+def test_while_threads_are_in_kernels(tmp_path, number):
+    """The command has had its say; the interpreter would wait for its threads for ever."""
+    status, out, err = interrupted(tmp_path, IN_A_KERNEL, number, "thread")
+    assert (status, out, err) == (128 + number, "in order\n", "")
+
+
+@pytest.mark.parametrize("number", BOTH)
+def test_in_python(tmp_path, number):
+    status, out, err = interrupted(tmp_path, IN_PYTHON, number)
+    assert (status, out, err) == (128 + number, "in order\n", "")
+
+
+@pytest.mark.parametrize("number", BOTH)
+def test_before_the_command_line_is_there(tmp_path, number):
+    assert interrupted(tmp_path, AT_ONCE, number) == (128 + number, "", "")

@@ -1,0 +1,82 @@
+"""What `make boundscheck` relies on: a kernel that leaves its arrays raises, wherever it is."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+KERNELS = """
+import sys
+import threading
+
+import numpy as np
+
+from ares_models.arrays import ARC
+from ares_models.jit import kernel
+
+
+@kernel
+def read(values, i):
+    return values[i]
+
+
+@kernel
+def read_within(values, i):
+    return 2.0 * read(values, i)
+
+
+@kernel
+def write(values, i):
+    values[i] = 1.0
+
+
+@kernel
+def write_field(arcs, k, i):
+    arc = arcs[k]
+    arc.start_time[i] = 1.0
+
+
+def in_thread(call):
+    raised = []
+
+    def run():
+        try:
+            call()
+        except IndexError as error:
+            raised.append(error)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    thread.join()
+    if raised:
+        raise raised[0]
+
+
+values, arcs = np.zeros(4), np.zeros(2, ARC)
+calls = {
+    "read": lambda: read(values, 4),
+    "read_within": lambda: read_within(values, 4),
+    "write": lambda: write(values, 4),
+    "record": lambda: write_field(arcs, 2, 0),
+    "field": lambda: write_field(arcs, 1, 8),
+    "thread": lambda: in_thread(lambda: write(values, 4)),
+}
+calls[sys.argv[1]]()
+"""
+
+
+@pytest.mark.parametrize("call", ["read", "read_within", "write", "record", "field", "thread"])
+def test_an_index_beyond_its_array_raises(tmp_path, call):
+    script = tmp_path / "kernels_of_a_test.py"
+    script.write_text(KERNELS)
+    environment = {**os.environ, "NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, str(script), call],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert done.stderr.strip().splitlines()[-1] == "IndexError: index is out of bounds"

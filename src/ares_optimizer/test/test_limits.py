@@ -1,0 +1,134 @@
+"""Room, time and work of the searches: none is overrun, whatever the mission."""
+
+import math
+
+import numpy as np
+import pytest
+
+from ares_models.arrays import COAST, LONGEST_FLIGHT
+from ares_models.mission import load_mission
+from ares_optimizer.deadline import TIME_LIMIT_PASSED, Deadline
+from ares_optimizer.direct import MOST_CUTS, own_starts, run, splits_for
+from ares_optimizer.indirect import TwoPointSolver
+from ares_optimizer.kernels import newton, sqp
+from ares_optimizer.kernels.evaluate import evaluate, make_point, make_scratch, most_breaks
+from ares_optimizer.solution import OptimizerError
+from ares_optimizer.solve import METHODS, solve, start_of
+from ares_optimizer.transcription import transcribe
+
+DIRECT = ("direct11", "direct14", "direct20", "jump")
+
+
+def with_long_coast(seconds):
+    """Apollo's Saturn V, the last coast as long as given."""
+    mission = load_mission("saturn_v_as506")
+    arrays = mission.arrays()
+    coasts = np.flatnonzero(arrays.arcs["kind"] == COAST)
+    arrays.arcs["duration"][coasts[-1]] = seconds
+    return arrays, start_of(mission)
+
+
+@pytest.mark.parametrize("seconds", [4e3, 4e4, 1e5, 1e9, 1e300])
+@pytest.mark.parametrize("method", [name for name in METHODS if name != "analytic"])
+def test_a_coast_of_any_length_is_answered(method, seconds):
+    """A coast of 1e5 s made 222 laws, and room there was for 128 events: a segmentation fault."""
+    arrays, start = with_long_coast(seconds)
+    if seconds > LONGEST_FLIGHT and method in DIRECT:
+        with pytest.raises(OptimizerError, match=r"^(the last burn begins|no flight can be laid)"):
+            solve(arrays, method, state=start)
+        return
+    solution = solve(arrays, method, state=start, time_limit_s=2.0)
+    assert not solution.converged
+    assert solution.reason
+    assert "\n" not in solution.reason
+
+
+def test_an_overlong_flight_has_few_cuts():
+    arrays, start = with_long_coast(4e4)
+    transcription = transcribe(arrays, start[0], "direct11")
+    found = run(transcription, own_starts(transcription, Deadline())[0], 1.0, Deadline())
+    found.variables[-1] = 500.0
+    assert 0 < len(splits_for(found)) <= MOST_CUTS
+
+
+@pytest.mark.parametrize("method", DIRECT)
+@pytest.mark.parametrize("cuts", [0, 300])
+def test_there_is_room_for_every_event_and_step(method, cuts):
+    """Room is as much as the problem can fill, not a number that a longer one overruns."""
+    arrays, start = with_long_coast(4e3)
+    now = float(start["time"][0])
+    splits = tuple(now + 1.0 + 10.0 * k for k in range(cuts))
+    problem = transcribe(arrays, start[0], method, splits=splits).problem
+    scratch, point = make_scratch(problem), make_point(problem)
+    p = np.full(problem.variables, 0.1)
+    p[-1] = (problem.latest_cutoff - problem.start_time) / 100.0
+    evaluate(p, problem, 0, scratch, point)
+    count, nodes = int(scratch.counts[0]), int(scratch.counts[1])
+    steps = scratch.breaks[:count, 3]
+    assert count <= most_breaks(problem) == len(scratch.times)
+    assert nodes == steps.sum() + np.count_nonzero(steps)
+    assert nodes <= len(scratch.nodes)
+    assert scratch.nodes[nodes - 1, 0] == pytest.approx(scratch.final[0])
+
+
+def test_a_flag_ends_a_direct_search():
+    mission = load_mission("ares_v")
+    transcription = transcribe(mission.arrays(), start_of(mission)[0], "direct11")
+    guess = own_starts(transcription, Deadline())[0]
+    stopped = Deadline()
+    stopped.flag[0] = 1
+    assert run(transcription, guess, 1.0, stopped).end == sqp.STOPPED
+    assert run(transcription, guess, 1.0, Deadline()).converged
+
+
+def test_a_flag_or_spent_work_ends_a_two_point_search():
+    mission = load_mission("ares_v")
+    start = start_of(mission)
+    solver = TwoPointSolver(mission.arrays())
+    assert solver.solve(start).converged
+    solver.work["stop"] = 1
+    assert solver.solve(start).status == newton.STOPPED
+    solver.work["stop"] = 0
+    solver.options["max_steps"] = 200
+    assert solver.solve(start).status == newton.STOPPED
+    assert 200 <= solver.work["spent"][0] < 5000
+    solver.options["max_steps"] = 0
+    assert solver.solve(start).converged
+
+
+def test_a_failed_search_leaves_finite_unknowns():
+    arrays, start = with_long_coast(1e9)
+    root = TwoPointSolver(arrays).solve(start)
+    assert root.status == newton.BAD_TIMETABLE
+    assert np.isfinite(root.unknowns).all()
+
+
+def test_a_deadline_sets_the_flags_of_kernels():
+    flag = np.zeros(1, np.int64)
+    with Deadline(0.0) as deadline:
+        deadline.watch(flag)
+        while not (deadline.flag[0] and flag[0]):
+            pass
+    assert deadline.passed
+
+
+def test_a_deadline_left_in_time_sets_none():
+    with Deadline(1e-2) as deadline:
+        pass
+    while not deadline.passed:
+        pass
+    assert deadline.flag[0] == 0
+
+
+@pytest.mark.parametrize("seconds", [None, math.inf, 1e300])
+def test_a_deadline_far_away_needs_no_thread(seconds):
+    with Deadline(seconds) as deadline, deadline.within(3600.0) as sooner:
+        assert not deadline.passed
+        assert sooner.end <= deadline.end
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_no_time_at_all(method):
+    solution = solve(load_mission("ares_v"), method, time_limit_s=0.0)
+    assert not solution.converged
+    assert solution.reason == TIME_LIMIT_PASSED
