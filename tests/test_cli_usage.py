@@ -67,6 +67,21 @@ def test_version(capfd):
         (["fly", "--pace", "-1"], "--pace"),
         (["fly", "--guidance", "thrust_only"], "thrust_only"),
         (["fly", "--domain-id", "300"], "--domain-id"),
+        (["fly", "--seed", str(2**63)], "--seed"),
+        (["fly", "--flight", str(10**8)], "--flight"),
+        (["fly", "--nav-period", "1e-320"], "parameter navigation_period_s is 1e-320; expected"),
+        (["fly", "--hold-time", "1e308"], "parameter hold_time_s is 1e+308; expected a number"),
+        (["fly", "--pace", "1e-320"], "parameter pace is 1e-320; expected 0, or 0.001 up"),
+        (["fly", "--pace", "1e308"], "parameter pace is 1e+308; expected a number from 0 to"),
+        (["montecarlo", "--seed", str(2**64)], "--seed"),
+        (["montecarlo", "-n", str(10**23)], "--flights"),
+        (["montecarlo", "--only", str(10**23)], "--only"),
+        (["montecarlo", "--hold-time", "nan"], "hold_time_s is nan; expected 0 to 120"),
+        (["optimize", "--hold-jettison", "payload fairing=1e308"], "expected a time of the flight"),
+        (["optimize", "--hold-jettison", "payload fairing=nan"], "155.9 to 1301.79 s"),
+        (["optimize", "--mission", "/dev/zero"], "/dev/zero: is a device or a pipe"),
+        (["missions", "x" * 5000], "no such mission"),
+        (["missions", "x/" * 5000], "cannot be read: File name too long"),
         (["fly", "extra"], "extra"),
         (["fly", "--bag", "b", "--no-record"], "--bag and --no-record"),
         (["fly", "--bag", "/", "--in-process"], "--bag is '/', which exists"),
@@ -81,6 +96,9 @@ def test_version(capfd):
     ],
 )
 def test_bad_input_is_one_line_and_status_2(capfd, argv, words):
+    if argv[:1] == ["fly"] and "--bag" not in argv:
+        # a node that refuses its parameters says so in this process
+        argv = [*argv, "--in-process", "--no-record"]
     status, out, err = run(capfd, *argv)
     assert status == 2
     assert out == ""

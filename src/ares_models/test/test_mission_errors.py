@@ -617,13 +617,13 @@ def test_what_cannot_be_printed_is_shown_as_it_is_written(tmp_path):
     path.write_text(bad)
     assert "'ti\\ntle' is not a known key" in message(path)
     path.write_text(bad.replace("ntle", "ud800"))
-    assert "has half of a character; expected text" in message(path)
+    assert "has half of a character in a key; expected text" in message(path)
     path = edited(tmp_path, "name: upper stage", 'name: "upper\\nstage"')
     assert "stages[1].name is 'upper\\nstage'; expected text on one line" in message(path)
 
 
 def test_a_flight_of_more_than_half_a_day(tmp_path):
-    path = edited(tmp_path, "coast_s: 0.2", "coast_s: 42900", SATURN)
+    path = edited(tmp_path, "coast_s: 0.20", "coast_s: 42900", SATURN)
     text = message(path)
     assert "stages[1].arcs[0].coast_s is 42900.0; expected a flight of at most 43,200 s" in text
 

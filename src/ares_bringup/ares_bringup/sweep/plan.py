@@ -65,9 +65,8 @@ def tasks(kind: str, chosen: list[Input], everything: bool) -> list[Task]:
 
 
 def warm_up() -> list[Task]:
-    """Every action on every base: what it needs is compiled then."""
+    """Every action on one file of its kind: what it needs is loaded, or compiled, then."""
+    first = {MISSION: "ares_v", DISPERSIONS: "dispersions"}
     return [
-        Task(name, kind, to_yaml(data), ACTIONS[kind])
-        for kind in (MISSION, DISPERSIONS)
-        for name, data in bases(kind).items()
+        Task(name, kind, to_yaml(bases(kind)[name]), ACTIONS[kind]) for kind, name in first.items()
     ]
