@@ -89,7 +89,8 @@ def _held_times(mission: Mission, held: Sequence[str]) -> dict[int, float]:
             ) from error
         if not begin <= time <= end:
             raise CannotStart(
-                f"--hold-jettison is {text!r}; expected a time of the flight, {begin:g} to {end:g} s"
+                f"--hold-jettison is {text!r}; expected a time of the flight, "
+                f"{begin:g} to {end:g} s"
             )
         times[mission.jettison_names.index(name)] = time
     return times
