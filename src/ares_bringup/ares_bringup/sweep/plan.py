@@ -45,7 +45,7 @@ def each_once(found: list[Input]) -> list[Input]:
 
 
 def tasks(kind: str, chosen: list[Input], everything: bool) -> list[Task]:
-    """What is done with inputs: one thing in turn, or everything.
+    """What is done with inputs: everything with each choice of a word, else one thing in turn.
 
     Args:
         kind: of the inputs.
@@ -53,15 +53,12 @@ def tasks(kind: str, chosen: list[Input], everything: bool) -> list[Task]:
         everything: all actions on each.
     """
     actions = ACTIONS[kind]
-    return [
-        Task(
-            str(one),
-            kind,
-            to_yaml(one.data),
-            actions if everything else (actions[k % len(actions)],),
-        )
-        for k, one in enumerate(chosen)
-    ]
+
+    def turn(k: int, one: Input) -> tuple[str, ...]:
+        word = one.fit and isinstance(one.value, str)
+        return actions if everything or word else (actions[k % len(actions)],)
+
+    return [Task(str(one), kind, to_yaml(one.data), turn(k, one)) for k, one in enumerate(chosen)]
 
 
 def warm_up() -> list[Task]:
