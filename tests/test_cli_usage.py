@@ -9,9 +9,10 @@ import pytest
 
 from ares_bringup import __version__
 from ares_bringup.cli import main
-from ares_bringup.options import Guidance, HeatingSource
+from ares_bringup.options import MAX_FLIGHTS, Guidance, HeatingSource
 from ares_guidance.law import HEATING_SOURCES
 from ares_guidance.laws import LAWS
+from ares_vehicle_sim.node import PARAMETERS
 
 
 def run(capfd, *argv):
@@ -132,6 +133,11 @@ def test_a_wrong_mission_file_is_named_and_the_others_are_shown(capfd, tmp_path)
 def test_the_choices_are_those_of_the_nodes():
     assert set(Guidance) == set(LAWS)
     assert set(HeatingSource) == set(HEATING_SOURCES)
+
+
+def test_the_highest_flight_is_that_of_the_simulator():
+    (flight,) = [row for row in PARAMETERS if row.name == "flight"]
+    assert flight.maximum == MAX_FLIGHTS - 1
 
 
 def test_the_command_starts_fast_and_without_ros():
