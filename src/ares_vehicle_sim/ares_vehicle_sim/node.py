@@ -133,7 +133,7 @@ class VehicleSimNode(FlightNode):
         """Read mission and dispersions, compile the plant, create the publishers."""
         values = self.values
         if 0.0 < values["pace"] < MIN_PACE:
-            raise NodeError(f"parameter pace is {values['pace']:g}; expected 0, or {MIN_PACE:g} up")
+            raise NodeError(f"parameter pace is {values['pace']!r}; expected 0, or {MIN_PACE:g} up")
         dispersions = Dispersions()
         if values["dispersions"]:
             dispersions = load_dispersions(values["dispersions"])
