@@ -2,7 +2,7 @@
 # Flags for the flight: make fly FLAGS="--in-process --mission ares_v"
 
 .DEFAULT_GOAL := help
-.PHONY: help prepare fly test boundscheck lint format clean
+.PHONY: help prepare fly test boundscheck sweep lint format clean
 
 help: ## list the targets
 	@echo "make TARGET [FLAGS=...]"
@@ -22,6 +22,9 @@ boundscheck: ## every test with bounds checks in the kernels; compiles them anew
 	@rm -rf build/boundscheck
 	@NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR="$(CURDIR)/build/boundscheck" ./ares exec \
 		pytest --numprocesses=2 --dist=loadfile --timeout=1800 $(FLAGS)
+
+sweep: ## every input made from the schemas, everything done with each; an hour
+	@./ares exec python -m ares_bringup.sweep
 
 lint: ## linters and type checker
 	@./ares exec ruff check .

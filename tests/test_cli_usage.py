@@ -9,9 +9,10 @@ import pytest
 
 from ares_bringup import __version__
 from ares_bringup.cli import main
-from ares_bringup.options import Guidance, HeatingSource
+from ares_bringup.options import MAX_FLIGHTS, Guidance, HeatingSource
 from ares_guidance.law import HEATING_SOURCES
 from ares_guidance.laws import LAWS
+from ares_vehicle_sim.node import PARAMETERS
 
 
 def run(capfd, *argv):
@@ -76,6 +77,21 @@ def test_version(capfd):
         (["fly", "--pace", "-1"], "--pace"),
         (["fly", "--guidance", "thrust_only"], "thrust_only"),
         (["fly", "--domain-id", "300"], "--domain-id"),
+        (["fly", "--seed", str(2**63)], "--seed"),
+        (["fly", "--flight", str(10**8)], "--flight"),
+        (["fly", "--nav-period", "1e-320"], "parameter navigation_period_s is 1e-320; expected"),
+        (["fly", "--hold-time", "1e308"], "parameter hold_time_s is 1e+308; expected a number"),
+        (["fly", "--pace", "1e-320"], "parameter pace is 1e-320; expected 0, or 0.001 up"),
+        (["fly", "--pace", "1e308"], "parameter pace is 1e+308; expected a number from 0 to"),
+        (["montecarlo", "--seed", str(2**64)], "--seed"),
+        (["montecarlo", "-n", str(10**23)], "--flights"),
+        (["montecarlo", "--only", str(10**23)], "--only"),
+        (["montecarlo", "--hold-time", "nan"], "hold_time_s is nan; expected 0 to 120"),
+        (["optimize", "--hold-jettison", "payload fairing=1e308"], "expected a time of the flight"),
+        (["optimize", "--hold-jettison", "payload fairing=nan"], "155.9 to 1301.79 s"),
+        (["optimize", "--mission", "/dev/zero"], "/dev/zero: is a device or a pipe"),
+        (["missions", "x" * 5000], "no such mission"),
+        (["missions", "x/" * 5000], "cannot be read: File name too long"),
         (["fly", "extra"], "extra"),
         (["fly", "--bag", "b", "--no-record"], "--bag and --no-record"),
         (["fly", "--bag", "/", "--in-process"], "--bag is '/', which exists"),
@@ -91,6 +107,9 @@ def test_version(capfd):
     ],
 )
 def test_bad_input_is_one_line_and_status_2(capfd, argv, words):
+    if argv[:1] == ["fly"] and "--bag" not in argv:
+        # a node that refuses its parameters says so in this process
+        argv = [*argv, "--in-process", "--no-record"]
     status, out, err = run(capfd, *argv)
     assert status == 2
     assert out == ""
@@ -124,6 +143,11 @@ def test_a_wrong_mission_file_is_named_and_the_others_are_shown(capfd, tmp_path)
 def test_the_choices_are_those_of_the_nodes():
     assert set(Guidance) == set(LAWS)
     assert set(HeatingSource) == set(HEATING_SOURCES)
+
+
+def test_the_highest_flight_is_that_of_the_simulator():
+    (flight,) = [row for row in PARAMETERS if row.name == "flight"]
+    assert flight.maximum == MAX_FLIGHTS - 1
 
 
 def test_the_command_starts_fast_and_without_ros():

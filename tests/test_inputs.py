@@ -1,8 +1,11 @@
 """What the schemas accept flies, or is solved, or is refused in one line; all else is refused."""
 
+import json
 import os
 import re
 import signal
+import subprocess
+import sys
 from collections import Counter
 from pathlib import Path
 from typing import Annotated, Literal, get_args, get_origin
@@ -26,7 +29,7 @@ SCHEMAS = {MISSION: Mission, DISPERSIONS: Dispersions}
 PAGES = {MISSION: DOCS / "missions.md", DISPERSIONS: DOCS / "montecarlo.md"}
 
 
-@pytest.mark.timeout(900)
+@pytest.mark.timeout(1500)
 def test_every_value_is_flown_or_solved_or_refused_in_one_line():
     chosen = {kind: each_once(all_inputs(kind)) for kind in ACTIONS}
     todo = [task for kind, some in chosen.items() for task in tasks(kind, some, everything=False)]
@@ -103,6 +106,54 @@ def test_a_crash_and_a_hang_are_findings_and_the_rest_goes_on(number, words):
     finally:
         worker.close()
     assert worker.pid is None
+
+
+def _fly(path, law, environment):
+    options = ["--mission", str(path), "--guidance", law, "--in-process", "--no-record", "--json"]
+    return subprocess.run(
+        [sys.executable, "-m", "ares_bringup", "fly", *options],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "law", "path", "value"),
+    [
+        ("elements", "peg", ("target", "eccentricity"), 0.0),
+        ("ares_v", "optimal", ("environment", "atmosphere", "model"), "pra63_data"),
+        ("saturn_v_as506", "igm", ("environment", "atmosphere", "density_factor"), 1e-30),
+        ("ares_v", "peg", ("initial_state", "time_s"), -1e6),
+        ("ares_v", "optimal", ("initial_state", "time_s"), 1e7),
+    ],
+)
+def test_the_command_flies_what_is_accepted(tmp_path, ros_environment, name, law, path, value):
+    data = bases(MISSION)[name]
+    at = data
+    for key in path[:-1]:
+        at = at[key]
+    at[path[-1]] = value
+    file = tmp_path / "bound.yaml"
+    file.write_text(to_yaml(data))
+    done = _fly(file, law, ros_environment)
+    assert done.returncode in (0, 1), done.stderr
+    assert "Traceback" not in done.stderr
+    assert json.loads(done.stdout)["guidance"] == law
+
+
+@pytest.mark.parametrize("value", [1e308, -1e308, 1e-320])
+def test_the_command_refuses_in_one_line_what_is_absurd(tmp_path, ros_environment, value):
+    data = bases(MISSION)["ares_v"]
+    data["environment"]["g0_m_s2"] = value
+    file = tmp_path / "absurd.yaml"
+    file.write_text(to_yaml(data))
+    done = _fly(file, "peg", ros_environment)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.count("\n") == 1
+    assert "environment.g0_m_s2 is" in done.stderr
+    assert "expected a number from 0.1 to 100 in m/s2" in done.stderr
 
 
 # ---- the pages say what the schemas say

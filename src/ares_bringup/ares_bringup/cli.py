@@ -17,6 +17,8 @@ from ares_bringup import __version__
 from ares_bringup.interrupts import Interrupts
 from ares_bringup.options import (
     MAX_DOMAIN_ID,
+    MAX_FLIGHTS,
+    MAX_SEED,
     AnalyticProfile,
     CannotStart,
     FlyOptions,
@@ -107,7 +109,7 @@ def fly(
     ] = None,
     no_record: Annotated[bool, typer.Option("--no-record", help="Write no bag.")] = False,
     seed: Annotated[
-        int, typer.Option(min=0, help="Seed of dispersions and navigation errors.")
+        int, typer.Option(min=0, max=MAX_SEED, help="Seed of dispersions and navigation errors.")
     ] = 0,
     dispersions: Annotated[
         str | None,
@@ -115,7 +117,11 @@ def fly(
     ] = None,
     flight: Annotated[
         int | None,
-        typer.Option(min=0, help="Number of a campaign's flight: fly it again, stepped as there."),
+        typer.Option(
+            min=0,
+            max=MAX_FLIGHTS - 1,
+            help="Number of a campaign's flight: fly it again, stepped as there.",
+        ),
     ] = None,
     pace: Annotated[
         float, typer.Option(min=0.0, help="Real-time factor; 0: as fast as possible.")
@@ -268,7 +274,9 @@ def reproduce(
 
 @app.command()
 def montecarlo(
-    n: Annotated[int, typer.Option("-n", "--flights", min=1, help="Flights.")] = 1000,
+    n: Annotated[
+        int, typer.Option("-n", "--flights", min=1, max=MAX_FLIGHTS, help="Flights.")
+    ] = 1000,
     mission: Annotated[
         str, typer.Option(help="Name that `ares missions` lists, or path of a mission file.")
     ] = "ares_v",
@@ -276,10 +284,17 @@ def montecarlo(
     dispersions: Annotated[
         str, typer.Option(help="Shipped dispersions' name, or path of a file.")
     ] = "standard",
-    seed: Annotated[int, typer.Option(min=0, help="Master seed of what is drawn.")] = 0,
+    seed: Annotated[
+        int, typer.Option(min=0, max=MAX_SEED, help="Master seed of what is drawn.")
+    ] = 0,
     only: Annotated[
         list[int] | None,
-        typer.Option(min=0, metavar="K", help="Fly this flight alone; may be given again."),
+        typer.Option(
+            min=0,
+            max=MAX_FLIGHTS - 1,
+            metavar="K",
+            help="Fly this flight alone; may be given again.",
+        ),
     ] = None,
     out: Annotated[
         Path | None,

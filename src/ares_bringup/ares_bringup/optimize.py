@@ -12,6 +12,7 @@ from rich.text import Text
 from ares_bringup.options import CannotStart
 from ares_bringup.report import BLANK, console, number
 from ares_models.mission import Mission, MissionError, load_mission
+from ares_models.mission_physics import longest_flight
 from ares_optimizer.solution import OptimizerError, Solution
 from ares_optimizer.solve import HeatingName, solve
 
@@ -71,6 +72,8 @@ def optimize(
 
 def _held_times(mission: Mission, held: Sequence[str]) -> dict[int, float]:
     times = {}
+    begin = mission.initial_state.time_s
+    end = begin + longest_flight(mission)
     for text in held:
         name, _, value = text.rpartition("=")
         if name not in mission.jettison_names:
@@ -79,11 +82,17 @@ def _held_times(mission: Mission, held: Sequence[str]) -> dict[int, float]:
                 f"--hold-jettison is {text!r}; expected NAME=SECONDS, the name one of {known}"
             )
         try:
-            times[mission.jettison_names.index(name)] = float(value)
+            time = float(value)
         except ValueError as error:
             raise CannotStart(
                 f"--hold-jettison is {text!r}; expected a number of seconds after the ="
             ) from error
+        if not begin <= time <= end:
+            raise CannotStart(
+                f"--hold-jettison is {text!r}; expected a time of the flight, "
+                f"{begin:g} to {end:g} s"
+            )
+        times[mission.jettison_names.index(name)] = time
     return times
 
 

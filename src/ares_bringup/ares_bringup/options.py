@@ -5,6 +5,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
+#: Highest seed, and highest number of flights: their draws and noise are keyed by them.
+MAX_SEED = 2**63 - 1
+MAX_FLIGHTS = 10**8
 #: Highest ROS domain id; the ports of a higher one do not exist.
 MAX_DOMAIN_ID = 232
 

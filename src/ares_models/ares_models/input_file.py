@@ -24,6 +24,7 @@ KeyPath = tuple[str | int, ...]
 _INTEGER = re.compile(r"[-+]?[0-9]{1,18}")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _SPECIAL = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
+_SURROGATE = re.compile("[\ud800-\udfff]")
 _PLAIN_TAGS = {
     "tag:yaml.org,2002:str",
     "tag:yaml.org,2002:seq",
@@ -140,6 +141,11 @@ def format_value(value: object) -> str:
     return _short(repr(value))
 
 
+def _open_at_once(path: str, flags: int) -> int:
+    """A file that has nothing to give does not keep its reader waiting."""
+    return os.open(path, flags | os.O_NONBLOCK)
+
+
 def _read_text(path: Path, kind: InputKind) -> str:
     """Text of a plain file: no device, no pipe, which might never end.
 
@@ -154,8 +160,10 @@ def _read_text(path: Path, kind: InputKind) -> str:
         raise kind.error(source, [f"is a directory; {expected}"])
     if not stat.S_ISREG(mode):
         raise kind.error(source, [f"is a device or a pipe; {expected}"])
-    with path.open("rb") as file:
+    with open(path, "rb", opener=_open_at_once) as file:
         content = file.read(MAX_BYTES + 1)
+    if content is None:
+        raise kind.error(source, [f"cannot be read at once; {expected}"])
     if len(content) > MAX_BYTES:
         raise kind.error(source, [f"is larger than {MAX_BYTES} bytes; not a {kind.name} file"])
     return content.decode("utf-8")
@@ -239,6 +247,8 @@ def _construct(
     if node.tag not in _PLAIN_TAGS:
         raise refuse(f"has the YAML tag {node.tag}; expected a plain value")
     if isinstance(node, yaml.ScalarNode):
+        if _SURROGATE.search(node.value):
+            raise refuse("has half of a character; expected text")
         return _scalar(node)
     if isinstance(node, yaml.SequenceNode):
         return [
@@ -250,6 +260,8 @@ def _construct(
         if not isinstance(key_node, yaml.ScalarNode):
             raise refuse("has a list or mapping as a key; expected a name")
         key = key_node.value
+        if _SURROGATE.search(key):
+            raise refuse("has half of a character in a key; expected text")
         inner = (*path, key)
         if key in data:
             problem = f"is given twice (first in line {lines[inner]}); expected it once"

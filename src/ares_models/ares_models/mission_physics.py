@@ -89,11 +89,11 @@ def check_engines(mission: "Mission") -> None:
         )
 
 
-def check_flight_time(mission: "Mission") -> None:
-    """The flight ends, and what is timed happens before it.
+def longest_flight(mission: "Mission") -> float:
+    """Length of the flight in which guidance never cuts off, s.
 
     Raises:
-        PydanticCustomError: not so.
+        PydanticCustomError: it is too long, or ends in the start of its last burn.
     """
     now = 0.0
     for i, stage in enumerate(mission.stages):
@@ -109,7 +109,7 @@ def check_flight_time(mission: "Mission") -> None:
                     arc.duration_s,
                     f"a flight of at most {MAX_FLIGHT_S:,.0f} s; it is {now:,.6g} s by then",
                 )
-    _check_jettisons(mission, now)
+    return now
 
 
 def _longest(burn: BurnArc) -> float:
@@ -155,10 +155,14 @@ def _longest_free_burn(
     return length
 
 
-def _check_jettisons(mission: "Mission", length: float) -> None:
-    """Each timed jettison has its moment in the longest flight there can be."""
+def check_flight_time(mission: "Mission") -> None:
+    """The flight ends, and what is timed happens before it does.
+
+    Raises:
+        PydanticCustomError: not so.
+    """
     ignition = mission.ignition_times()
-    end = mission.initial_state.time_s + length
+    end = mission.initial_state.time_s + longest_flight(mission)
     for k, jettison in enumerate(mission.jettisons):
         if jettison.time_s is not None and jettison.time_s > end:
             fail(

@@ -1,6 +1,7 @@
 """Broken mission files: one line each, with file, line, key, value and what was expected."""
 
 import errno
+import os
 import re
 from importlib import resources
 from pathlib import Path
@@ -140,6 +141,72 @@ BROKEN = {
         ", 3058330.0, 1.0]",
         "initial_state.position_m",
         "is a list of 4; expected a list of at most 3",
+    ),
+    "too large for the schema": (
+        "3058330.0]",
+        "1e300]",
+        "initial_state.position_m[2]",
+        "is 1e+300; expected a number from -1e9 to 1e9",
+    ),
+    "polar radius of a disc": (
+        "6356750.0",
+        "3e6",
+        "environment.earth.polar_radius_m",
+        "is 3000000.0; expected at least 3,189,070 m",
+    ),
+    "gravity of no body": (
+        "mu_m3_s2: 3.986e14",
+        "mu_m3_s2: 3.986e16",
+        "environment.mu_m3_s2",
+        "expected a gravity on the equator of 0.05 to 50 m/s2; it is 980 m/s2",
+    ),
+    "rotation that tears": (
+        "7.2921159e-5",
+        "7.29e-3",
+        "environment.earth.rotation_rate_rad_s",
+        "is 0.00729; expected less than 0.00124 rad/s, at which the equator would be in orbit",
+    ),
+    "exhaust of no engine": (
+        "isp_s: 448.0",
+        "isp_s: 44800.0",
+        "stages[1].isp_s",
+        "expected an exhaust velocity g0 Isp of 100 to 100000 m/s; it is 4.39e+05 m/s",
+    ),
+    "thrust that crushes": (
+        "thrust_n: 1306665.0",
+        "thrust_n: 1306665e6",
+        "stages[1].thrust_n",
+        "expected a number from 0.001 to 1e10 in N",
+    ),
+    "thrust of no stage": (
+        "thrust_n: 1306665.0",
+        "thrust_n: 9e9",
+        "stages[1].thrust_n",
+        "is 9000000000.0; expected at most 3.07837e+09 N, 10,000 m/s2 at ignition",
+    ),
+    "thrust that takes for ever": (
+        "thrust_n: 1306665.0",
+        "thrust_n: 10000.0",
+        "stages[1].thrust_n",
+        "expected the 286,900 kg of propellant to be gone within 43,200 s of flight, by at least",
+    ),
+    "start that outlasts the propellant": (
+        "burn_time_s: free",
+        "burn_time_s: free\n    start: [[0, 1], [3600, 1]]",
+        "stages[1].start",
+        "expected a start that is over before the 286,900 kg of propellant are gone",
+    ),
+    "knots that are nearly one": (
+        "burn_time_s: free",
+        "burn_time_s: free\n    start: [[0, 0], [1.0e-9, 1]]",
+        "stages[1].start[1]",
+        "expected the time of the knot before it, or 0.001 s on",
+    ),
+    "jettison after the last drop": (
+        "heating_limit_w_m2: 1135.0",
+        "time_s: 3000.0",
+        "jettisons[0].time_s",
+        "is 3000.0; expected at most 1301.79 s, when all propellant is gone",
     ),
     "unknown atmosphere": (
         "model: pra63",
@@ -518,6 +585,61 @@ def test_a_directory_and_nothing_at_all(tmp_path):
     assert "no such file" in message(tmp_path / "none.yaml")
 
 
+def test_what_never_ends_is_not_read(tmp_path):
+    pipe = tmp_path / "pipe.yaml"
+    os.mkfifo(pipe)
+    for path in (pipe, Path("/dev/zero"), Path("/dev/full")):
+        assert message(path) == f"{path}: is a device or a pipe; expected a YAML mission file"
+    sparse = tmp_path / "sparse.yaml"
+    sparse.touch()
+    os.truncate(sparse, 1 << 30)
+    assert message(sparse).endswith("is larger than 262144 bytes; not a mission file")
+
+
+def test_a_path_that_no_file_can_have(tmp_path):
+    assert message("x" * 5000).startswith("mission 'xxx")
+    assert message("y/" * 5000).endswith("...: cannot be read: File name too long")
+    assert "cannot be read: " in message(tmp_path / "nothing\0in.yaml")
+    (tmp_path / "round").symlink_to(tmp_path / "round")
+    assert message(tmp_path / "round").endswith("cannot be read: Too many levels of symbolic links")
+
+
+def test_an_alias_is_refused_before_it_multiplies(tmp_path):
+    path = tmp_path / "bomb.yaml"
+    lines = ["a: &a0 [x, x]", *(f"b{k}: &a{k} [*a{k - 1}, *a{k - 1}]" for k in range(1, 60))]
+    path.write_text("\n".join(lines))
+    assert "b1[0] is an alias (*name); expected the value itself" in message(path)
+
+
+def test_what_cannot_be_printed_is_shown_as_it_is_written(tmp_path):
+    bad = TEXT.replace("title:", '"ti\\ntle": 1\ntitle:', 1)
+    path = tmp_path / "odd.yaml"
+    path.write_text(bad)
+    assert "'ti\\ntle' is not a known key" in message(path)
+    path.write_text(bad.replace("ntle", "ud800"))
+    assert "has half of a character in a key; expected text" in message(path)
+    path = edited(tmp_path, "name: upper stage", 'name: "upper\\nstage"')
+    assert "stages[1].name is 'upper\\nstage'; expected text on one line" in message(path)
+
+
+def test_a_flight_of_more_than_half_a_day(tmp_path):
+    path = edited(tmp_path, "coast_s: 0.20", "coast_s: 42900", SATURN)
+    text = message(path)
+    assert "stages[1].arcs[0].coast_s is 42900.0; expected a flight of at most 43,200 s" in text
+
+
+def test_a_last_stage_of_propellant_alone(tmp_path):
+    path = edited(
+        tmp_path, "    thrust_n: 1306665.0", "    propellant_kg: 301999\n    thrust_n: 1306665.0"
+    )
+    assert load_mission(path).propellant(1) == 301999.0
+    small = path.read_text().replace("mass_kg: 5837.0", "mass_kg: 0.1").replace("301999", "307700")
+    path.write_text(small)
+    assert "propellant_kg is 307700.0; expected at most 307529.163 kg of the last stage" in message(
+        path
+    )
+
+
 def test_a_file_that_may_not_be_read(tmp_path, monkeypatch):
     path = tmp_path / "secret.yaml"
     path.write_text(TEXT)
@@ -525,7 +647,7 @@ def test_a_file_that_may_not_be_read(tmp_path, monkeypatch):
     def refuse(*_):
         raise PermissionError(errno.EACCES, "Permission denied")
 
-    monkeypatch.setattr(Path, "open", refuse)
+    monkeypatch.setattr(os, "open", refuse)
     assert "cannot be read: Permission denied" in message(path)
 
 

@@ -37,6 +37,8 @@ from ares_vehicle_sim.arrays import GUIDANCE_BACK, GUIDANCE_LOST, TRUTH_FIELDS
 from ares_vehicle_sim.dispersions import Dispersions, load_dispersions
 from ares_vehicle_sim.simulator import CommandRefused, Simulator, SimulatorOptions
 
+#: Slowest real-time factor.
+MIN_PACE = 1e-3
 #: Wall time in s between looks at the graph and at the clock.
 WATCH_PERIOD = 0.02
 #: Wall time in s between lines on what the start waits for.
@@ -71,6 +73,7 @@ PARAMETERS = (
         0.0,
         "Real-time factor; 0 flies as fast as guidance answers. The trajectory is the same.",
         minimum=0.0,
+        maximum=1e6,
     ),
     Parameter(
         "integration_step_s",
@@ -81,7 +84,9 @@ PARAMETERS = (
         maximum=10.0,
     ),
     Parameter("seed", 0, "Seed of dispersions and navigation errors.", minimum=0),
-    Parameter("flight", 0, "Number of the flight among those of the seed.", minimum=0),
+    Parameter(
+        "flight", 0, "Number of the flight among those of the seed.", minimum=0, maximum=99_999_999
+    ),
     Parameter(
         "dispersions",
         "",
@@ -148,6 +153,8 @@ class VehicleSimNode(FlightNode):
     def configure(self) -> None:
         """Read mission and dispersions, compile the plant, create the publishers."""
         values = self.values
+        if 0.0 < values["pace"] < MIN_PACE:
+            raise NodeError(f"parameter pace is {values['pace']!r}; expected 0, or {MIN_PACE:g} up")
         dispersions = Dispersions()
         if values["dispersions"]:
             dispersions = load_dispersions(values["dispersions"])

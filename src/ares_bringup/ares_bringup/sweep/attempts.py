@@ -26,6 +26,9 @@ DISPERSIONS = "dispersions"
 #: Mission under the dispersions that are tried.
 DISPERSED_MISSION = "ares_v"
 
+#: Of a search that is not to end by itself, s.
+TIME_LIMIT = ("--time-limit", "5")
+
 REFUSED = "refused"
 DONE = "done"
 BROKEN = "broken"
@@ -97,7 +100,7 @@ def _no_number(name: str) -> NoReturn:
 
 def optimize(method: str, path: Path) -> str:
     """Solve a mission."""
-    return command("optimize", "--mission", str(path), "--method", method)
+    return command("optimize", "--mission", str(path), "--method", method, *TIME_LIMIT)
 
 
 def campaign(law: str, path: Path) -> str:

@@ -27,6 +27,7 @@ _DELETED = object()
 ABSURD_NUMBERS = (1e308, -1e308, math.inf, -math.inf, math.nan)
 #: Nor one of these in place of a number.
 NO_NUMBERS: tuple[object, ...] = (True, "1.0", "", [1.0], {"value": 1.0})
+NO_CHOICES: tuple[object, ...] = ("no such choice", True, [])
 NO_LISTS: tuple[object, ...] = ([], None, 1.0, "x", {}, [None])
 NO_MAPPINGS: tuple[object, ...] = ({}, [], None, 1.0, "x")
 #: Nearly nothing: a number that lost most of its digits.
@@ -179,7 +180,7 @@ def _changes(annotation: Any, value: Any, path: Path) -> Iterator[_Change]:
         yield from _annotated(arguments[0], arguments[1:], value, path)
     elif origin is Literal:
         yield from ((path, choice, True) for choice in arguments)
-        yield from ((path, wrong, False) for wrong in ("no such choice", True, []))
+        yield from ((path, wrong, False) for wrong in NO_CHOICES)
         yield from ((path, other, None) for other in (1.0, None))
     elif origin in (Union, types.UnionType):
         yield from _union(arguments, value, path)

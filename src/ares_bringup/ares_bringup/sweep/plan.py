@@ -45,7 +45,7 @@ def each_once(found: list[Input]) -> list[Input]:
 
 
 def tasks(kind: str, chosen: list[Input], everything: bool) -> list[Task]:
-    """What is done with inputs: one thing in turn, or everything.
+    """What is done with inputs: everything with each choice of a word, else one thing in turn.
 
     Args:
         kind: of the inputs.
@@ -53,21 +53,17 @@ def tasks(kind: str, chosen: list[Input], everything: bool) -> list[Task]:
         everything: all actions on each.
     """
     actions = ACTIONS[kind]
-    return [
-        Task(
-            str(one),
-            kind,
-            to_yaml(one.data),
-            actions if everything else (actions[k % len(actions)],),
-        )
-        for k, one in enumerate(chosen)
-    ]
+
+    def turn(k: int, one: Input) -> tuple[str, ...]:
+        word = one.fit and isinstance(one.value, str)
+        return actions if everything or word else (actions[k % len(actions)],)
+
+    return [Task(str(one), kind, to_yaml(one.data), turn(k, one)) for k, one in enumerate(chosen)]
 
 
 def warm_up() -> list[Task]:
-    """Every action on every base: what it needs is compiled then."""
+    """Every action on one file of its kind: what it needs is loaded, or compiled, then."""
+    first = {MISSION: "ares_v", DISPERSIONS: "dispersions"}
     return [
-        Task(name, kind, to_yaml(data), ACTIONS[kind])
-        for kind in (MISSION, DISPERSIONS)
-        for name, data in bases(kind).items()
+        Task(name, kind, to_yaml(bases(kind)[name]), ACTIONS[kind]) for kind, name in first.items()
     ]
