@@ -1,1 +1,1 @@
-"""What every node of the graph shares; it knows ROS and nothing of the flight."""
+"""What every node of the graph shares."""
