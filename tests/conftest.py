@@ -1,7 +1,10 @@
 """What the tests that cross packages share."""
 
+import shutil
+import sys
 from collections.abc import Callable
 from contextlib import ExitStack
+from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
@@ -58,6 +61,14 @@ class Graph:
 
     def reported(self, text: str) -> bool:
         return any(text in report for report in self.reports)
+
+
+@pytest.fixture(scope="session")
+def ros2() -> list[str]:
+    """The `ros2` command, or what stands in for its verb `launch`."""
+    found = shutil.which("ros2")
+    stand_in = Path(__file__).parent / "stand_ins" / "ros2"
+    return [found] if found else [sys.executable, str(stand_in)]
 
 
 @pytest.fixture

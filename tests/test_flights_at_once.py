@@ -11,7 +11,6 @@ import subprocess
 import sys
 
 import pytest
-from test_verdicts import ros2
 
 from ares_bags.compare import differences
 from ares_bags.reader import open_bag
@@ -42,8 +41,8 @@ def by_fly(mission, bag):
     return [sys.executable, "-m", "ares_bringup.cli", *words]
 
 
-def by_launch(mission, bag):
-    return [*ros2(), "launch", "ares_bringup", "flight.launch.py"] + [
+def by_launch(ros2, mission, bag):
+    return [*ros2, "launch", "ares_bringup", "flight.launch.py"] + [
         f"mission:={mission}",
         f"bag:={bag}",
     ]
@@ -75,13 +74,13 @@ def alone(tmp_path_factory):
 
 
 @pytest.mark.timeout(1200)
-@pytest.mark.parametrize("number", range(ROUNDS))
-def test_flights_that_start_together_fly_as_if_alone(alone, tmp_path, number):
+@pytest.mark.parametrize("_number", range(ROUNDS))
+def test_flights_that_start_together_fly_as_if_alone(alone, ros2, tmp_path, _number):
     started = []
     for k, mission in zip(range(FLIGHTS), itertools.cycle(MISSIONS)):
         bag = tmp_path / f"bag{k}"
-        how = by_launch if k % 4 == 3 else by_fly
-        started.append((mission, bag, begin(how(mission, bag), tmp_path)))
+        command = by_launch(ros2, mission, bag) if k % 4 == 3 else by_fly(mission, bag)
+        started.append((mission, bag, begin(command, tmp_path)))
     ids = set()
     for mission, path, flight in started:
         _, err = flight.communicate()

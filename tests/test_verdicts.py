@@ -5,7 +5,6 @@ launch file, its processes are real.
 """
 
 import math
-import shutil
 import signal
 import subprocess
 import sys
@@ -13,7 +12,6 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import psutil
 import pytest
@@ -257,16 +255,10 @@ CAUSES = {
 }
 
 
-def ros2():
-    """The `ros2` command, or what stands in for it."""
-    found = shutil.which("ros2")
-    return [found] if found else [sys.executable, str(Path(__file__).parent / "stand_ins/ros2")]
-
-
-def command(way, options):
+def command(way, ros2, options):
     if way == LAUNCH:
         words = [f"{name}:={value}" for name, value in options.items()]
-        return [*ros2(), "launch", "ares_bringup", "flight.launch.py", *words]
+        return [*ros2, "launch", "ares_bringup", "flight.launch.py", *words]
     words = [sys.executable, "-m", "ares_bringup.cli", "fly"]
     if way == IN_PROCESS:
         words.append("--in-process")
@@ -281,7 +273,7 @@ def command(way, options):
     ids=lambda text: text.replace(" ", "-"),
 )
 def test_the_verdict_is_the_same_whoever_starts_the_flight(
-    graph, ros_environment, tmp_path, name, way
+    graph, ros2, ros_environment, tmp_path, name, way
 ):
     cause = CAUSES[name]
     graph.mission = tmp_path / "mission.yaml"
@@ -290,7 +282,7 @@ def test_the_verdict_is_the_same_whoever_starts_the_flight(
     options |= {key: value.format(tmp=tmp_path) for key, value in cause.options.items()}
     with (tmp_path / "output").open("w") as output:
         process = psutil.Popen(
-            command(way, options),
+            command(way, ros2, options),
             env={**ros_environment, "ROS_LOG_DIR": str(tmp_path / "log"), "COLUMNS": "200"},
             stdin=subprocess.DEVNULL,
             stdout=output,
