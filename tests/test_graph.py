@@ -369,7 +369,7 @@ def test_a_viewer_is_not_taken_for_the_recorder(graph, tmp_path):
     graph.spin(lambda: simulator._missing()[0] == "recorder")
     recorder = graph.start(RecorderNode, bag=str(tmp_path / "bag"))
     graph.spin(lambda: end_of(graph, simulator), 60.0)
-    graph.spin(lambda: recorder._closed)
+    graph.spin(lambda: recorder._membership.state is State.OVER)
     assert recorder.error is None
     count = simulator.simulator.sequence
     assert recorder.message_counts["/ares/nav_state"] == count

@@ -11,6 +11,7 @@ import pytest
 import yaml
 
 from ares_bags.recorder import PARAMETERS as RECORDER_PARAMETERS
+from ares_bringup.judge import PARAMETERS as JUDGE_PARAMETERS
 from ares_bringup.params_file import node_values
 from ares_guidance.node import PARAMETERS as GUIDANCE_PARAMETERS
 from ares_node.node import AUTOSTART
@@ -27,12 +28,14 @@ TABLES = {
     "guidance": (*GUIDANCE_PARAMETERS, AUTOSTART),
     "optimizer": (*OPTIMIZER_PARAMETERS, AUTOSTART),
     "recorder": (*RECORDER_PARAMETERS, AUTOSTART),
+    "judge": (*JUDGE_PARAMETERS, AUTOSTART),
 }
 #: What every rclpy node has besides its own table.
 EVERY_NODE = {"use_sim_time"}
 
 PROMISED = {
     "namespace",
+    "domain_id",
     "use_sim_time",
     "params_file",
     "mission",
@@ -91,14 +94,16 @@ def fake_modules():
         "launch": ["LaunchContext", "LaunchDescription"],
         "launch.actions": [
             "DeclareLaunchArgument",
+            "EmitEvent",
             "LogInfo",
             "OpaqueFunction",
+            "RegisterEventHandler",
             "SetEnvironmentVariable",
             "Shutdown",
-            "TimerAction",
         ],
+        "launch.event_handlers": ["OnProcessExit", "OnProcessStart", "OnShutdown"],
         "launch.events": [],
-        "launch.events.process": ["ProcessExited"],
+        "launch.events.process": ["SignalProcess"],
         "launch.substitutions": [],
         "launch_ros": [],
         "launch_ros.actions": ["Node"],
@@ -117,6 +122,7 @@ def fake_modules():
 @pytest.fixture
 def description(monkeypatch, tmp_path):
     monkeypatch.setenv("ARES_BAGS", str(tmp_path))
+    monkeypatch.setenv("ROS_DOMAIN_ID", "3")
     for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", "FASTRTPS_DEFAULT_PROFILES_FILE"):
         monkeypatch.delenv(name, raising=False)
     for name, module in fake_modules().items():
@@ -128,14 +134,22 @@ def declared(description):
     return {item.args[0]: item.kwargs for item in description if "description" in item.kwargs}
 
 
-def launched(description, **given):
-    """Nodes by name, as they would be started with these arguments."""
+def actions(description, **given):
+    """What the launch does with these arguments."""
     context = {name: item["default_value"] for name, item in declared(description).items()}
     assert set(given) <= set(context)
     context |= given
     function = next(item for item in description if type(item).__name__ == "OpaqueFunction")
-    actions = function.kwargs["function"](context)
-    return {item.kwargs["name"]: item.kwargs for item in actions if type(item).__name__ == "Node"}
+    return function.kwargs["function"](context)
+
+
+def launched(description, **given):
+    """Nodes by name, as they would be started with these arguments."""
+    return {
+        item.kwargs["name"]: item.kwargs
+        for item in actions(description, **given)
+        if type(item).__name__ == "Node"
+    }
 
 
 def overrides(node):
@@ -160,19 +174,24 @@ def test_the_nodes_exist_and_know_what_they_are_given(description):
         initial_guess="optimizer",
         pace="2",
         seed="3",
-        dispersions="/some/file.yaml",
+        dispersions="standard",
         bag="/some/bag",
     )
     assert set(nodes) == set(TABLES)
     for name, node in nodes.items():
         setup = (ROOT / "src" / node["package"] / "setup.py").read_text()
-        assert f'"{node["executable"]} = {node["package"]}.__main__:main"' in setup
+        entry = "judge" if name == "judge" else "main"
+        assert f'"{node["executable"]} = {node["package"]}.__main__:{entry}"' in setup
         rows = {row.name: row for row in TABLES[name]}
         for key, value in overrides(node).items():
             if key not in EVERY_NODE:
                 assert rows[key].checked(value) == value
     assert overrides(nodes["vehicle_sim"])["pace"] == 2.0
-    assert overrides(nodes["vehicle_sim"])["exit_when_complete"] is True
+    # the judge ends the launch, not the simulator
+    assert overrides(nodes["vehicle_sim"])["exit_when_complete"] is False
+    flights = {overrides(nodes[name]).get("flight_id", 0) for name in nodes if name != "optimizer"}
+    assert len(flights) == 1
+    assert flights.pop() > 0
     assert overrides(nodes["guidance"])["law"] == "peg"
     assert overrides(nodes["recorder"])["bag"] == "/some/bag"
     assert overrides(nodes["recorder"])["seed"] == 3
@@ -180,12 +199,18 @@ def test_the_nodes_exist_and_know_what_they_are_given(description):
 
 def test_what_is_not_given_is_left_to_the_parameter_file(description, tmp_path):
     nodes = launched(description)
-    assert set(overrides(nodes["vehicle_sim"])) == {"expected_recorders", "exit_when_complete"}
-    assert set(overrides(nodes["guidance"])) == {"expected_recorders", "use_sim_time"}
+    members = {"flight_id", "expected_recorders"}
+    assert set(overrides(nodes["vehicle_sim"])) == {
+        *members,
+        "expected_judges",
+        "exit_when_complete",
+    }
+    assert set(overrides(nodes["guidance"])) == {"flight_id", "use_sim_time"}
     assert "optimizer" not in nodes
     recorder = overrides(nodes["recorder"])
-    assert recorder["mission"] == "ares_v"
+    assert recorder["mission"] == overrides(nodes["judge"])["mission"] == "ares_v"
     assert recorder["law"] == "peg"
+    assert recorder["bag"] == overrides(nodes["judge"])["bag"]
     assert Path(recorder["bag"]).parent == tmp_path
     assert Path(recorder["bag"]).name.startswith("ares_v_")
 
@@ -194,8 +219,9 @@ def test_what_is_not_given_is_left_to_the_parameter_file(description, tmp_path):
 def test_the_flight_waits_for_the_recorder_if_there_is_one(description, record, recorders):
     nodes = launched(description, record=record)
     assert ("recorder" in nodes) == bool(recorders)
-    for name in ("vehicle_sim", "guidance"):
+    for name in ("vehicle_sim", "judge"):
         assert overrides(nodes[name])["expected_recorders"] == recorders
+    assert overrides(nodes["vehicle_sim"])["expected_judges"] == 1
 
 
 def test_the_simulator_owns_the_clock(description):
@@ -205,20 +231,34 @@ def test_the_simulator_owns_the_clock(description):
     assert overrides(nodes["recorder"])["use_sim_time"] is True
 
 
-def test_a_number_that_is_none_is_refused(description):
-    with pytest.raises(RuntimeError, match="expected numbers"):
-        launched(description, pace="fast")
+@pytest.mark.parametrize(
+    ("given", "complaint"),
+    [
+        ({"pace": "fast"}, "pace is 'fast'; expected a number"),
+        ({"seed": "1.5"}, "seed is '1.5'; expected an integer"),
+        ({"domain_id": "233"}, "domain id is '233'; expected an integer from 0 to 232"),
+        ({"params_file": "/none"}, "params_file: [Errno 2] No such file or directory: '/none'"),
+    ],
+)
+def test_wrong_input_starts_nothing(description, capsys, given, complaint):
+    # in a program that is not `ros2` an exception ends the launch with status 1
+    with pytest.raises(RuntimeError, match="the flight ends with status 2"):
+        actions(description, **given)
+    assert capsys.readouterr().err == f"ares: {complaint}\n"
 
 
-def test_the_launch_ends_with_the_simulator(description):
-    nodes = launched(description)
-    assert type(nodes["vehicle_sim"]["on_exit"]).__name__ == "Shutdown"
-    ended = nodes["recorder"]["on_exit"]
-    could_not_start = Recorded()
-    could_not_start.returncode, could_not_start.process_name = 2, "recorder-3"
-    assert ended(could_not_start, None)
-    could_not_start.returncode = 1
-    assert not ended(could_not_start, None)
+def test_a_flight_has_a_domain_of_its_own(description, monkeypatch):
+    def domain(**given):
+        for item in actions(description, **given):
+            if type(item).__name__ == "SetEnvironmentVariable":
+                return int(item.args[1])
+        return None
+
+    assert domain() == 3
+    assert domain(domain_id="7") == 7
+    monkeypatch.delenv("ROS_DOMAIN_ID")
+    # each holds its domain as long as the process lives
+    assert domain() != domain()
 
 
 def test_discovery_is_set_up_as_for_ares_fly(description):

@@ -24,7 +24,6 @@ setup(
         "mcap-ros2-support>=0.5",
         "numpy>=2.0",
         "PyYAML>=6.0",
-        "zstandard>=0.22",
     ],
     extras_require={"test": ["pytest"]},
     zip_safe=False,

@@ -31,6 +31,7 @@ setup(
         "ares_studies",
         "ares_vehicle_sim",
         "numpy>=2.0",
+        "pydantic>=2.5",
         "PyYAML>=6.0",
         "rich>=13.7",
         "typer>=0.12",
