@@ -66,9 +66,13 @@ class Deadline:
             self._pass()
 
     def within(self, seconds: float) -> "Deadline":
-        """A deadline that is no later than this one and no further off than given."""
+        """A deadline no later than this one and no further off than given, between searches.
+
+        Within a search only this one counts: what a short search finds is not left to chance.
+        """
         sooner = Deadline(seconds)
         sooner.end = min(sooner.end, self.end)
+        sooner.flag = self.flag
         return sooner
 
     @property

@@ -261,8 +261,7 @@ def _solve_direct(
     found = solve_direct(arrays, start, method, heating, guess, deadline)
     reason = ""
     if not found.base_converged or (propellant_obstacle(found) and held_by_heating(found)):
-        with deadline.within(_RESCUE) as soon:
-            found, reason = rescue(arrays, start, heating, found, soon)
+        found, reason = rescue(arrays, start, heating, found, deadline.within(_RESCUE))
         if not reason:
             found = continue_to(arrays, start, method, heating, found, deadline)
     elapsed = 1e3 * (time.perf_counter() - began)

@@ -122,9 +122,17 @@ def test_a_deadline_left_in_time_sets_none():
 
 @pytest.mark.parametrize("seconds", [None, math.inf, 1e300])
 def test_a_deadline_far_away_needs_no_thread(seconds):
-    with Deadline(seconds) as deadline, deadline.within(3600.0) as sooner:
+    with Deadline(seconds) as deadline:
         assert not deadline.passed
-        assert sooner.end <= deadline.end
+        assert deadline.within(3600.0).end <= deadline.end
+
+
+def test_a_nearer_deadline_cuts_no_search_short():
+    with Deadline(3600.0) as deadline:
+        nearer = deadline.within(0.0)
+        assert nearer.passed
+        assert nearer.flag is deadline.flag
+        assert nearer.flag[0] == 0
 
 
 @pytest.mark.parametrize("method", METHODS)
