@@ -95,3 +95,15 @@ def test_a_closed_bag_is_not_written_to(graph, tmp_path):
     assert recorder.trigger_cleanup() == SUCCESS
     set_parameters(recorder, bag=str(tmp_path / "another"))
     assert recorder.start(), recorder.failure
+
+
+def test_a_guidance_that_has_prepared_for_long_gets_time_to_agree(graph, monkeypatch):
+    simulator = graph.start(VehicleSimNode, start_timeout_s=30.0)
+    begun = simulator._activated_at
+    monkeypatch.setattr(simulator._membership, "preparing", lambda _role: True)
+    simulator._try_to_start(begun + 100.0)
+    monkeypatch.setattr(simulator._membership, "preparing", lambda _role: False)
+    simulator._try_to_start(begun + 129.0)
+    assert not simulator.done
+    simulator._try_to_start(begun + 131.0)
+    assert simulator.failure == "no guidance on the graph after 131 s"

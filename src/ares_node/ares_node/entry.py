@@ -10,8 +10,6 @@ import signal
 import sys
 from types import FrameType
 
-from ares_node.requirements import unmet
-
 EXIT_OK = 0
 EXIT_CANNOT_START = 2
 
@@ -34,6 +32,8 @@ def enter(package: str, node: str, name: str) -> int:
     """
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _leave)
+    from ares_node.requirements import unmet
+
     reason = unmet(package)
     if reason is None:
         module, _, kind = node.partition(":")

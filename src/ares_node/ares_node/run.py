@@ -27,7 +27,7 @@ from ares_node.parameters import ParameterError
 SPIN_TIMEOUT = 0.5
 
 #: Wall time in s after a signal, when what may be abandoned is.
-ABANDON_AFTER = 1.5
+ABANDON_AFTER = 1.0
 
 EXIT_OK = 0
 EXIT_FAILED = 1

@@ -208,7 +208,7 @@ class VehicleSimNode(FlightNode):
                 f"the flight {over}, at {self.simulator.time_ns / NANOSECONDS:.9g} s; clean up and "
                 "configure for a new one"
             )
-        self._activated_at = self._waiting_line_at = time.monotonic()
+        self._activated_at = self._waiting_line_at = self._patient_since = time.monotonic()
         self._watch = self.wall_timer(WATCH_PERIOD, self._on_watch)
 
     def deactivate(self) -> None:
@@ -336,9 +336,12 @@ class VehicleSimNode(FlightNode):
         missing, role = self._missing()
         waited = now - self._activated_at
         preparing = self._membership.preparing(role) and waited < LONGEST_PREPARATION
+        if preparing:
+            # who has just prepared needs a moment to agree
+            self._patient_since = now
         if not missing:
             self._start()
-        elif waited > self.values["start_timeout_s"] and not preparing:
+        elif now - self._patient_since > self.values["start_timeout_s"]:
             self._give_up(f"no {missing} on the graph after {waited:.0f} s")
         elif now - self._waiting_line_at > WAITING_LINE_PERIOD:
             self._waiting_line_at = now
