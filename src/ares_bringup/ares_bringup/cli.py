@@ -41,7 +41,8 @@ EXIT_STATUSES = """Exit status:
   1    flown, but not as it should: target missed, impact, propellant gone,
        something not jettisoned, a node lost, bag incomplete
   2    could not start: bad input, in one line on standard error
-  130  interrupted; what was flown is in the bag (143: by SIGTERM; a flight: 130)
+  130  interrupted; what was flown is in the bag
+  143  ended by SIGTERM, which a flight takes for an interruption
 
 \b
 Flown to the target means: radius within 100 m, speed 0.1 m/s, flight-path

@@ -14,7 +14,7 @@ import time
 from types import FrameType, TracebackType
 
 #: Wall time in s that a command gets to end in good order.
-GRACE = 1.2
+GRACE = 1.0
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 

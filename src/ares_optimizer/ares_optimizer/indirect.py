@@ -692,7 +692,7 @@ def _pieces(solver: TwoPointSolver) -> NDArray[np.void]:
 
 def _why_not(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> str:
     """One line on what stands in the way."""
-    if root.status == newton.BAD_TIMETABLE:
+    if root.status == newton.BAD_TIMETABLE or root.iterations == 0:
         return (
             "no flight can be laid out: the last burn does not begin, or only "
             f"{LONGEST_FLIGHT:,.0f} s after the start, or too many events"
