@@ -12,9 +12,9 @@ from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from ares_msgs.msg import FlightEvent, NavState
+from ares_msgs.msg import FlightEvent, FlightMember, NavState
 from ares_node.node import FlightNode
-from ares_node.qos import EVENTS, FLIGHT, reliable
+from ares_node.qos import EVENTS, FLIGHT, FLIGHT_MEMBER, MEMBERS, reliable
 from ares_node.testing import ros_context, ros_domain, ros_environment, spin_until
 
 __all__ = ["graph", "ros_context", "ros_domain", "ros_environment"]
@@ -34,11 +34,13 @@ class Graph:
         self.reports: list[str] = []
         self.events: list[FlightEvent] = []
         self.states: list[NavState] = []
+        self.members: list[FlightMember] = []
         self.observer.create_subscription(
             DiagnosticArray, "/diagnostics", self._on_report, DIAGNOSTICS
         )
         self.observer.create_subscription(FlightEvent, "flight_event", self.events.append, EVENTS)
         self.observer.create_subscription(NavState, "nav_state", self.states.append, FLIGHT)
+        self.observer.create_subscription(FlightMember, FLIGHT_MEMBER, self.members.append, MEMBERS)
 
     def _on_report(self, message):
         self.reports += [f"{s.name}: {s.message}" for s in message.status]

@@ -21,6 +21,7 @@ from ares_bringup.options import (
 )
 from ares_bringup.summary import (
     EXIT_CANNOT_START,
+    EXIT_INTERRUPTED,
     FlightSummary,
     MissionFacts,
 )
@@ -270,9 +271,15 @@ def _own_domain() -> Iterator[int]:
 
 @contextmanager
 def _graph(
-    summary: FlightSummary, say: Say
+    summary: FlightSummary, say: Say, abandonable: Callable[[], bool]
 ) -> Iterator[tuple["FlightMonitor", "Executor", "StopSignals"]]:
-    """A private context with the monitor on an executor, and the signals as a flag."""
+    """A private context with the monitor on an executor, and the signals as a flag.
+
+    Args:
+        summary: of the flight.
+        say: gets lines for a person.
+        abandonable: whether an interrupted process may end at once, whatever it computes.
+    """
     import rclpy
     from rclpy.context import Context
     from rclpy.experimental.events_executor import EventsExecutor
@@ -282,7 +289,7 @@ def _graph(
     from ares_bringup.monitor import FlightMonitor
     from ares_node.run import StopSignals
 
-    stop = StopSignals()
+    stop = StopSignals(abandonable, EXIT_INTERRUPTED)
     stop.starting = False
     context = Context()
     with stop.watch():
@@ -338,7 +345,7 @@ def _fly_in_processes(
         for name in parameters:
             if name not in late:
                 start(name)
-        with _graph(summary, say) as (monitor, executor, stop):
+        with _graph(summary, say, lambda: False) as (monitor, executor, stop):
             watch = Watch(monitor, parameters[SIMULATOR]["pace"], say, lambda: stop.requested)
             looked = 0.0
             while not watch.over():
@@ -411,11 +418,11 @@ def _fly_in_process(
     parameters: Mapping[str, Mapping[str, Any]],
     say: Say,
 ) -> None:
-    with _graph(summary, say) as (monitor, executor, stop):
+    with _graph(summary, say, lambda: not summary.started) as (monitor, executor, stop):
         nodes: dict[str, FlightNode] = {}
         try:
-            # the recorder first, the simulator last: all is connected when it looks
-            for name in (RECORDER, OPTIMIZER, GUIDANCE, SIMULATOR):
+            # the recorder last: a start that is abandoned while kernels compile leaves no bag
+            for name in (OPTIMIZER, GUIDANCE, SIMULATOR, RECORDER):
                 if name in parameters:
                     nodes[name] = _started(name, parameters[name], executor, monitor.node)
                 if stop.requested:

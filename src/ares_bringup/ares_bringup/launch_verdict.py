@@ -84,7 +84,9 @@ class LaunchVerdict:
         """
         self.pids.pop(name, None)
         if name == JUDGE:
-            self._judged = status
+            # told of a lost node before it could listen: there was no flight yet
+            deaf = status in (-signal.SIGUSR1, -signal.SIGUSR2)
+            self._judged = EXIT_CANNOT_START if deaf else status
             return Consequence(shut_down=self._shut_down_with_judge)
         if self._judged is not None or self._interrupted or self._cannot_start:
             self._problems |= status != 0 and name != OPTIMIZER and self._judged is not None

@@ -1,5 +1,7 @@
 """What follows for a launch when its processes end."""
 
+import signal
+
 import pytest
 
 from ares_bringup.launch_verdict import LaunchVerdict
@@ -28,6 +30,8 @@ def status(*ends, interrupt_after=None):
         ([("judge", 0), ("guidance", -9)], 1),
         ([("guidance", -9), ("judge", 0)], 1),
         ([("recorder", 1), ("judge", 0)], 1),
+        # a judge that was not up yet when it was told
+        ([("guidance", -9), ("judge", -signal.SIGUSR1)], 2),
         # a lost optimizer costs nothing
         ([("optimizer", -9), ("judge", 0)], 0),
         ([("judge", 0), ("optimizer", -9)], 0),

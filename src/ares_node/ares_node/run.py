@@ -55,13 +55,16 @@ class StopSignals:
         requested: a signal has come.
         starting: the node is not up yet: a signal interrupts that.
         abandonable: whether work that does not end soon is left where it is, in compiled
-            code or not, and the process ends.
+            code or not, and the process ends with `exit_status`.
     """
 
-    def __init__(self) -> None:
+    def __init__(
+        self, abandonable: Callable[[], bool] = lambda: True, exit_status: int = EXIT_OK
+    ) -> None:
         self.requested = False
         self.starting = True
-        self.abandonable: Callable[[], bool] = lambda: True
+        self.abandonable = abandonable
+        self._exit_status = exit_status
         self._wake: Callable[[], None] | None = None
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
@@ -90,7 +93,7 @@ class StopSignals:
 
         def abandon() -> None:
             if not over.wait(ABANDON_AFTER) and self.abandonable():
-                os._exit(EXIT_OK)
+                os._exit(self._exit_status)
 
         def relay() -> None:
             while os.read(readable, 1) != b"\0":
