@@ -88,7 +88,7 @@ def test_an_interrupted_campaign_goes_on(tmp_path, end):
         return "-n", str(count), "--json", "--out", str(folder)
 
     # so many that it is certainly not over
-    argv = campaign(10**9)
+    argv = campaign(10**8)
     flying = subprocess.Popen(
         [*COMMAND, *argv], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )

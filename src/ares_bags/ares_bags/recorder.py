@@ -126,6 +126,7 @@ class RecorderNode(FlightNode):
         self._received = 0
         self._expected: dict[str, int] = {}
         self._missing = 0
+        self._held_back: list[Callable[[], None]] = []
 
     @property
     def message_counts(self) -> dict[str, int]:
@@ -250,6 +251,8 @@ class RecorderNode(FlightNode):
 
     def _on_member(self, _member: FlightMember) -> None:
         self._membership.witness()
+        if self._membership.flight_id:
+            self._take_held_back()
         simulator = self._membership.simulator
         if simulator is not None and simulator.state == State.OVER:
             self.drain_and_close()
@@ -276,18 +279,19 @@ class RecorderNode(FlightNode):
         if name in NUMBERED:
             self._expected[name] = 0
             return partial(self._is_our_state, name)
-        if name == FLIGHT_EVENT:
-            return self._is_our_event
         return lambda data: self._is_ours(flight_of_cdr(data)[0])
 
     def _is_ours(self, flight_id: int) -> bool:
         if not self._membership.flight_id:
             self._membership.say(self._membership.state, flight_id=flight_id)
+            self._take_held_back()
         return self._membership.belongs(flight_id)
 
-    def _is_our_event(self, data: bytes) -> bool:
-        # those of a flight before come to a late reader too: they are no flight to join
-        return bool(self._membership.flight_id) and self._is_ours(flight_of_cdr(data)[0])
+    def _take_held_back(self) -> None:
+        """Take the events that came before the flight was known; others' are left out."""
+        held, self._held_back = self._held_back, []
+        for take in held:
+            take()
 
     def _is_our_state(self, name: str, data: bytes) -> bool:
         flight_id, sequence = flight_of_cdr(data)
@@ -311,6 +315,11 @@ class RecorderNode(FlightNode):
         is_ours: Callable[[bytes], bool],
         data: bytes,
     ) -> None:
+        if not self._membership.flight_id and requested is RECORDER_EVENTS:
+            # those of a flight before come to a late reader too: they are no flight to join
+            arguments = (name, type_name, requested, is_ours, data)
+            self._held_back.append(lambda: self._take(*arguments))
+            return
         try:
             stamp = stamp_of_cdr(data)
             if not is_ours(data):

@@ -55,7 +55,7 @@ HELP = f"""Fly ascent guidance on ROS 2, and look at what was flown.
 \b
 Environment:
   ARES_BAGS      folder of new bags; default `bags` of the workspace
-  ROS_DOMAIN_ID  ROS domain of flights; default: each flight gets one of its own
+  ROS_DOMAIN_ID  ROS domain of flights; default: each gets one of its own
 """
 
 SETTINGS: dict[str, Any] = {
@@ -183,6 +183,7 @@ def fly(
             namespace=namespace,
         ),
         begun=_BEGUN,
+        greet=(lambda _line: None) if as_json else typer.echo,
     )
     if as_json:
         typer.echo(json.dumps(summary.to_json(), indent=2, allow_nan=False))

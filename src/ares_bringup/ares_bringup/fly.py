@@ -216,6 +216,7 @@ def fly(
     say: Say = say_on_standard_error,
     modules: Mapping[str, str] = MODULES,
     begun: float | None = None,
+    greet: Say = lambda _line: None,
 ) -> FlightSummary:
     """Fly a mission and say how it went.
 
@@ -226,6 +227,7 @@ def fly(
         options: the flight.
         say: gets lines for a person while the flight goes on.
         modules: module of each node, for the layout with several processes.
+        greet: gets the line by which others find the flight, when it has begun.
         begun: when the command began, s of time.monotonic(), for `wall_s`; default now.
 
     Raises:
@@ -243,18 +245,22 @@ def fly(
     apply_discovery_settings()
     with ExitStack() as held:
         summary.domain_id = held.enter_context(_own_domain()) if domain is None else domain
-        say(
-            f"flight {id_text(summary.flight_id)} on its own graph: "
-            f"ROS_DOMAIN_ID={summary.domain_id} ros2 topic list"
-        )
         if options.in_process:
-            _fly_in_process(summary, parameters, say)
+            _fly_in_process(summary, parameters, say, lambda: greet(_greeting(summary)))
         else:
-            _fly_in_processes(summary, parameters, say, modules)
+            _fly_in_processes(summary, parameters, say, lambda: greet(_greeting(summary)), modules)
     if bag is not None and not Path(bag).exists():
         summary.bag = None
     summary.wall_s = time.monotonic() - begun
     return summary
+
+
+def _greeting(summary: FlightSummary) -> str:
+    """How others find the flight."""
+    return (
+        f"flight {id_text(summary.flight_id)}: "
+        f"ROS_DOMAIN_ID={summary.domain_id} ros2 topic list (namespace {summary.namespace})"
+    )
 
 
 @contextmanager
@@ -330,6 +336,7 @@ def _fly_in_processes(
     summary: FlightSummary,
     parameters: Mapping[str, Mapping[str, Any]],
     say: Say,
+    begun: Callable[[], None],
     modules: Mapping[str, str],
 ) -> None:
     from ares_node.qos import SOLVE_TRAJECTORY
@@ -346,7 +353,9 @@ def _fly_in_processes(
             if name not in late:
                 start(name)
         with _graph(summary, say, lambda: False) as (monitor, executor, stop):
-            watch = Watch(monitor, parameters[SIMULATOR]["pace"], say, lambda: stop.requested)
+            watch = Watch(
+                monitor, parameters[SIMULATOR]["pace"], say, lambda: stop.requested, begun
+            )
             looked = 0.0
             while not watch.over():
                 executor.spin_once(timeout_sec=LOOK_PERIOD)
@@ -417,6 +426,7 @@ def _fly_in_process(
     summary: FlightSummary,
     parameters: Mapping[str, Mapping[str, Any]],
     say: Say,
+    begun: Callable[[], None],
 ) -> None:
     with _graph(summary, say, lambda: not summary.started) as (monitor, executor, stop):
         nodes: dict[str, FlightNode] = {}
@@ -427,7 +437,9 @@ def _fly_in_process(
                     nodes[name] = _started(name, parameters[name], executor, monitor.node)
                 if stop.requested:
                     break
-            watch = Watch(monitor, parameters[SIMULATOR]["pace"], say, lambda: stop.requested)
+            watch = Watch(
+                monitor, parameters[SIMULATOR]["pace"], say, lambda: stop.requested, begun
+            )
             while not watch.over():
                 executor.spin_once(timeout_sec=LOOK_PERIOD)
                 if any(node.done for node in nodes.values()) and _node_lost(nodes, summary, say):

@@ -29,6 +29,7 @@ class Watch:
         pace: float,
         say: Callable[[str], None],
         interrupted: Callable[[], bool],
+        begun: Callable[[], None] = lambda: None,
     ) -> None:
         """Begin to wait.
 
@@ -37,12 +38,14 @@ class Watch:
             pace: real-time factor; 0: as fast as guidance answers.
             say: gets a line for the person who waits.
             interrupted: whether a signal asks for the end.
+            begun: called once when the flight has begun.
         """
         self._monitor = monitor
         self._interrupted = interrupted
         self._say = say
         self._made = time.monotonic()
         self._patient = True
+        self._begun: Callable[[], None] | None = begun
         self._silence = STALL_TIMEOUT + (LONGEST_SILENCE / pace if pace else 0.0)
 
     def over(self) -> bool:
@@ -52,6 +55,9 @@ class Watch:
             CannotStart: it has not begun within START_TIMEOUT.
         """
         summary = self._monitor.summary
+        if summary.started and self._begun:
+            self._begun()
+            self._begun = None
         if self._monitor.ended:
             return True
         if self._interrupted():

@@ -12,6 +12,7 @@ BOTH = [signal.SIGINT, signal.SIGTERM]
 IN_A_KERNEL = """
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from threading import Thread
 
 import numpy as np
 
@@ -29,6 +30,12 @@ def turn(stop):
     return x
 
 
+def say_when_it_turns():
+    while stop[1] == 0:
+        pass
+    print("ready", flush=True)
+
+
 stop = np.zeros(2, np.int64)
 stop[0] = 1
 turn(stop)
@@ -36,7 +43,8 @@ stop[0] = 0
 with Interrupts() as interrupts:
     try:
         if sys.argv[1] == "main":
-            print("ready", flush=True)
+            # the thread sees the kernel at work: no signal comes before
+            Thread(target=say_when_it_turns, daemon=True).start()
             turn(stop)
         pool = ThreadPoolExecutor(1)
         pool.submit(turn, stop)

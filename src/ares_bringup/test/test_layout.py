@@ -37,8 +37,10 @@ def flight(facts, fake_nodes, ros_domain, tmp_path, monkeypatch):
             monkeypatch.setenv(f"FAKE_{name.upper()}", how)
         said = []
         try:
-            summary = fly(FlyOptions(bag=tmp_path / "bag"), said.append, fake_nodes)
-            assert f"flight {summary.flight_id:016x} " in said.pop(0)
+            greetings = []
+            options = FlyOptions(bag=tmp_path / "bag")
+            summary = fly(options, said.append, fake_nodes, greet=greetings.append)
+            assert [line[:25] for line in greetings] == [f"flight {summary.flight_id:016x}: "]
             return summary, said
         finally:
             assert not [pid for pid in pids if Path(f"/proc/{pid}").exists()]

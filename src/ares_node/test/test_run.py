@@ -13,6 +13,7 @@ from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.node import Node
 
 from ares_node.diagnostics import Level
+from ares_node.node import FlightNode, NodeError
 from ares_node.qos import LOG, LOG_QOS
 from ares_node.testing import spin_until
 
@@ -192,8 +193,24 @@ def test_warnings_go_to_rosout(ros_context: Context, ros_environment: dict[str, 
     assert record.name == "ares.demo"
 
 
-def test_the_reason_of_a_refused_start_goes_to_rosout(
-    ros_context: Context, ros_environment: dict[str, str]
-) -> None:
-    record = log_records(ros_context, ros_environment, "refuse", "the tank is empty")[-1]
-    assert record.level == Log.ERROR
+def test_the_reason_of_a_refused_start_goes_to_rosout(ros_context: Context) -> None:
+    class Refusing(FlightNode):
+        def configure(self) -> None:
+            raise NodeError("the tank is empty")
+
+    listener = Node("listener", context=ros_context)
+    node = Refusing("demo", context=ros_context)
+    executor = EventsExecutor(context=ros_context)
+    heard: list[Log] = []
+    listener.create_subscription(Log, LOG, heard.append, LOG_QOS)
+    executor.add_node(listener)
+    executor.add_node(node)
+    try:
+        assert not node.start()
+        assert spin_until(executor, lambda: bool(heard), timeout=60.0)
+    finally:
+        node.stop()
+        executor.shutdown()
+        node.destroy_node()
+        listener.destroy_node()
+    assert (heard[-1].level, heard[-1].msg) == (Log.ERROR, "the tank is empty")

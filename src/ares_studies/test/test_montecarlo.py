@@ -157,7 +157,10 @@ def constant(value):
         (
             {"navigation": {"position_bias_m": constant(1000.0)}},
             Outcome.TARGET_MISSED,
-            "target missed: radius by +841 m, inclination by -0.012 deg",
+            (
+                "target missed: radius by +841 m, flight path angle by +0.0013 deg, "
+                "inclination by -0.012 deg"
+            ),
         ),
         ({"log_density": constant(5.0)}, Outcome.FAIRING_ON, "payload fairing on at cut-off"),
         (
