@@ -11,6 +11,7 @@ BOTH = [signal.SIGINT, signal.SIGTERM]
 #: A kernel that goes on for minutes, in the main thread or in one of a pool that is waited for.
 IN_A_KERNEL = """
 import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 from threading import Thread
 
@@ -31,8 +32,8 @@ def turn(stop):
 
 
 def say_when_it_turns():
-    while stop[1] == 0:
-        pass
+    # nothing tells that compiled code has been entered; a second is ample
+    time.sleep(1.0)
     print("ready", flush=True)
 
 
@@ -43,7 +44,6 @@ stop[0] = 0
 with Interrupts() as interrupts:
     try:
         if sys.argv[1] == "main":
-            # the thread sees the kernel at work: no signal comes before
             Thread(target=say_when_it_turns, daemon=True).start()
             turn(stop)
         pool = ThreadPoolExecutor(1)
