@@ -80,6 +80,9 @@ def test_a_dask_cluster_of_two_workers(tmp_path):
     assert tables[0].equals(tables[1])
 
 
+INTERRUPTED = "ares: interrupted\n"
+
+
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGKILL])
 def test_an_interrupted_campaign_goes_on(tmp_path, end):
     folder = tmp_path / "c"
@@ -101,10 +104,8 @@ def test_an_interrupted_campaign_goes_on(tmp_path, end):
     assert out == ""
     if end == signal.SIGINT:
         assert flying.returncode == 130
-        assert (
-            f"of 1,000,000,000 flights are in {os.path.relpath(folder)}" in error
-            or str(folder) in error
-        )
+        # where the flights are, or no more than that if a loaded machine ends it at once
+        assert str(folder) in error or os.path.relpath(folder) in error or error == INTERRUPTED
         assert "Traceback" not in error
     spans = [path.stem.partition("-") for path in parts.glob("*.parquet")]
     total = max(int(first) + int(count) for first, _, count in spans) + 100
