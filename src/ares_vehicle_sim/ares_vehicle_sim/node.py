@@ -108,7 +108,7 @@ PARAMETERS = (
     ),
     Parameter(
         "start_timeout_s",
-        30.0,
+        300.0,
         "Wall time to wait for guidance, recorders and judges before giving up; while they still "
         "prepare it does not run out.",
         unit="s",
