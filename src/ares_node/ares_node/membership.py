@@ -166,16 +166,6 @@ class Membership:
             for member in self._heard.values()
         )
 
-    def elsewhere(self, role: Role) -> list[FlightMember]:
-        """Members of other flights, named ones, that are not over."""
-        return [
-            member
-            for member in self._heard.values()
-            if member.role == role
-            and member.flight_id not in (0, self.flight_id)
-            and member.state in OPEN
-        ]
-
     @property
     def simulator(self) -> FlightMember | None:
         """The last word of the simulator of this flight; None if there is none."""
