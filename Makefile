@@ -21,7 +21,10 @@ test: ## linters, type checker and every test
 boundscheck: ## every test with bounds checks in the kernels; compiles them anew
 	@rm -rf build/boundscheck
 	@NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR="$(CURDIR)/build/boundscheck" ./ares exec \
-		pytest --numprocesses=2 --dist=loadfile --timeout=1800 $(FLAGS)
+		pytest --numprocesses=2 --dist=worksteal --timeout=1800 $(FLAGS)
+
+coverage: ## every test, and which lines none of them runs; twice as slow
+	@./ares exec pytest --cov --numprocesses=2 --dist=worksteal $(FLAGS)
 
 sweep: ## every input made from the schemas, everything done with each; an hour
 	@./ares exec python -m ares_bringup.sweep

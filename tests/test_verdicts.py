@@ -36,7 +36,7 @@ PATIENCE = 120.0
 
 
 def mission(**changes):
-    """150 s of one burn, with changes of single values, `target.radius_m=...`."""
+    """60 s of one burn, with changes of single values, `target.radius_m=...`."""
     content = {
         "name": "short_burn",
         "title": "Kick stage to a circular orbit",
@@ -55,7 +55,7 @@ def mission(**changes):
         "initial_state": {
             "time_s": 1000.0,
             "position_m": [6578137.0, 0.0, 0.0],
-            "velocity_m_s": [0.0, 7300.0 * math.cos(INCLINATION), 7300.0 * math.sin(INCLINATION)],
+            "velocity_m_s": [0.0, 7600.0 * math.cos(INCLINATION), 7600.0 * math.sin(INCLINATION)],
         },
         "stages": [
             {
@@ -168,7 +168,7 @@ def refused(says, **options):
     return Cause(2, (says,), options, bag=False)
 
 
-SLOW = {"pace": "20"}
+SLOW = {"pace": "8"}
 
 CAUSES = {
     "all is well": Cause(0, ("main-engine cut-off",)),
@@ -187,7 +187,7 @@ CAUSES = {
     "propellant short": Cause(
         1,
         ("target missed: speed_m_s off by -",),
-        mission=mission(**{"stages.0.propellant_kg": 900.0}),
+        mission=mission(**{"stages.0.propellant_kg": 450.0}),
     ),
     "a cover that stays on": Cause(
         1,
@@ -233,7 +233,7 @@ CAUSES = {
     "guidance stopped for a while": Cause(
         1,
         ("flown without an answer from guidance", "guidance answers again"),
-        {"pace": "5"},
+        SLOW,
         act=lambda f: f.stop_for("guidance", 8.0),
         ways=PROCESSES,
     ),

@@ -822,7 +822,7 @@ def run_tests(workspace: Workspace, environ: Mapping[str, str], arguments: Seque
     if failed:
         say(f"failed: {', '.join(failed)}; this run fails whatever the tests say")
     say("running the tests")
-    status = run(["-m", "pytest", "--cov", "--numprocesses=2", "--dist=loadfile", *arguments])
+    status = run(["-m", "pytest", "--numprocesses=2", "--dist=worksteal", *arguments])
     return status or (1 if failed else 0)
 
 

@@ -402,6 +402,7 @@ def _crew_lost(crew: Crew, summary: FlightSummary, say: Say) -> bool:
 def _end_crew(crew: Crew, summary: FlightSummary, listen: Callable[[], None]) -> None:
     """End the flying nodes, then the recorder: it gets to write all that they sent."""
     alive = crew.running()
+    ended = dict(crew.newly_ended())
     flying = [name for name in alive if name != RECORDER]
     crew.ask_to_stop(flying)
     if RECORDER in alive:
@@ -414,9 +415,9 @@ def _end_crew(crew: Crew, summary: FlightSummary, listen: Callable[[], None]) ->
         summary.problems.append(f"{name} did not end within {NODE_STOP_TIMEOUT:g} s: killed")
     if RECORDER in alive:
         crew.stop([RECORDER], RECORDER_STOP_TIMEOUT, listen)
-        status = crew.status(RECORDER)
-        if status:
-            summary.problems.append(f"{RECORDER} {describe_end(status)}: the bag is incomplete")
+        ended[RECORDER] = crew.status(RECORDER) or 0
+    if ended.get(RECORDER):
+            summary.problems.append(f"{RECORDER} {describe_end(ended[RECORDER])}: the bag is incomplete")
 
 
 # ---- all in this process

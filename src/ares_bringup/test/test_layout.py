@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 from pathlib import Path
 
@@ -32,14 +31,19 @@ def flight(facts, fake_nodes, ros_domain, tmp_path, monkeypatch):
 
     monkeypatch.setattr(module.Crew, "start", noting_start)
 
-    def run(**behaviour):
+    def run(begun=lambda: None, **behaviour):
         for name, how in behaviour.items():
             monkeypatch.setenv(f"FAKE_{name.upper()}", how)
         said = []
         try:
             greetings = []
+
+            def greet(line):
+                greetings.append(line)
+                begun()
+
             options = FlyOptions(bag=tmp_path / "bag")
-            summary = fly(options, said.append, fake_nodes, greet=greetings.append)
+            summary = fly(options, said.append, fake_nodes, greet=greet)
             assert [line[:25] for line in greetings] == [f"flight {summary.flight_id:016x}: "]
             return summary, said
         finally:
@@ -118,14 +122,7 @@ def test_a_flight_without_news_is_given_up(flight, monkeypatch):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_flight(flight, number):
-    def interrupt():
-        time.sleep(3.0)
-        os.kill(os.getpid(), number)
-
-    thread = threading.Thread(target=interrupt)
-    thread.start()
-    summary, _ = flight(vehicle_sim="slow")
-    thread.join()
+    summary, _ = flight(lambda: os.kill(os.getpid(), number), vehicle_sim="slow")
     assert summary.outcome is Outcome.INTERRUPTED
     assert summary.exit_code == 130
 

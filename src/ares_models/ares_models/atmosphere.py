@@ -20,7 +20,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from ares_models.kernels import environment as kernels
 
@@ -71,6 +70,8 @@ class _Piece:
 
 def _pchip(altitude: ArrayLike, density: ArrayLike) -> _Piece:
     """Layer through data, with the slopes of the monotone cubic (Fritsch-Carlson)."""
+    from scipy.interpolate import PchipInterpolator  # slow to import
+
     h = np.asarray(altitude, dtype=np.float64)
     value = np.log(np.asarray(density, dtype=np.float64))
     slope = PchipInterpolator(h, value, axis=-1).derivative()(h)
@@ -183,6 +184,8 @@ def pra63() -> Atmosphere:
     derivatives. Below and above it is :func:`pra63_data`, from which it differs by at most
     1.6 % in between.
     """
+    from scipy.interpolate import CubicSpline  # slow to import
+
     km, density = _read("us62_80_700km.csv", "h_km", "rho_kg_m3")
     bases = np.isin(km, _REFERENCE_KM)
     h, value = 1e3 * km[bases], np.log(density[bases])

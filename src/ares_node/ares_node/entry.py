@@ -4,6 +4,7 @@ Standard library only, so that an interrupt or a missing package ends the proces
 one line.
 """
 
+import gc
 import importlib
 import os
 import signal
@@ -49,4 +50,6 @@ def enter(package: str, node: str, name: str) -> int:
     # the interpreter's own end must not be interrupted either
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
+    # nothing is looked through for garbage at the very end: 0.2 s
+    gc.freeze()
     return status

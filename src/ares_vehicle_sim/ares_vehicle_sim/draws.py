@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from ares_models.arrays import MAX_KNOTS
 from ares_models.atmosphere import nrlmsis_tables
@@ -129,6 +128,8 @@ class _Quantity:
 
     def values(self, words: Words) -> Array:
         """What random words mean, both of shape (n, components)."""
+        from scipy.special import ndtri  # slow to import
+
         uniform = ((words >> SPARE_BITS).astype(np.float64) + 0.5) * STEP
         spreads = self.spreads * (self.size if len(self.spreads) == 1 else 1)
         values = np.empty_like(uniform)
