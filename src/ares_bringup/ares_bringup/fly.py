@@ -417,7 +417,9 @@ def _end_crew(crew: Crew, summary: FlightSummary, listen: Callable[[], None]) ->
         crew.stop([RECORDER], RECORDER_STOP_TIMEOUT, listen)
         ended[RECORDER] = crew.status(RECORDER) or 0
     if ended.get(RECORDER):
-            summary.problems.append(f"{RECORDER} {describe_end(ended[RECORDER])}: the bag is incomplete")
+        summary.problems.append(
+            f"{RECORDER} {describe_end(ended[RECORDER])}: the bag is incomplete"
+        )
 
 
 # ---- all in this process
