@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 
 from ares_guidance.arrays import GUIDANCE_STATE
 from ares_guidance.kernels.cycle import guidance_step
-from ares_guidance.law import CODES, Law, LawSettings
+from ares_guidance.law import LawSettings
+from ares_guidance.laws import find_law, make_law
+from ares_guidance.registry import law_names
 from ares_models.arrays import NAVIGATION, STEERING, Record
-from ares_models.jit import kernel
+from ares_models.jit import kernel, specialised
 from ares_models.mission import load_mission
 from ares_studies.closed_loop import fly_compiled
 from ares_vehicle_sim.simulator import Simulator, SimulatorOptions
@@ -55,7 +57,7 @@ def cycles(
 def record_navigation(mission: Any, settings: LawSettings, name: str) -> NDArray[np.void]:
     """Navigation states of a nominal flight, one a second."""
     simulator = Simulator(mission, SimulatorOptions(navigation_period_s=1.0))
-    law = Law(mission.arrays(), settings, name)
+    law = make_law(name, mission.arrays(), settings)
     states = []
     while not simulator.complete:
         states.append(simulator.navigation.copy())
@@ -69,10 +71,12 @@ def main() -> None:
     """Print medians over repeats."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--mission", default="ares_v")
-    parser.add_argument("--law", default="peg", choices=CODES)
+    parser.add_argument("--law", default="peg", choices=law_names())
     parser.add_argument("--repeats", type=int, default=51)
     options = parser.parse_args()
     mission = load_mission(options.mission)
+    kind = find_law(options.law)
+    run = specialised("guidance_step", f"of_{kind.name}", guidance_step=kind.step).cycles
     settings = LawSettings()
     arrays = mission.arrays()
     navs = record_navigation(mission, settings, options.law)
@@ -82,14 +86,14 @@ def main() -> None:
         state, saved = np.zeros(1, GUIDANCE_STATE), np.zeros(1, GUIDANCE_STATE)
         steering = np.zeros(1, STEERING)
         begun = time.perf_counter()
-        iterations = cycles(
+        iterations = run(
             navs,
             arrays.environment[0],
             arrays.atmosphere,
             arrays.arcs,
             arrays.jettisons,
             arrays.target[0],
-            settings.record(options.law)[0],
+            settings.record()[0],
             state[0],
             saved[0],
             steering[0],

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ares_guidance.kernels.optimal import solve_optimal
 from ares_guidance.law import Law
+from ares_guidance.laws import make_law
 from ares_models.mission import Mission, load_mission
 from ares_vehicle_sim.dispersions import STANDARD, load_dispersions
 from ares_vehicle_sim.simulator import Simulator, SimulatorOptions
@@ -45,7 +46,7 @@ def warm_and_cold(mission: Mission, repeats: int, seed: int) -> dict[str, NDArra
     start = np.array([Simulator(mission).navigation])
     times: dict[str, list[float]] = {"warm": [], "cold": []}
     for _ in range(repeats):
-        law = Law(mission.arrays(foreseen=True), None, "optimal")
+        law = make_law("optimal", mission.arrays(foreseen=True))
         law.step(start[0])
         kicked = start.copy()
         for name, size in (("position", KICK_M), ("velocity", KICK_M_S)):
@@ -65,13 +66,13 @@ def in_flight(mission: Mission, flights: int) -> tuple[NDArray[np.float64], int]
     times, fell_back = [], 0
     for flight in range(flights):
         simulator = Simulator(mission, options, dispersions, 0, flight)
-        law = Law(mission.arrays(foreseen=True), None, "optimal")
+        law = make_law("optimal", mission.arrays(foreseen=True))
         while not simulator.complete:
             begun = time.perf_counter()
             due = law.step(simulator.navigation)
             if due:
                 times.append(time.perf_counter() - begun)
-                fell_back += int(law.state["law"] != law.settings["law"])
+                fell_back += int(law.state["law"] != law.kind.code)
             simulator.command(law.steering)
             simulator.advance()
     return 1e3 * np.array(times), fell_back

@@ -9,9 +9,8 @@ import pytest
 
 from ares_bringup import __version__
 from ares_bringup.cli import main
-from ares_bringup.options import MAX_FLIGHTS, Guidance, HeatingSource
+from ares_bringup.options import MAX_FLIGHTS, HeatingSource
 from ares_guidance.law import HEATING_SOURCES
-from ares_guidance.laws import LAWS
 from ares_vehicle_sim.node import PARAMETERS
 
 
@@ -141,7 +140,6 @@ def test_a_wrong_mission_file_is_named_and_the_others_are_shown(capfd, tmp_path)
 
 
 def test_the_choices_are_those_of_the_nodes():
-    assert set(Guidance) == set(LAWS)
     assert set(HeatingSource) == set(HEATING_SOURCES)
 
 

@@ -26,5 +26,13 @@ setup(
     ],
     extras_require={"test": ["pytest"]},
     zip_safe=False,
-    entry_points={"console_scripts": ["guidance = ares_guidance.__main__:main"]},
+    entry_points={
+        "console_scripts": ["guidance = ares_guidance.__main__:main"],
+        "ares_guidance.laws": [
+            "igm = ares_guidance.laws.igm:LAW",
+            "optimal = ares_guidance.laws.optimal:LAW",
+            "peg = ares_guidance.law:PEG",
+            "peg_thesis = ares_guidance.laws.peg_thesis:LAW",
+        ],
+    },
 )

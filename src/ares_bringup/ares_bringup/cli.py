@@ -19,10 +19,10 @@ from ares_bringup.options import (
     MAX_DOMAIN_ID,
     MAX_FLIGHTS,
     MAX_SEED,
+    PEG,
     AnalyticProfile,
     CannotStart,
     FlyOptions,
-    Guidance,
     Heating,
     HeatingSource,
     InitialGuess,
@@ -30,6 +30,7 @@ from ares_bringup.options import (
     Method,
     PositionIntegral,
 )
+from ares_guidance.registry import law_names
 
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130
@@ -48,6 +49,8 @@ EXIT_STATUSES = """Exit status:
 Flown to the target means: radius within 100 m, speed 0.1 m/s, flight-path
 angle 0.001 deg, inclination, node and argument of perigee 0.01 deg.
 """
+
+LAWS_HELP = f"Guidance law: {', '.join(law_names())}."
 
 HELP = f"""Fly ascent guidance on ROS 2, and look at what was flown.
 
@@ -96,7 +99,7 @@ def fly(
     mission: Annotated[
         str, typer.Option(help="Name that `ares missions` lists, or path of a mission file.")
     ] = "ares_v",
-    guidance: Annotated[Guidance, typer.Option(help="Guidance law.")] = Guidance.PEG,
+    guidance: Annotated[str, typer.Option(help=LAWS_HELP)] = PEG,
     in_process: Annotated[
         bool, typer.Option("--in-process", help="All nodes in one process.")
     ] = False,
@@ -281,7 +284,7 @@ def montecarlo(
     mission: Annotated[
         str, typer.Option(help="Name that `ares missions` lists, or path of a mission file.")
     ] = "ares_v",
-    guidance: Annotated[Guidance, typer.Option(help="Guidance law.")] = Guidance.PEG,
+    guidance: Annotated[str, typer.Option(help=LAWS_HELP)] = PEG,
     dispersions: Annotated[
         str, typer.Option(help="Shipped dispersions' name, or path of a file.")
     ] = "standard",
@@ -346,7 +349,7 @@ def montecarlo(
         CampaignOptions(
             count=n,
             mission=mission,
-            guidance=guidance.value,
+            guidance=guidance,
             dispersions=dispersions,
             seed=seed,
             only=tuple(only or ()),

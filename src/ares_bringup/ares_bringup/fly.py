@@ -12,9 +12,9 @@ from ares_bringup.bag_paths import new_bag
 from ares_bringup.crew import Crew, describe_end, ros_arguments
 from ares_bringup.discovery import apply_discovery_settings
 from ares_bringup.options import (
+    PEG,
     CannotStart,
     FlyOptions,
-    Guidance,
     HeatingSource,
     InitialGuess,
     domain_id,
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
     from ares_bringup.monitor import FlightMonitor
+    from ares_guidance.law import LawKind
     from ares_node.node import FlightNode
     from ares_node.run import StopSignals
 
@@ -129,6 +130,24 @@ def _margin(dispersions: str) -> float:
         raise CannotStart(" ".join(str(error).split())) from error
 
 
+def _find_law(name: str) -> "LawKind":
+    from ares_guidance.laws import find_law
+
+    try:
+        return find_law(name)
+    except ValueError as error:
+        raise CannotStart(str(error).replace("law is", "guidance is", 1)) from error
+
+
+def needs_trajectory(law: str) -> bool:
+    """Whether a guidance law waits for the optimizer's answer.
+
+    Raises:
+        CannotStart: no such law; one line.
+    """
+    return _find_law(law).needs_trajectory
+
+
 def check_inputs(flown: Mapping[str, Any], bag: str) -> None:
     """Look at what a flight would be started with, before anything is started.
 
@@ -140,9 +159,7 @@ def check_inputs(flown: Mapping[str, Any], bag: str) -> None:
         CannotStart: one of them is wrong; one line.
     """
     mission_facts(str(flown.get("mission", "ares_v")))
-    law = flown.get("law", Guidance.PEG.value)
-    if law not in list(Guidance):
-        raise CannotStart(f"guidance is {law!r}; expected one of {', '.join(Guidance)}")
+    _find_law(str(flown.get("law", PEG)))
     if flown.get("dispersions"):
         _margin(str(flown["dispersions"]))
     if bag and os.path.lexists(bag):
@@ -184,7 +201,7 @@ def node_parameters(
     guidance: dict[str, Any] = {
         "flight_id": flight_id,
         "mission": options.mission,
-        "law": options.guidance.value,
+        "law": options.guidance,
         "initial_guess": options.initial_guess.value,
     }
     if options.cycle_period_s is not None:
@@ -198,14 +215,14 @@ def node_parameters(
     nodes = {SIMULATOR: simulator, GUIDANCE: guidance}
     if options.initial_guess is InitialGuess.OPTIMIZER:
         nodes[OPTIMIZER] = {"mission": options.mission}
-    elif options.initial_guess is InitialGuess.ANALYTIC or options.guidance is Guidance.PEG_THESIS:
+    elif options.initial_guess is InitialGuess.ANALYTIC or needs_trajectory(options.guidance):
         nodes[OPTIMIZER] = {"mission": options.mission, "method": InitialGuess.ANALYTIC.value}
     if bag is not None:
         nodes[RECORDER] = {
             "flight_id": flight_id,
             "bag": bag,
             "mission": options.mission,
-            "law": options.guidance.value,
+            "law": options.guidance,
             "seed": options.seed,
         }
     return nodes
@@ -240,7 +257,7 @@ def fly(
     bag = None
     if options.record:
         bag = str((options.bag or new_bag(facts.name)).absolute())
-    summary = FlightSummary(facts, options.guidance.value, bag, new_id(), namespace=namespace)
+    summary = FlightSummary(facts, options.guidance, bag, new_id(), namespace=namespace)
     parameters = node_parameters(options, bag, summary.flight_id)
     apply_discovery_settings()
     with ExitStack() as held:

@@ -29,7 +29,8 @@ from rich.text import Text
 from ares_bringup.bag_paths import new_bag, workspace_root
 from ares_bringup.options import CannotStart, HeatingSource
 from ares_bringup.report import console, number, shown_path
-from ares_guidance.law import CODES, LawSettings
+from ares_guidance.law import LawSettings
+from ares_guidance.laws import find_law
 from ares_models.atmosphere import AtmosphereError
 from ares_models.input_file import InputError
 from ares_models.mission import load_mission
@@ -95,15 +96,16 @@ class CampaignOptions:
         Raises:
             CannotStart: mission, dispersions, law or a setting is wrong; one line.
         """
-        if self.guidance not in CODES:
-            known = ", ".join(CODES)
-            raise CannotStart(f"--guidance is {self.guidance!r}; campaigns fly {known}")
         given: dict[str, Any] = {
             "cycle_period_s": self.cycle_period_s,
             "hold_time_s": self.hold_time_s,
             "heating_source": self.heating_source,
         }
         try:
+            if find_law(self.guidance).needs_trajectory:
+                raise CannotStart(
+                    f"--guidance is {self.guidance!r}; campaigns fly laws that start by themselves"
+                )
             dispersions = load_dispersions(self.dispersions)
             if self.heating_source == HeatingSource.MODEL:
                 given["heating_margin"] = dispersions.heating_margin()

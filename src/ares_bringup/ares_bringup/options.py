@@ -8,21 +8,14 @@ from pathlib import Path
 #: Highest seed, and highest number of flights: their draws and noise are keyed by them.
 MAX_SEED = 2**63 - 1
 MAX_FLIGHTS = 10**8
+#: The guidance law that is flown unless another is named.
+PEG = "peg"
 #: Highest ROS domain id; the ports of a higher one do not exist.
 MAX_DOMAIN_ID = 232
 
 
 class CannotStart(Exception):
     """What was asked for cannot start; the text is one line, empty if a node has said why."""
-
-
-class Guidance(StrEnum):
-    """Guidance laws, by the names of the guidance node's parameter `law`."""
-
-    PEG = "peg"
-    PEG_THESIS = "peg_thesis"
-    IGM = "igm"
-    OPTIMAL = "optimal"
 
 
 class HeatingSource(StrEnum):
@@ -110,7 +103,7 @@ class FlyOptions:
     """
 
     mission: str = "ares_v"
-    guidance: Guidance = Guidance.PEG
+    guidance: str = PEG
     in_process: bool = False
     record: bool = True
     bag: Path | None = None

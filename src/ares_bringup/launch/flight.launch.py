@@ -36,9 +36,10 @@ from ares_bringup.fly import (
     SIMULATOR,
     absolute_namespace,
     check_inputs,
+    needs_trajectory,
 )
 from ares_bringup.launch_verdict import LaunchVerdict, end_process_with
-from ares_bringup.options import CannotStart, FlyOptions, domain_id
+from ares_bringup.options import PEG, CannotStart, FlyOptions, domain_id
 from ares_bringup.params_file import node_values
 from ares_node.domains import claim_domain
 from ares_node.identity import id_text, new_id
@@ -187,7 +188,9 @@ class Flight:
                 expected_recorders=int(record),
             ),
         ]
-        if flown.get("initial_guess", "none") != "none" or flown.get("law") == "peg_thesis":
+        if flown.get("initial_guess", "none") != "none" or needs_trajectory(
+            str(flown.get("law", PEG))
+        ):
             started.append(
                 self._node("ares_optimizer", OPTIMIZER, _of(values, "mission"), **self._clock())
             )

@@ -35,7 +35,6 @@ HEATING_MEASURED = 1
 
 GUIDANCE_SETTINGS = np.dtype(
     [
-        ("law", np.int64),  # LAW_*
         ("cycle_period", np.float64),  # s between guidance cycles
         ("hold_time", np.float64),  # s before cut-off from which the steering is frozen
         ("velocity_to_go_tolerance", np.float64),  # m/s, change in one iteration

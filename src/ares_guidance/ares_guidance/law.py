@@ -1,6 +1,7 @@
 """A guidance law as an object: navigation states in, steering out."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -12,15 +13,14 @@ from ares_guidance.arrays import (
     GUIDANCE_STATE,
     HEATING_MEASURED,
     HEATING_MODELLED,
-    LAW_IGM,
-    LAW_OPTIMAL,
     LAW_PEG,
     MAX_SEGMENTS,
     PHASE_CONVERGING,
     PHASE_IDLE,
 )
+from ares_guidance.guess import OfflineTrajectory
 from ares_guidance.kernels.cycle import guidance_step
-from ares_models.arrays import STEERING, MissionArrays
+from ares_models.arrays import HEATING_LIMIT, STEERING, MissionArrays
 
 
 def _setting(
@@ -115,14 +115,9 @@ class LawSettings:
             if not low <= value <= high:
                 raise ValueError(f"{item.name} is {value}; expected {low:g} to {high:g}")
 
-    def record(self, law: str = "peg") -> NDArray[np.void]:
-        """The settings as the kernel reads them, shape (1,), dtype GUIDANCE_SETTINGS.
-
-        Args:
-            law: one of CODES.
-        """
+    def record(self) -> NDArray[np.void]:
+        """The settings as the kernel reads them, shape (1,), dtype GUIDANCE_SETTINGS."""
         record = np.zeros(1, GUIDANCE_SETTINGS)
-        record["law"] = CODES[law]
         record["cycle_period"] = self.cycle_period_s
         record["hold_time"] = self.hold_time_s
         record["velocity_to_go_tolerance"] = self.velocity_to_go_tolerance_m_s
@@ -141,29 +136,47 @@ class LawSettings:
 HEATING_SOURCES = {"measured": HEATING_MEASURED, "model": HEATING_MODELLED}
 
 
-#: Laws that the shared guidance cycle flies, by name.
-CODES = {"peg": LAW_PEG, "igm": LAW_IGM, "optimal": LAW_OPTIMAL}
+@dataclass(frozen=True)
+class LawKind:
+    """A guidance law as one part: what a package registers under `ares_guidance.laws`.
+
+    Attributes:
+        name: what it is chosen by.
+        code: `law` of GuidanceStatus; from 128 for laws of other packages.
+        step: kernel with the arguments of `kernels.cycle.guidance_step`.
+        build: makes the law from arrays and settings; None: it is a plain `Law`.
+        needs_trajectory: it cannot start from the navigation state alone.
+    """
+
+    name: str
+    code: int
+    step: Callable[..., None]
+    build: "Callable[[MissionArrays, LawSettings | None], Law] | None" = None
+    needs_trajectory: bool = False
+
+
+#: The law of the shared cycle as it stands.
+PEG = LawKind("peg", LAW_PEG, guidance_step)
 
 
 class Law:
     """The law and its memory between navigation states.
 
     Attributes:
+        kind: which law.
         state: record GUIDANCE_STATE, what the law thinks; read only by custom.
         steering: shape (1,), dtype STEERING, the present answer.
     """
 
-    _answer = staticmethod(guidance_step)
-
     def __init__(
-        self, arrays: MissionArrays, settings: LawSettings | None = None, law: str = "peg"
+        self, arrays: MissionArrays, settings: LawSettings | None = None, kind: LawKind = PEG
     ) -> None:
         """Prepare for the first navigation state.
 
         Args:
             arrays: the mission as guidance believes it.
             settings: cycle and gates.
-            law: one of CODES.
+            kind: which law.
 
         Raises:
             ValueError: the mission has more arcs and jettisons than the law has room for.
@@ -174,7 +187,8 @@ class Law:
                 f"mission has {parts} arcs and jettisons; guidance has room for {MAX_SEGMENTS}"
             )
         self._arrays = arrays
-        self._settings = (settings or LawSettings()).record(law)
+        self.kind = kind
+        self._settings = (settings or LawSettings()).record()
         self.reset()
 
     def reset(self) -> None:
@@ -213,6 +227,21 @@ class Law:
         state["jettison_time"][: len(jettison_times)] = jettison_times
         state["seeded"] = 1
 
+    def start_from(self, trajectory: OfflineTrajectory) -> None:
+        """Start the next flight from a trajectory found off line.
+
+        Args:
+            trajectory: from where the flight is.
+
+        Raises:
+            ValueError: the trajectory is no start.
+        """
+        planned = np.full(len(self._arrays.jettisons), math.inf)
+        if math.isfinite(trajectory.jettison_time):
+            heating = self._arrays.jettisons["criterion"] == HEATING_LIMIT
+            planned[heating] = trajectory.jettison_time
+        self.seed(trajectory.velocity_to_go(), planned)
+
     @property
     def state(self) -> Any:
         """What the law thinks, record GUIDANCE_STATE."""
@@ -244,7 +273,7 @@ class Law:
         """
         before = int(self.state["cycle"])
         arrays = self._arrays
-        self._answer(
+        self.kind.step(
             nav,
             arrays.environment[0],
             arrays.atmosphere,

@@ -13,7 +13,8 @@ from rclpy.task import Future
 
 from ares_guidance.guess import OfflineTrajectory
 from ares_guidance.law import HEATING_SOURCES, LawSettings
-from ares_guidance.laws import LAWS, PEG_THESIS, make_law, start_from
+from ares_guidance.laws import make_law
+from ares_guidance.registry import law_names
 from ares_models.arrays import HEATING_LIMIT, NAVIGATION
 from ares_models.mission import Start, load_mission
 from ares_msgs.msg import FlightMember, GuidanceStatus, NavState, ThrustCommand
@@ -47,7 +48,7 @@ ANALYTIC = "analytic"
 
 PARAMETERS = (
     Parameter("mission", "ares_v", "Shipped mission's name, or path of a mission file."),
-    Parameter("law", "peg", "Guidance law.", choices=tuple(LAWS)),
+    Parameter("law", "peg", "Guidance law.", choices=tuple(law_names())),
     FLIGHT_ID,
     Parameter(
         "heating_source",
@@ -120,7 +121,8 @@ class GuidanceNode(FlightNode):
         self._command_out = self.create_publisher(ThrustCommand, THRUST_COMMAND, FLIGHT)
         self._status_out = self.create_publisher(GuidanceStatus, GUIDANCE_STATUS, FLIGHT)
         self._nav_in = self.create_subscription(NavState, NAV_STATE, self._on_nav_state, FLIGHT)
-        self._wants_guess = values["initial_guess"] != "none" or values["law"] == PEG_THESIS
+        needed = self._law.kind.needs_trajectory
+        self._wants_guess = values["initial_guess"] != "none" or needed
         # a client alone lists the service on the graph
         self._optimizer: Client | None = None
         if self._wants_guess:
@@ -288,7 +290,7 @@ class GuidanceNode(FlightNode):
             self._without_guess(reason or f"error {answer.error_code}", now)
             return
         try:
-            start_from(self._law, _trajectory(answer), self._arrays)
+            self._law.start_from(_trajectory(answer))
         except ValueError as error:
             self._without_guess(f"unusable answer: {error}", now)
             return
@@ -297,8 +299,8 @@ class GuidanceNode(FlightNode):
     def _without_guess(self, reason: str, now: int) -> None:
         self._wants_guess = False
         instead = "starting from the navigation state alone"
-        if self.values["law"] == PEG_THESIS:
-            instead = f"law {PEG_THESIS} cannot start without it: flying peg"
+        if self._law.kind.needs_trajectory:
+            instead = f"law {self._law.kind.name} cannot start without it: flying peg"
         self.diagnostics.report(Level.WARN, f"optimizer: {reason}; {instead}", now)
 
     # ---- the flight
@@ -383,14 +385,14 @@ class GuidanceNode(FlightNode):
                 self.diagnostics.report(
                     Level.WARN, ERROR_TEXTS[error], now, {"stale_cycles": stale}
                 )
-        optimal = LAWS[self.values["law"]] == GuidanceStatus.LAW_OPTIMAL
-        solved = int(self._law.state["law"]) in (GuidanceStatus.LAW_OPTIMAL, 0)
-        if optimal and solved == self._fallen_back:
+        kind = self._law.kind
+        solved = int(self._law.state["law"]) in (kind.code, 0)
+        if solved == self._fallen_back and not kind.needs_trajectory:
             self._fallen_back = not solved
             level, text = (
-                (Level.OK, "optimal solution again")
+                (Level.OK, f"solution of law {kind.name} again")
                 if solved
-                else (Level.WARN, "no optimal solution: flying peg")
+                else (Level.WARN, f"no solution of law {kind.name}: flying peg")
             )
             self.diagnostics.report(level, text, now)
         without = self._jettison_after_cutoff()

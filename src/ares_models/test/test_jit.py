@@ -80,3 +80,58 @@ def test_an_index_beyond_its_array_raises(tmp_path, call):
     )
     assert done.returncode == 1
     assert done.stderr.strip().splitlines()[-1] == "IndexError: index is out of bounds"
+
+
+COPIES = """
+import sys
+
+from ares_models.jit import kernel, specialised
+
+
+@kernel
+def {0}(x):
+    return x + {1}
+
+
+def of(name):
+    return specialised("template_of_a_test", name, part={0}).whole
+
+
+if __name__ == "__main__":
+    import template_of_a_test
+
+    print(template_of_a_test.whole(1.0), of("{0}")(1.0), of("{0}") is of("{0}"))
+"""
+
+
+def test_a_specialised_module_is_compiled_and_kept_apart(tmp_path):
+    template = """
+from ares_models.jit import kernel
+
+
+@kernel
+def part(x):
+    return x
+
+
+@kernel
+def whole(x):
+    return 10.0 * part(x)
+"""
+    (tmp_path / "template_of_a_test.py").write_text(template)
+    path = os.pathsep.join([str(tmp_path), os.environ["PYTHONPATH"]])
+    cache = str(tmp_path / "cache")
+    environment = {**os.environ, "PYTHONPATH": path, "NUMBA_CACHE_DIR": cache}
+    # twice each, the second time from the cache; an edit is compiled anew
+    for name, number, said in (
+        ("one", 1.0, "10.0 20.0 True\n"),
+        ("one", 1.0, "10.0 20.0 True\n"),
+        ("two", 2.0, "10.0 30.0 True\n"),
+        ("two", 4.0, "10.0 50.0 True\n"),
+        ("one", 1.0, "10.0 20.0 True\n"),
+    ):
+        script = tmp_path / "kernels_of_others.py"
+        script.write_text(COPIES.format(name, number).replace('"__main__"', '"kernels_of_others"'))
+        command = [sys.executable, "-c", "import kernels_of_others"]
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+        assert (done.stdout, done.stderr) == (said, "")

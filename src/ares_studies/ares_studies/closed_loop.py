@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from ares_guidance.arrays import GUIDANCE_STATE
 from ares_guidance.guess import OfflineTrajectory
 from ares_guidance.law import Law, LawSettings
-from ares_guidance.laws import PEG_THESIS, make_law, start_from
+from ares_guidance.laws import make_law
 from ares_models.arrays import NAVIGATION
 from ares_models.mission import Mission
 from ares_optimizer.solution import Solution
 from ares_optimizer.solve import solve
-from ares_studies.kernels import fly
+from ares_studies.loops import flight_loop
 from ares_vehicle_sim.dispersions import Dispersions
 from ares_vehicle_sim.kernels.navigation import measure
 from ares_vehicle_sim.simulator import Simulator, SimulatorOptions, true_vehicle
@@ -79,9 +79,9 @@ def ready_law(
 
     Args:
         mission: what it flies.
-        name: one of `ares_guidance.laws.LAWS`.
+        name: one of `ares_guidance.registry.law_names`.
         settings: cycle and gates.
-        guess: where it starts; None: from the navigation state alone, or, law peg_thesis, from
+        guess: where it starts; None: from the navigation state alone, or, a law that cannot, from
             the analytic solution.
         state: where that solution begins, shape (1,), dtype NAVIGATION; None: at the mission's
             start.
@@ -89,12 +89,11 @@ def ready_law(
     Raises:
         ValueError: the law cannot fly the mission, or the guess is no start.
     """
-    arrays = mission.arrays(foreseen=True)
-    law = make_law(name, arrays, settings)
-    if guess is None and name == PEG_THESIS:
+    law = make_law(name, mission.arrays(foreseen=True), settings)
+    if guess is None and law.kind.needs_trajectory:
         guess = solve(mission, "analytic", state=state)
     if guess is not None:
-        start_from(law, offline_trajectory(guess), arrays)
+        law.start_from(offline_trajectory(guess))
     return law
 
 
@@ -116,7 +115,7 @@ def fly_compiled(
         dispersions: how the truth differs from the mission file; None: nowhere.
         seed: master seed of what is drawn.
         flight: number of the flight among those of the seed.
-        law: one of `ares_guidance.laws.LAWS`, or a law before its flight, as
+        law: one of `ares_guidance.registry.law_names`, or a law before its flight, as
             :func:`ready_law` makes it, whose settings are its own.
 
     Raises:
@@ -130,7 +129,7 @@ def fly_compiled(
         first = np.zeros(1, NAVIGATION)
         measure(plant.copy()[0], first[0])
         law = ready_law(mission, law, settings, state=first)
-    fly(
+    flight_loop(law.kind)(
         plant[0],
         true.environment[0],
         true.atmosphere,

@@ -1,10 +1,13 @@
-"""A whole flight in one compiled loop, through the same two steps as the nodes."""
+"""A whole flight in one compiled loop, through the same two steps as the nodes.
+
+`guidance_step` is PEG's; see `ares_studies.loops` for the other laws.
+"""
 
 from typing import Any
 
 from numpy.typing import NDArray
 
-from ares_guidance.kernels.peg_thesis import thesis_step
+from ares_guidance.kernels.cycle import guidance_step
 from ares_models.arrays import Record
 from ares_models.jit import kernel
 from ares_vehicle_sim.kernels.navigation import measure
@@ -40,8 +43,7 @@ def fly(
     tick = 0
     while plant.complete == 0:
         measure(plant, nav)
-        # every law: without a plan in the state it is the shared cycle
-        thesis_step(
+        guidance_step(
             nav,
             believed_environment,
             believed_atmosphere,

@@ -9,7 +9,7 @@ import numpy as np
 
 from ares_guidance.guess import JettisonPlan
 from ares_guidance.law import Law, LawSettings
-from ares_guidance.peg_thesis import Pins, ThesisPeg
+from ares_guidance.laws.peg_thesis import Pins, ThesisPeg
 from ares_models.mission import Mission, load_mission
 from ares_models.orbits import Insertion
 from ares_optimizer.solution import Solution

@@ -1,8 +1,17 @@
-"""Compile every kernel once, so that the next start finds them in numba's cache."""
+"""Compile kernels once, so that the next start finds them in numba's cache.
+
+    python -m ares_studies.warm_up [LAW]
+
+With a law: what one flight by it calls, and nothing else. Without: every kernel.
+"""
 
 import multiprocessing
+import sys
+from collections.abc import Callable
 
-from ares_guidance.peg_thesis import ThesisPeg
+from ares_guidance.law import PEG, Law
+from ares_guidance.laws import find_law
+from ares_guidance.registry import law_names
 from ares_models.mission import load_mission
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import fly_compiled, fly_stepwise
@@ -10,20 +19,29 @@ from ares_studies.montecarlo.flights import Range, Settings
 from ares_vehicle_sim.dispersions import Dispersions
 
 
-def fly() -> None:
-    """Fly the default mission all ways: whatever the nodes call is compiled by then."""
+def fly_once(name: str) -> None:
+    """The default mission as the nodes fly it; law peg before the laws are registered."""
     mission = load_mission("ares_v")
-    fly_compiled(mission)
-    Range(Settings(mission, Dispersions())).fly(0, 1)
-    fly_stepwise(mission)
-    fly_stepwise(mission, law=ThesisPeg(mission.arrays()))
+    law = Law(mission.arrays(foreseen=True)) if name == PEG.name else name
+    fly_stepwise(mission, law=law)
+
+
+def fly(*names: str) -> None:
+    """The default mission, by each of some laws in every way."""
+    mission = load_mission("ares_v")
+    for name in names:
+        fly_once(name)
+        fly_compiled(mission, law=name)
+        if not find_law(name).needs_trajectory:
+            Range(Settings(mission, Dispersions(), law=name)).fly(0, 1)
 
 
 def optimize_directly() -> None:
-    """Solve by the direct methods, and analytically."""
+    """Solve by the direct methods, and analytically; fly the laws that need no optimum."""
     solve(load_mission("ares_v"), "direct11")
     solve(load_mission("ares_v"), "jump")
     solve(load_mission("ares_v"), "analytic")
+    fly(*(name for name in law_names() if name != "optimal"))
 
 
 def optimize_indirectly() -> None:
@@ -33,22 +51,23 @@ def optimize_indirectly() -> None:
 
 
 def fly_the_optimum() -> None:
-    """The indirect methods first: the flight's law `optimal` takes their kernels from the cache."""
+    """The indirect methods first: law `optimal` takes their kernels from the cache."""
     optimize_indirectly()
-    fly()
+    fly("optimal")
 
 
-def main() -> None:
-    """Compile in as many processes as there are parts: a core each, if there is one."""
-    parts = (fly_the_optimum, optimize_directly)
+def run(*parts: Callable[[], None]) -> int:
+    """Call each in a process of its own: a core each, if there is one; exit status."""
     processes = [multiprocessing.Process(target=part) for part in parts]
     for process in processes:
         process.start()
     for process in processes:
         process.join()
-    if any(process.exitcode for process in processes):
-        raise SystemExit(1)
+    return int(any(process.exitcode for process in processes))
 
 
 if __name__ == "__main__":
-    main()
+    if sys.argv[1:]:
+        fly_once(sys.argv[1])
+    else:
+        sys.exit(run(fly_the_optimum, optimize_directly))

@@ -23,7 +23,6 @@ from ares_models.mission import load_mission
 from ares_models.orbits import Elements
 from ares_studies.closed_loop import fly_compiled
 from ares_studies.montecarlo import engines
-from ares_studies.montecarlo import flights as flights_module
 from ares_studies.montecarlo.arrays import RESULT
 from ares_studies.montecarlo.campaign import Plan, fly_campaign, missing
 from ares_studies.montecarlo.engines import (
@@ -196,15 +195,15 @@ def test_depletion_has_its_reason(ares_v):
 
 
 def test_an_exception_is_one_flights_own(standard, monkeypatch):
-    real = flights_module.fly_many
+    flyer = Range(standard)
+    real = flyer._fly_many
 
     def fail_at_seven(variations, *rest):
         if 7 in variations["errors"]["flight"]:
             raise FloatingPointError("struck\nby lightning")
         real(variations, *rest)
 
-    monkeypatch.setattr(flights_module, "fly_many", fail_at_seven)
-    flyer = Range(standard)
+    monkeypatch.setattr(flyer, "_fly_many", fail_at_seven)
     table = make_table(flyer.fly(5, 4), flyer.columns, standard.mission.jettison_names)
     rows = table.to_pylist()
     assert [row["outcome"] for row in rows] == ["success", "success", "error", "success"]

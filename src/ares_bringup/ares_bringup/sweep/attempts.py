@@ -11,8 +11,9 @@ from typing import NoReturn
 import numpy as np
 
 from ares_bringup.cli import EXIT_BAD_INPUT, main
-from ares_bringup.options import Guidance, Method
-from ares_guidance.laws import PEG_THESIS, make_law, start_from
+from ares_bringup.options import PEG, Method
+from ares_guidance.laws import find_law, make_law
+from ares_guidance.registry import law_names
 from ares_models.input_file import InputError
 from ares_models.mission import load_mission
 from ares_optimizer.solution import OptimizerError
@@ -68,8 +69,8 @@ def fly(law_name: str, path: Path) -> str:
         return f"{REFUSED}: {_one_line(str(error))}"
     try:
         law = make_law(law_name, arrays)
-        if law_name == PEG_THESIS:
-            start_from(law, offline_trajectory(solve(mission, Method.ANALYTIC.value)), arrays)
+        if law.kind.needs_trajectory:
+            law.start_from(offline_trajectory(solve(mission, Method.ANALYTIC.value)))
     except (OptimizerError, ValueError) as error:
         return f"{REFUSED}: {_one_line(str(error))}"
     plant = fly_compiled(mission, law=law).plant
@@ -110,17 +111,17 @@ def campaign(law: str, path: Path) -> str:
 
 def disperse(law: str, path: Path) -> str:
     """One dispersed flight."""
-    # the one that measures no heating works its margin out of the dispersions
-    source = ("--heating-source", "model") if law == Guidance.IGM else ()
+    # one that measures no heating works its margin out of the dispersions
+    source = () if law == PEG else ("--heating-source", "model")
     argv = ("montecarlo", "--mission", DISPERSED_MISSION, "--dispersions", str(path))
     return command(*argv, "--guidance", law, "--only", "3", *source)
 
 
-_CAMPAIGN_LAWS = [law.value for law in Guidance if law is not Guidance.PEG_THESIS]
+_CAMPAIGN_LAWS = [law for law in law_names() if not find_law(law).needs_trajectory]
 #: Everything that is done with a good file of a kind.
 ACTIONS = {
     MISSION: (
-        *(f"fly {law.value}" for law in Guidance),
+        *(f"fly {law}" for law in law_names()),
         *(f"optimize {method.value}" for method in Method),
         *(f"campaign {law}" for law in _CAMPAIGN_LAWS),
     ),

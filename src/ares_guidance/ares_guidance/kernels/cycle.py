@@ -1,4 +1,8 @@
-"""The guidance cycle that every law shares: start, solve, gates, hold, cut-off, jettison."""
+"""The guidance cycle that every law shares: start, solve, gates, hold, cut-off, jettison.
+
+`seek` is PEG's. Each other law has a copy of this module with a `seek` of its own
+(`ares_models.jit.specialised`), so that a flight compiles the law that it flies.
+"""
 
 import math
 from typing import Any
@@ -8,31 +12,22 @@ from numpy.typing import NDArray
 from ares_guidance.arrays import (
     ERROR_NAVIGATION_INVALID,
     ERROR_NONE,
-    ERROR_NOT_CONVERGED,
     ERROR_PROPELLANT_SHORT,
     ERROR_STEERING_JUMP,
     ERROR_TARGET_UNREACHABLE,
     ERROR_TIME_TO_GO_JUMP,
-    LAW_IGM,
-    LAW_OPTIMAL,
-    LAW_PEG,
     PHASE_CONVERGING,
     PHASE_CUTOFF,
     PHASE_HOLD,
     PHASE_TRACKING,
 )
-from ares_guidance.kernels import igm, peg
+from ares_guidance.kernels.convergence import seek
 from ares_guidance.kernels.engines import present_engine, watch_engines
 from ares_guidance.kernels.jettison import predict_jettisons
-from ares_guidance.kernels.optimal import solve_optimal
-from ares_guidance.kernels.segments import (
-    plan_segments,
-)
+from ares_guidance.kernels.segments import plan_segments
 from ares_guidance.kernels.shortfall import ROUNDS, SETTLED, lacking_speed, lower_target
 from ares_guidance.kernels.start import start_guess
-from ares_guidance.kernels.targets import (
-    target_speed,
-)
+from ares_guidance.kernels.targets import target_speed
 from ares_models.arrays import BURN, HEATING_LIMIT, Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import gravity, heating_rate
@@ -134,87 +129,6 @@ def copy_solution(source: Record, destination: Record) -> None:
 
 
 @kernel
-def converge(
-    nav: Record,
-    environment: Record,
-    atmosphere: NDArray[Any],
-    arcs: NDArray[Any],
-    jettisons: NDArray[Any],
-    target: Record,
-    settings: Record,
-    state: Record,
-) -> tuple[int, bool]:
-    """Repeat the law's pass until it settles.
-
-    Args: as in :func:`guidance_step`.
-
-    Returns:
-        ERROR_NONE or ERROR_NOT_CONVERGED, and whether the target plane can be reached.
-    """
-    reachable = True
-    moved = math.inf
-    for _ in range(settings.max_iterations):
-        if moved > 0.0:
-            plan_segments(nav, arcs, jettisons, state)
-        if settings.law == LAW_IGM:
-            miss, moved, reachable = igm.iterate(
-                nav, environment, atmosphere, arcs, jettisons, target, settings, state
-            )
-        else:
-            miss, moved, reachable = peg.iterate(
-                nav, environment, atmosphere, arcs, jettisons, target, settings, state
-            )
-        state.iterations += 1
-        state.miss_speed = miss
-        if not (math.isfinite(miss) and math.isfinite(state.time_to_go)):
-            break
-        if miss < settings.velocity_to_go_tolerance and moved < settings.jettison_time_tolerance:
-            return ERROR_NONE, reachable
-    return ERROR_NOT_CONVERGED, reachable
-
-
-@kernel
-def seek(
-    nav: Record,
-    environment: Record,
-    atmosphere: NDArray[Any],
-    arcs: NDArray[Any],
-    jettisons: NDArray[Any],
-    target: Record,
-    settings: Record,
-    cold: bool,
-    state: Record,
-) -> tuple[int, bool]:
-    """A solution by the chosen law; by PEG where law optimal has none.
-
-    Args:
-        cold: there is no solution to go on from. The others as in :func:`guidance_step`.
-
-    Returns: as :func:`converge`.
-    """
-    error = ERROR_NOT_CONVERGED
-    solved = state.optimal.solved == 1
-    if settings.law == LAW_OPTIMAL and solved:
-        error = solve_optimal(
-            nav, environment, atmosphere, arcs, jettisons, target, settings, solved, cold, state
-        )
-    if error == ERROR_NONE:
-        return error, True
-    error, reachable = converge(
-        nav, environment, atmosphere, arcs, jettisons, target, settings, state
-    )
-    state.law = LAW_PEG if settings.law == LAW_OPTIMAL else settings.law
-    if settings.law == LAW_OPTIMAL and (cold or error == ERROR_NONE):
-        guessed = error == ERROR_NONE
-        found = solve_optimal(
-            nav, environment, atmosphere, arcs, jettisons, target, settings, guessed, cold, state
-        )
-        if found == ERROR_NONE:
-            return found, True
-    return error, reachable
-
-
-@kernel
 def seek_within_reach(
     nav: Record,
     environment: Record,
@@ -228,9 +142,11 @@ def seek_within_reach(
 ) -> tuple[int, bool]:
     """As :func:`seek`, for a target lowered as far as the propellant is short.
 
-    Args: as in :func:`seek`.
+    Args:
+        cold: there is no solution to go on from. The others as in :func:`guidance_step`.
 
-    Returns: as :func:`converge`.
+    Returns:
+        ERROR_NONE or ERROR_NOT_CONVERGED, and whether the target plane can be reached.
     """
     if state.cycle == 1 or state.lowered == 0.0:
         state.target[0] = target

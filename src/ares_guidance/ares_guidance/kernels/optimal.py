@@ -10,6 +10,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from ares_guidance.arrays import ERROR_NONE, ERROR_NOT_CONVERGED, HEATING_MEASURED, LAW_OPTIMAL
+from ares_guidance.kernels.convergence import seek as seek_by_peg
 from ares_guidance.kernels.segments import (
     note_tail_off,
     plan_segments,
@@ -333,3 +334,44 @@ def solve_optimal(
     state.miss_speed = 0.0
     tell(nav, arcs, jettisons, state)
     return ERROR_NONE
+
+
+@kernel
+def seek(
+    nav: Record,
+    environment: Record,
+    atmosphere: NDArray[Any],
+    arcs: NDArray[Any],
+    jettisons: NDArray[Any],
+    target: Record,
+    settings: Record,
+    cold: bool,
+    state: Record,
+) -> tuple[int, bool]:
+    """The optimum; a solution by PEG where there is none.
+
+    Args:
+        cold: there is no solution to go on from. The others as in
+            :func:`ares_guidance.kernels.cycle.guidance_step`.
+
+    Returns: as :func:`ares_guidance.kernels.convergence.converge`.
+    """
+    error = ERROR_NOT_CONVERGED
+    solved = state.optimal.solved == 1
+    if solved:
+        error = solve_optimal(
+            nav, environment, atmosphere, arcs, jettisons, target, settings, solved, cold, state
+        )
+    if error == ERROR_NONE:
+        return error, True
+    error, reachable = seek_by_peg(
+        nav, environment, atmosphere, arcs, jettisons, target, settings, cold, state
+    )
+    if cold or error == ERROR_NONE:
+        guessed = error == ERROR_NONE
+        found = solve_optimal(
+            nav, environment, atmosphere, arcs, jettisons, target, settings, guessed, cold, state
+        )
+        if found == ERROR_NONE:
+            return found, True
+    return error, reachable

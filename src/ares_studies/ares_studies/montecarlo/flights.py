@@ -10,8 +10,8 @@ from ares_guidance.law import LawSettings
 from ares_guidance.laws import make_law
 from ares_models.arrays import NAVIGATION, STEERING
 from ares_models.mission import Mission
+from ares_studies.loops import campaign_loop
 from ares_studies.montecarlo.arrays import RESULT
-from ares_studies.montecarlo.kernels import fly_many
 from ares_vehicle_sim.arrays import PLANT
 from ares_vehicle_sim.dispersions import Dispersions
 from ares_vehicle_sim.draws import Sampler
@@ -26,7 +26,7 @@ class Settings:
         mission: what guidance believes, and the middle of the truth.
         dispersions: how the truth differs.
         seed: master seed.
-        law: one of `ares_guidance.law.CODES`.
+        law: one of `ares_guidance.registry.law_names`.
         law_settings: cycle and gates.
         options: how the plant is stepped.
     """
@@ -77,6 +77,7 @@ class Range:
         plant = np.zeros(1, PLANT)
         plant["time"] = start.time_s
         law = make_law(settings.law, believed, settings.law_settings)
+        self._fly_many = campaign_loop(law.kind)
         self._fixed = (
             tuple(start.position.tolist()),
             tuple(start.velocity.tolist()),
@@ -127,5 +128,5 @@ class Range:
     def _fly(self, first: int, count: int) -> Flown:
         draws = self._sampler.draw(first, count)
         results = np.zeros(count, RESULT)
-        fly_many(draws.variations, draws.atmospheres, *self._fixed, results)
+        self._fly_many(draws.variations, draws.atmospheres, *self._fixed, results)
         return Flown(first, draws.inputs, results, {})

@@ -1,4 +1,4 @@
-"""PEG as the thesis flew it, as an object (section 6.4)."""
+"""Law `peg_thesis`: PEG as the thesis flew it (section 6.4)."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -6,13 +6,14 @@ from typing import Any
 import numpy as np
 
 from ares_guidance.arrays import (
+    LAW_PEG_THESIS,
     PLANE_FREE,
     PLANE_OF_FLIGHT,
     PLANE_OF_MODE,
 )
-from ares_guidance.guess import JettisonPlan
+from ares_guidance.guess import JettisonPlan, OfflineTrajectory
 from ares_guidance.kernels.peg_thesis import thesis_step
-from ares_guidance.law import Law, LawSettings
+from ares_guidance.law import Law, LawKind, LawSettings
 from ares_models.arrays import HEATING_LIMIT, MissionArrays
 
 #: Planes that modes 1 and 2 can hold.
@@ -50,8 +51,6 @@ class ThesisPeg(Law):
     multi-stage PEG.
     """
 
-    _answer = staticmethod(thesis_step)
-
     def __init__(
         self,
         arrays: MissionArrays,
@@ -84,12 +83,20 @@ class ThesisPeg(Law):
         self._early, self._late = _rules(settings or LawSettings())
         self._pins = pins or Pins()
         self._plan: JettisonPlan | None = None
-        super().__init__(arrays, settings, "peg")
+        super().__init__(arrays, settings, LAW)
 
     def follow(self, plan: JettisonPlan) -> None:
         """Fly the next flight to this jettison."""
         self._plan = plan
         self.reset()
+
+    def start_from(self, trajectory: OfflineTrajectory) -> None:
+        """Fly the next flight to the jettison of a trajectory.
+
+        Raises:
+            ValueError: it has none.
+        """
+        self.follow(trajectory.jettison_plan())
 
     def reset(self) -> None:
         """Forget the flight, not the plan."""
@@ -118,9 +125,12 @@ class ThesisPeg(Law):
 
 def _rules(settings: LawSettings) -> tuple[Any, Any]:
     """Settings of modes 1 and 2, and of mode 3, records GUIDANCE_SETTINGS."""
-    rules = np.repeat(settings.record("peg"), 2)
+    rules = np.repeat(settings.record(), 2)
     rules["max_iterations"] = settings.passes_per_cycle
     rules["velocity_to_go_tolerance"] = settings.settled_below_m_s
     early, late = rules
     early["hold_time"] = settings.jettison_hold_time_s
     return early, late
+
+
+LAW = LawKind("peg_thesis", LAW_PEG_THESIS, thesis_step, ThesisPeg, needs_trajectory=True)

@@ -1,0 +1,42 @@
+"""Every guidance law by its name, from whichever package."""
+
+from functools import cache
+
+from ares_guidance.law import Law, LawKind, LawSettings
+from ares_guidance.registry import law_names, registered_laws
+from ares_models.arrays import MissionArrays
+
+
+@cache
+def find_law(name: str) -> LawKind:
+    """A law by its name.
+
+    Raises:
+        ValueError: no such law, or one that cannot be imported; one line.
+    """
+    if name not in registered_laws():
+        raise ValueError(f"law is {name!r}; expected one of {', '.join(law_names())}")
+    entry = registered_laws()[name]
+    try:
+        kind = entry.load()
+    except (ImportError, AttributeError) as error:
+        reason = " ".join(str(error).split())
+        raise ValueError(f"law is {name!r}, which {entry.value} should be: {reason}") from error
+    if not isinstance(kind, LawKind) or kind.name != name:
+        raise ValueError(f"law is {name!r}; expected {entry.value} to be the LawKind of that name")
+    return kind
+
+
+def make_law(name: str, arrays: MissionArrays, settings: LawSettings | None = None) -> Law:
+    """A law, ready for the first navigation state.
+
+    Args:
+        name: one of `ares_guidance.registry.law_names`.
+        arrays: the mission as guidance believes it.
+        settings: cycle and gates.
+
+    Raises:
+        ValueError: no such law, or one that cannot fly this mission.
+    """
+    kind = find_law(name)
+    return kind.build(arrays, settings) if kind.build else Law(arrays, settings, kind)

@@ -1,0 +1,80 @@
+"""docs/your_law.md, followed to the letter but for the place of installation."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from ares_bags.reader import open_bag
+
+PAGE = Path(__file__).parent.parent / "docs" / "your_law.md"
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """The environment of a user who has the package of the page."""
+    folder = tmp_path_factory.mktemp("linear_tangent")
+    law, setup = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    (folder / "linear_tangent.py").write_text(law)
+    (folder / "setup.py").write_text(setup)
+    setup = [sys.executable, "setup.py", "--quiet", "egg_info"]
+    subprocess.run(setup, cwd=folder, check=True, capture_output=True)
+    path = os.pathsep.join([str(folder), os.environ["PYTHONPATH"]])
+    return {**os.environ, "PYTHONPATH": path, "NUMBA_CACHE_DIR": os.environ["NUMBA_CACHE_DIR"]}
+
+
+def ares(environment, *words):
+    command = [sys.executable, "-m", "ares_bringup.cli", *map(str, words)]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize("layout", [[], ["--in-process"]])
+def test_the_law_of_the_page_flies_ares_v(installed, tmp_path, layout):
+    flown = ares(
+        installed,
+        "fly",
+        "--guidance",
+        "linear_tangent",
+        "--bag",
+        tmp_path / "bag",
+        "--json",
+        *layout,
+    )
+    assert flown.returncode == 0, flown.stderr
+    summary = json.loads(flown.stdout)
+    assert summary["outcome"] == "target"
+    assert summary["shortcomings"] == []
+    assert summary["m_f_kg"] == pytest.approx(174_062.0, abs=1.0)
+    assert set(open_bag(tmp_path / "bag").columns("/ares/guidance_status")["law"]) == {128}
+
+
+def test_it_flies_campaigns_too(installed):
+    flown = ares(installed, "montecarlo", "--guidance", "linear_tangent", "--only", "3", "--json")
+    assert flown.returncode == 0, flown.stderr
+    (flight,) = json.loads(flown.stdout)["flights"]
+    assert flight["outcome"] == "success"
+
+
+def test_it_is_listed_where_it_is_installed_only(installed):
+    assert "linear_tangent" in ares(installed, "fly", "--help").stdout
+    refused = ares(os.environ, "fly", "--guidance", "linear_tangent")
+    assert refused.returncode == 2
+    assert refused.stderr == (
+        "ares: guidance is 'linear_tangent'; expected one of igm, optimal, peg, peg_thesis\n"
+    )
+
+
+def test_a_law_that_is_broken_is_one_line(installed, tmp_path):
+    (tmp_path / "linear_tangent.py").write_text("import nothing_of_that_name\n")
+    path = os.pathsep.join([str(tmp_path), installed["PYTHONPATH"]])
+    refused = ares({**installed, "PYTHONPATH": path}, "fly", "--guidance", "linear_tangent")
+    assert refused.returncode == 2
+    assert refused.stderr.count("\n") == 1
+    assert (
+        "which linear_tangent:LAW should be: No module named 'nothing_of_that_name'"
+        in refused.stderr
+    )
