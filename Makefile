@@ -38,5 +38,10 @@ format: ## lay out the code
 	@./ares exec ruff check --fix .
 	@./ares exec ruff format .
 
+lock: ## write the hashes of requirements/*.txt to requirements/locked
+	@for name in uv ros-jazzy build fly pages dev; do ./ares exec uv pip compile --quiet \
+		--no-deps --generate-hashes --universal --python-version 3.11 --no-header --no-annotate \
+		requirements/$$name.txt --output-file requirements/locked/$$name.txt || exit 1; done
+
 clean: ## remove all that the preparation has made
 	rm -rf .venv build install log

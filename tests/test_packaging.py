@@ -110,6 +110,27 @@ def test_every_requirement_is_pinned_once():
     assert len(names) == len(set(names))
 
 
+def same_name(line: str) -> str:
+    """`name==version` with the name as an index has it."""
+    name, version = line.split("==")
+    return f"{re.sub(r'[-_.]+', '-', name).lower()}=={version}"
+
+
+def test_what_is_installed_is_what_is_pinned():
+    """`make lock` writes the hashes."""
+    locked = {path.name: path for path in (ROOT / "requirements" / "locked").glob("*.txt")}
+    for path in REQUIREMENTS:
+        if path.name == "bench.txt":
+            continue
+        text = locked.pop(path.name).read_text()
+        lines = path.read_text().splitlines()
+        asked = {same_name(line) for line in lines if "==" in line}
+        found = re.findall(r"^(\S+==\S+)(?= )", text, re.MULTILINE)
+        assert {same_name(line) for line in found} == asked, path.name
+        assert text.count("--hash=sha256:") >= len(found)
+    assert not locked
+
+
 def test_everything_imported_is_pinned():
     pinned = {name.lower().replace("_", "-") for name in pins()}
     ros = {"ament_index_python", "launch", "launch_ros", "ares_msgs"}
@@ -131,6 +152,12 @@ def setup_keywords(package: Path, monkeypatch) -> dict:
     return given
 
 
+def required(package: Path, monkeypatch) -> list[str]:
+    """What a package asks for, always or for its pages."""
+    given = setup_keywords(package, monkeypatch)
+    return given.get("install_requires", []) + given["extras_require"].get("pages", [])
+
+
 def from_the_index(package: Path) -> set[str]:
     """Lower-case distributions of the package index that the modules import."""
     names = set().union(*(imported(module) for module in modules(package)))
@@ -144,13 +171,13 @@ def numbers(version: str) -> tuple[int, ...]:
 
 @pytest.mark.parametrize("package", PACKAGES, ids=lambda path: path.name)
 def test_setup_requires_what_the_modules_import(package, monkeypatch):
-    required = setup_keywords(package, monkeypatch).get("install_requires", [])
-    foreign = dict(line.split(">=") for line in required if not line.startswith("ares_"))
+    lines = required(package, monkeypatch)
+    foreign = dict(line.split(">=") for line in lines if not line.startswith("ares_"))
     assert {name.lower() for name in foreign} == from_the_index(package)
     pinned = {name.lower(): version for name, version in pins().items()}
     for name, least in foreign.items():
         assert numbers(least) <= numbers(pinned[name.lower()])
-    own = {line for line in required if line.startswith("ares_")}
+    own = {line for line in lines if line.startswith("ares_")}
     assert own == {
         name
         for name in declared(package, "exec_depend")
@@ -166,13 +193,8 @@ def test_the_install_page_names_every_requirement(monkeypatch):
         for names, versions in rows.items()
         for name, least in zip(re.findall(r"`([^`]+)`", names), versions.split(", "), strict=True)
     }
-    required = [
-        line
-        for package in PACKAGES
-        for line in setup_keywords(package, monkeypatch).get("install_requires", [])
-        if ">=" in line
-    ]
-    assert told == dict(line.split(">=") for line in required)
+    lines = [line for package in PACKAGES for line in required(package, monkeypatch)]
+    assert told == dict(line.split(">=") for line in lines if ">=" in line)
     without_key = {name for name in told if re.search(rf"`{name}` .*\| no key", page)}
     assert without_key == NO_KEY
 

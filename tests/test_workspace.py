@@ -32,10 +32,12 @@ def project(tmp_path):
     """A small project: one interface package, two Python packages."""
     root = tmp_path / "a project"
     files = {
-        "requirements/ros-jazzy.txt": "ros-rclpy==7.1.6\n",
-        "requirements/build.txt": "colcon-core==0.21.3\n",
-        "requirements/runtime.txt": "numpy==2.4.6\n",
-        "requirements/dev.txt": "pytest==9.2.0\n",
+        "requirements/locked/uv.txt": "uv==0.13.9\n",
+        "requirements/locked/ros-jazzy.txt": "ros-rclpy==7.1.6\n",
+        "requirements/locked/build.txt": "colcon-core==0.21.3\n",
+        "requirements/locked/fly.txt": "numpy==2.4.6\n",
+        "requirements/locked/pages.txt": "plotly==7.1.0\n",
+        "requirements/locked/dev.txt": "pytest==9.2.0\n",
         "src/ares_msgs/package.xml": "<package/>",
         "src/ares_msgs/CMakeLists.txt": "project(ares_msgs)\n",
         "src/ares_msgs/msg/A.msg": "float64 x\n",
@@ -70,13 +72,15 @@ def test_environment_follows_pins_python_ros_and_place(project):
     assert workspace.environment_digest(project, "3.11", "") == before
     assert workspace.environment_digest(project, "3.12", "") != before
     assert workspace.environment_digest(project, "3.11", "/opt/ros/jazzy") != before
-    (project / "requirements" / "dev.txt").write_text("pytest==9.2.1\n")
+    (project / "requirements/locked/dev.txt").write_text("pytest==9.2.1\n")
+    assert workspace.environment_digest(project, "3.11", "") == before
+    (project / "requirements/locked/fly.txt").write_text("numpy==2.4.7\n")
     assert workspace.environment_digest(project, "3.11", "") != before
 
 
 def test_a_sourced_ros_does_not_depend_on_the_wheels(project):
     before = workspace.environment_digest(project, "3.12", "/opt/ros/jazzy")
-    (project / "requirements" / "ros-jazzy.txt").write_text("ros-rclpy==7.1.8\n")
+    (project / "requirements/locked/ros-jazzy.txt").write_text("ros-rclpy==7.1.8\n")
     assert workspace.environment_digest(project, "3.12", "/opt/ros/jazzy") == before
 
 
@@ -232,7 +236,7 @@ def test_an_environment_is_made_anew_when_it_does_not_fit(project, jazzy):
     stamped(project)
     assert workspace.prepared_environment(project, jazzy) is None
     assert workspace.prepared_environment(project, {}) is not None
-    (project / "requirements/runtime.txt").write_text("numpy==2.5.0\n")
+    (project / "requirements/locked/fly.txt").write_text("numpy==2.5.0\n")
     assert workspace.prepared_environment(project, {}) is None
     stamped(project)
     assert workspace.prepared_environment(project, {}) is not None
@@ -334,12 +338,84 @@ def test_a_browser_that_cannot_be_installed_is_one_line(
     (project / "requirements/apt.list").write_text("chromium\n")
     bin_folder = tmp_path / "bin"
     program(bin_folder, "apt-get", "echo 'E: Unable to locate package chromium'; exit 100")
-    program(bin_folder, "sudo", '[ "$2" = true ] && exit 1')
+    program(bin_folder, "sudo", f"touch {tmp_path}/used")
     monkeypatch.setattr(workspace.os, "geteuid", lambda: 0 if may else 1000)
     workspace.install_browser(workspace.Workspace(project, "3.11"), {"PATH": str(bin_folder)})
     last = capsys.readouterr().err.splitlines()[-1]
     assert last.endswith(workspace.NO_BROWSER)
     assert ("Unable to locate package" in last) == may
+    assert not (tmp_path / "used").exists()
+
+
+def test_what_a_verb_needs_is_added_once(project):
+    prepared = workspace.Workspace(project, "3.11")
+    (project / ".venv").mkdir()
+    both = ("pages.txt", "dev.txt")
+    assert workspace.missing_additions(prepared, ()) == []
+    assert workspace.missing_additions(prepared, both) == list(both)
+    for name in both:
+        stamp = workspace.addition_digest(prepared, name)
+        workspace.write_stamp(workspace.addition_stamp(project, name), stamp)
+    assert workspace.missing_additions(prepared, both) == []
+    (project / "requirements/locked/dev.txt").write_text("pytest==9.2.1\n")
+    assert workspace.missing_additions(prepared, both) == ["dev.txt"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "kernels"),
+    [
+        ([], ""),
+        (["--help"], ""),
+        (["fly"], "peg"),
+        (["fly", "--mission", "peg", "--json"], "peg"),
+        (["fly", "--guidance", "igm"], "igm"),
+        (["fly", "--guidance=optimal", "--json"], "optimal"),
+        (["fly", "--guidance", "../x"], "peg"),
+        (["fly", "--guidance", "igm", "--help"], ""),
+        (["missions"], ""),
+        (["optimize"], "all"),
+        (["montecarlo", "--guidance", "igm"], "all"),
+        (["test"], "all"),
+    ],
+)
+def test_a_flight_compiles_its_own_law(arguments, kernels):
+    assert workspace.kernels_for(arguments) == kernels
+
+
+def test_kernels_that_are_there_are_not_compiled_again(project):
+    warm_up = project / "src/ares_studies/ares_studies/warm_up.py"
+    warm_up.parent.mkdir(parents=True)
+    warm_up.touch()
+    prepared = workspace.Workspace(project, "3.11")
+    prepared.kernels.mkdir(parents=True)
+
+    def wanting():
+        return [
+            what
+            for what in ("", "peg", "igm", "all")
+            if workspace.kernels_wanting(prepared, {}, what)
+        ]
+
+    assert wanting() == ["peg", "igm", "all"]
+    workspace.kernel_stamp(prepared.kernels, "peg").touch()
+    assert wanting() == ["igm", "all"]
+    workspace.kernel_stamp(prepared.kernels, "all").touch()
+    assert wanting() == []
+
+
+def test_uv_is_told_of_the_index_of_pip(project):
+    python = program(
+        project / ".venv/bin",
+        "python",
+        "echo \"global.extra-index-url='x'\nglobal.index-url='https://mine/simple'\"",
+    )
+    prepared = workspace.Workspace(project, "3.11")
+    assert prepared.interpreter == python
+    told = {"UV_DEFAULT_INDEX": "https://mine/simple"}
+    assert workspace.index_of_pip(prepared, {}) == told
+    named = {"PIP_INDEX_URL": "https://other/simple"}
+    assert workspace.index_of_pip(prepared, named) == {"UV_DEFAULT_INDEX": named["PIP_INDEX_URL"]}
+    assert workspace.index_of_pip(prepared, {"UV_DEFAULT_INDEX": "x"}) == {}
 
 
 def test_the_browser_is_named_for_apt():

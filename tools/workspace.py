@@ -2,10 +2,12 @@
 
 Needs nothing but a Python with its standard library and a compiler. What it makes:
 
-    .venv/          Python packages: ROS 2 Jazzy wheels (unless a sourced Jazzy is used),
-                    build tools, libraries, test tools, all at the versions in requirements/
+    .venv/          Python packages: ROS 2 Jazzy wheels (unless a sourced Jazzy is used), build
+                    tools and what flying needs, all at the versions in requirements/; what
+                    pages and tests need is added by the first verb that needs it
     build/ install/ the colcon workspace of src/
-    build/kernels/  machine code of the numeric kernels, one folder per state of their sources
+    build/kernels/  machine code of the numeric kernels, one folder per state of their sources;
+                    a flight compiles its own law, other verbs compile all
 
 Each part carries a stamp, written last and holding a digest of what the part was made from.
 A part whose stamp is missing or differs is made anew, so that an interruption at any point
@@ -26,6 +28,7 @@ import subprocess
 import sys
 import sysconfig
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -35,10 +38,29 @@ from ares_models import kernel_cache  # noqa: E402  needs nothing but the standa
 ROS_DISTRO = "jazzy"
 PYTHONS = ((3, 11), (3, 12), (3, 13))
 # Raise it when a change of this file must remake everything.
-GENERATION = "1"
+GENERATION = "2"
 
+INSTALLER = "uv.txt"
 ROS_REQUIREMENTS = ("ros-jazzy.txt",)
-REQUIREMENTS = ("build.txt", "runtime.txt", "dev.txt")
+REQUIREMENTS = ("build.txt", "fly.txt")
+#: What some verbs need besides, each list with a stamp of its own.
+EVERYTHING = ("pages.txt", "dev.txt")
+ALSO = {
+    "env": EVERYTHING,
+    "exec": EVERYTHING,
+    "montecarlo": ("pages.txt",),
+    "plot": ("pages.txt",),
+    "prepare": EVERYTHING,
+    "reproduce": ("pages.txt",),
+    "test": EVERYTHING,
+}
+#: What of the kernels a verb needs; the name of a law: what a flight by it calls.
+ALL_KERNELS = "all"
+NO_KERNELS = ""
+FEW_KERNELS = ("", "-h", "bag", "env", "missions", "plot", "replay")
+#: The law whose kernels compile while the messages are built: it is known without a registry.
+FIRST_LAW = "peg"
+COMPILING = {True: "once, until they change: two minutes", False: "once, half a minute"}
 
 VERBS = """\
 Workspace:
@@ -97,8 +119,13 @@ def environment_digest(root: Path, python: str, ros: str) -> str:
         ros: prefix of the sourced ROS 2; empty for the wheels.
     """
     names = REQUIREMENTS if ros else ROS_REQUIREMENTS + REQUIREMENTS
-    pins = [(root / "requirements" / name).read_bytes() for name in names]
+    pins = [lock_file(root, name).read_bytes() for name in (INSTALLER, *names)]
     return digest([GENERATION, str(root), python, ros, *pins])
+
+
+def lock_file(root: Path, name: str) -> Path:
+    """A list of requirements with a hash of each file that may be installed."""
+    return root / "requirements" / "locked" / name
 
 
 def interface_digest(root: Path, environment: str) -> str:
@@ -420,6 +447,25 @@ def prepared_environment(root: Path, environ: Mapping[str, str]) -> Workspace | 
     return Workspace(root, python, ros, stamp.get("sourced", ""), ros_paths)
 
 
+def addition_stamp(root: Path, name: str) -> Path:
+    """Stamp that says what of .venv came from one of the lists in `ALSO`."""
+    return root / ".venv" / f".ready-{name}"
+
+
+def missing_additions(workspace: Workspace, names: Sequence[str]) -> list[str]:
+    """Which lists of requirements are not installed as they are now."""
+    return [
+        name
+        for name in names
+        if read_stamp(addition_stamp(workspace.root, name)) != addition_digest(workspace, name)
+    ]
+
+
+def addition_digest(workspace: Workspace, name: str) -> dict[str, str]:
+    """What the stamp of an installed list must say."""
+    return {"digest": digest([lock_file(workspace.root, name).read_bytes()])}
+
+
 def build_digests(workspace: Workspace) -> dict[str, str]:
     """What the stamp of the built workspace must say."""
     root = workspace.root
@@ -526,6 +572,8 @@ def relocate_cmake(share: Path, include: str, site_packages: str) -> int:
             lambda match: include if match[1].startswith("include") else site_packages, text
         )
         if moved != text:
+            # a file of its own: uv links it to its cache
+            path.unlink()
             path.write_text(moved, encoding="utf-8")
             changed += 1
     return changed
@@ -555,6 +603,71 @@ def remove(path: Path) -> None:
         shutil.rmtree(path)
 
 
+def tool_environment(workspace: Workspace, environ: Mapping[str, str]) -> dict[str, str]:
+    """The environment of the tools that make the workspace."""
+    result = workspace.environment(environ, build=True)
+    if not workspace.ros:
+        result.pop("PYTHONPATH", None)
+    return result
+
+
+def index_of_pip(workspace: Workspace, environ: Mapping[str, str]) -> dict[str, str]:
+    """The package index that pip is told to use, for uv, which does not read pip's settings."""
+    if "UV_DEFAULT_INDEX" in environ:
+        return {}
+    asked = subprocess.run(
+        [str(workspace.interpreter), "-m", "pip", "config", "list"],
+        env=dict(environ),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    found = re.findall(r"^\S*\.index-url='(.*)'$", asked.stdout, re.MULTILINE)
+    index = environ.get("PIP_INDEX_URL") or (found[-1] if found else "")
+    return {"UV_DEFAULT_INDEX": index} if index else {}
+
+
+def install(
+    names: Sequence[str], workspace: Workspace, environ: Mapping[str, str], lock: int
+) -> None:
+    """Install lists of requirements into .venv: by uv, or by pip where uv cannot."""
+    settings = tool_environment(workspace, environ)
+    lists = [f"--requirements={lock_file(workspace.root, name)}" for name in names]
+    options = ["--no-deps", "--require-hashes"]
+    python = str(workspace.interpreter)
+    uv = workspace.venv / "bin" / "uv"
+    if uv.exists():
+        command = [str(uv), "pip", "install", f"--python={python}"]
+        if environ.get("PYTHONDONTWRITEBYTECODE"):
+            # else each start would compile what it imports
+            command.append("--compile-bytecode")
+        try:
+            by_uv = settings | index_of_pip(workspace, settings)
+            run_logged([*command, *options, *lists], workspace, by_uv, lock, "installing by uv")
+        except WorkspaceError as problem:
+            say(f"{problem}; trying pip, which takes longer")
+        else:
+            return
+    # settings that would make pip install elsewhere
+    for name in ("PIP_TARGET", "PIP_PREFIX", "PIP_ROOT", "PIP_REQUIRE_VIRTUALENV"):
+        settings.pop(name, None)
+    settings |= {"PIP_USER": "0", "PIP_NO_INPUT": "1", "PIP_DISABLE_PIP_VERSION_CHECK": "1"}
+    lists = [f"--requirement={lock_file(workspace.root, name)}" for name in names]
+    command = [python, "-m", "pip", "install", "--progress-bar=off", *options, *lists]
+    run_logged(command, workspace, settings, lock, "installing into .venv")
+
+
+def add(names: Sequence[str], workspace: Workspace, environ: Mapping[str, str], lock: int) -> None:
+    """Install what some verbs need besides."""
+    kinds = {"pages.txt": "what pages need", "dev.txt": "what the tests need"}
+    say(f"installing {' and '.join(kinds[name] for name in names)} (once, half a minute)")
+    for name in names:
+        remove(addition_stamp(workspace.root, name))
+    install(names, workspace, environ, lock)
+    for name in names:
+        write_stamp(addition_stamp(workspace.root, name), addition_digest(workspace, name))
+
+
 def make_environment(root: Path, environ: Mapping[str, str], lock: int) -> Workspace:
     """Make .venv from nothing."""
     python, ros = base_python(), ""
@@ -576,14 +689,7 @@ def make_environment(root: Path, environ: Mapping[str, str], lock: int) -> Works
         check=True,
     ).stdout.strip()
     workspace = Workspace(root, version, ros, sourced, ros_paths(environ) if ros else {})
-    build_environ = workspace.environment(environ, build=True)
-    if not ros:
-        build_environ.pop("PYTHONPATH", None)
-    # settings that would make pip install elsewhere
-    for name in ("PIP_TARGET", "PIP_PREFIX", "PIP_ROOT", "PIP_REQUIRE_VIRTUALENV"):
-        build_environ.pop(name, None)
-    build_environ |= {"PIP_USER": "0", "PIP_NO_INPUT": "1", "PIP_DISABLE_PIP_VERSION_CHECK": "1"}
-
+    build_environ = tool_environment(workspace, environ)
     say(f"making a Python {version} environment in .venv")
     remove(workspace.venv)
     options = ["--system-site-packages"] if ros else []
@@ -594,17 +700,11 @@ def make_environment(root: Path, environ: Mapping[str, str], lock: int) -> Works
         lock,
         "making .venv",
     )
-    what = "the libraries" if ros else "ROS 2 Jazzy and the libraries"
-    say(f"installing {what} into .venv (once, about a minute)")
+    what = "what flying needs" if ros else "ROS 2 Jazzy and what flying needs"
+    say(f"installing {what} into .venv (once, half a minute)")
+    install([INSTALLER], workspace, environ, lock)
     names = REQUIREMENTS if ros else ROS_REQUIREMENTS + REQUIREMENTS
-    run_logged(
-        [str(workspace.interpreter), "-m", "pip", "install", "--no-deps", "--progress-bar=off"]
-        + [f"--requirement={root / 'requirements' / name}" for name in names],
-        workspace,
-        build_environ,
-        lock,
-        "installing into .venv",
-    )
+    install(names, workspace, environ, lock)
     if not ros:
         include = subprocess.run(
             [python, "-I", "-S", "-c", "import sysconfig; print(sysconfig.get_path('include'))"],
@@ -640,10 +740,7 @@ def build(workspace: Workspace, environ: Mapping[str, str], lock: int) -> None:
             remove(path)
         remove(root / "install")
     remove(stamp)
-    build_environ = workspace.environment(environ, build=True)
-    if not workspace.ros:
-        build_environ.pop("PYTHONPATH", None)
-    build_environ |= {
+    build_environ = tool_environment(workspace, environ) | {
         # no settings of the user, no pop-up at the end
         "COLCON_HOME": str(root / "build" / ".colcon"),
         "COLCON_DEFAULTS_FILE": os.devnull,
@@ -669,16 +766,21 @@ def build(workspace: Workspace, environ: Mapping[str, str], lock: int) -> None:
     write_stamp(stamp, digests)
 
 
-def warm_kernels(workspace: Workspace, environ: Mapping[str, str], lock: int) -> None:
-    """Compile the kernels into a folder of their own and drop the outdated ones."""
+def warm_kernels(workspace: Workspace, environ: Mapping[str, str], lock: int, what: str) -> None:
+    """Compile kernels into a folder of their own and drop the outdated ones.
+
+    Args:
+        workspace: with what flying needs installed.
+        environ: the user's.
+        lock: descriptor of the lock.
+        what: ALL_KERNELS or a law.
+    """
     folder = workspace.kernels
-    if (folder / ".ready").exists():
-        return
     folder.mkdir(parents=True, exist_ok=True)
-    say("compiling the numeric kernels (once, until they change)")
+    law = [] if what == ALL_KERNELS else [what]
     try:
         run_logged(
-            [str(workspace.interpreter), "-m", "ares_studies.warm_up"],
+            [str(workspace.interpreter), "-m", "ares_studies.warm_up", *law],
             workspace,
             workspace.environment(environ),
             lock,
@@ -688,36 +790,65 @@ def warm_kernels(workspace: Workspace, environ: Mapping[str, str], lock: int) ->
         # whoever needs the kernels compiles them, or fails with the true reason
         say(f"{problem}; going on without")
         return
-    (folder / ".ready").touch()
+    kernel_stamp(folder, what).touch()
     for other in folder.parent.iterdir():
         if other != folder:
             remove(other)
 
 
-def kernels_wanting(workspace: Workspace, environ: Mapping[str, str]) -> bool:
-    """True if the kernels are not compiled in the folder that this workspace uses."""
+def kernel_stamp(folder: Path, what: str) -> Path:
+    """Stamp of compiled kernels: of all of them, or of a law's."""
+    return folder / (".ready" if what == ALL_KERNELS else f".ready-{what}")
+
+
+def kernels_wanting(workspace: Workspace, environ: Mapping[str, str], what: str) -> bool:
+    """True if kernels are not compiled in the folder that this workspace uses."""
     folder = workspace.kernels
-    if workspace.environment(environ)["NUMBA_CACHE_DIR"] != str(folder):
+    if what == NO_KERNELS or workspace.environment(environ)["NUMBA_CACHE_DIR"] != str(folder):
         return False
     warm_up = workspace.root / "src/ares_studies/ares_studies/warm_up.py"
-    return warm_up.exists() and not (folder / ".ready").exists()
+    ready = (kernel_stamp(folder, each).exists() for each in (ALL_KERNELS, what))
+    return warm_up.exists() and not any(ready)
 
 
-def prepare(root: Path, environ: Mapping[str, str], kernels: bool) -> Workspace:
+def kernels_for(arguments: Sequence[str]) -> str:
+    """What of the kernels a call needs: ALL_KERNELS, NO_KERNELS or the name of a law."""
+    verb = arguments[0] if arguments else ""
+    if verb in FEW_KERNELS or "--help" in arguments:
+        return NO_KERNELS
+    if verb != "fly":
+        return ALL_KERNELS
+    named = re.search(r"\0--guidance[=\0]([a-z][a-z0-9_]*)\0", "\0".join(["", *arguments, ""]))
+    return named[1] if named else FIRST_LAW
+
+
+def prepare(
+    root: Path, environ: Mapping[str, str], kernels: str, also: Sequence[str] = ()
+) -> Workspace:
     """Make whatever is missing or out of date.
 
     Args:
         root: top of the project.
         environ: the user's environment.
-        kernels: compile the numeric kernels too.
+        kernels: which to compile: ALL_KERNELS, NO_KERNELS or the name of a law.
+        also: lists of requirements that flying does not need.
 
     Raises:
         WorkspaceError: something needed is missing, or a step failed.
     """
+
+    def ready(workspace: Workspace | None) -> bool:
+        return (
+            workspace is not None
+            and is_built(workspace)
+            and not missing_additions(workspace, also)
+            and not kernels_wanting(workspace, environ, kernels)
+        )
+
     workspace = prepared_environment(root, environ)
-    if workspace and is_built(workspace) and not (kernels and kernels_wanting(workspace, environ)):
+    if workspace and ready(workspace):
         return workspace
-    with preparation_lock(root) as lock:
+    with preparation_lock(root) as lock, ThreadPoolExecutor(1) as beside:
         # what another call has made meanwhile counts
         workspace = prepared_environment(root, environ)
         fresh = not workspace or not is_built(workspace)
@@ -726,10 +857,21 @@ def prepare(root: Path, environ: Mapping[str, str], kernels: bool) -> Workspace:
             remove(root / "build" / "prepare.log")
         if not workspace:
             workspace = make_environment(root, environ, lock)
-        if fresh and not is_built(workspace):
+        missing = missing_additions(workspace, also)
+        if missing:
+            add(missing, workspace, environ, lock)
+        compiling = None
+        if kernels_wanting(workspace, environ, kernels):
+            say(f"compiling the numeric kernels ({COMPILING[kernels == ALL_KERNELS]})")
+            early = kernels == FIRST_LAW or not fresh
+            if early:
+                compiling = beside.submit(warm_kernels, workspace, environ, lock, kernels)
+        if not is_built(workspace):
             build(workspace, environ, lock)
-        if kernels and kernels_wanting(workspace, environ):
-            warm_kernels(workspace, environ, lock)
+        if compiling is not None:
+            compiling.result()
+        elif kernels_wanting(workspace, environ, kernels):
+            warm_kernels(workspace, environ, lock, kernels)
     return workspace
 
 
@@ -754,23 +896,11 @@ def debian_packages(root: Path) -> list[str]:
     return [line for line in lines if line and not line.startswith("#")]
 
 
-def administrator(environ: Mapping[str, str]) -> list[str] | None:
-    """What to put before a command of the administrator's; None if this user may not."""
-    if os.geteuid() == 0:
-        return []
-    sudo = shutil.which("sudo", path=environ.get("PATH", os.defpath))
-    if not sudo:
-        return None
-    asked = subprocess.run([sudo, "-n", "true"], capture_output=True, check=False)
-    return [sudo, "-n"] if asked.returncode == 0 else None
-
-
 def install_browser(workspace: Workspace, environ: Mapping[str, str]) -> None:
-    """Install the Debian packages of the tests if no browser is there; else say what to do."""
+    """Say what to install where no browser is found; the administrator gets it installed."""
     if find_browser(environ):
         return
-    rights = administrator(environ)
-    if rights is None or not shutil.which("apt-get", path=environ.get("PATH", os.defpath)):
+    if os.geteuid() != 0 or not shutil.which("apt-get", path=environ.get("PATH", os.defpath)):
         say(NO_BROWSER)
         return
     say("installing a browser for the tests (once, a quarter of a minute)")
@@ -779,7 +909,7 @@ def install_browser(workspace: Workspace, environ: Mapping[str, str]) -> None:
     with preparation_lock(workspace.root) as lock:
         try:
             for arguments in (["update"], install):
-                command = [*rights, "apt-get", *arguments]
+                command = ["apt-get", *arguments]
                 run_logged(command, workspace, settings, lock, "installing a browser")
         except WorkspaceError as problem:
             say(f"{problem}; {NO_BROWSER}")
@@ -834,9 +964,8 @@ def main(arguments: list[str]) -> int:
             " install Python 3.11, 3.12 or 3.13, or name one in PYTHON"
         )
     verb, rest = (arguments[0], list(arguments[1:])) if arguments else ("", [])
-    asks_help = verb in ("", "env", "-h") or "--help" in arguments
     environ = without_other_clone(os.environ, ROOT)
-    workspace = prepare(ROOT, environ, kernels=not asks_help)
+    workspace = prepare(ROOT, environ, kernels_for(arguments), ALSO.get(verb, ()))
     if verb == "prepare":
         say("the workspace is prepared")
         return 0

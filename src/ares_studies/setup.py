@@ -23,16 +23,21 @@ setup(
         "ares_models",
         "ares_optimizer",
         "ares_vehicle_sim",
-        "distributed>=2024.5",
-        "Jinja2>=3.1",
-        "MarkupSafe>=2.1",
-        "matplotlib>=3.9",
         "numpy>=2.0",
-        "plotly>=5.20",
-        "pyarrow>=16.1",
         "PyYAML>=6.0",
         "scipy>=1.13",
     ],
-    extras_require={"test": ["pytest"]},
+    extras_require={
+        # campaigns, pages and pictures; no flight needs them
+        "pages": [
+            "distributed>=2024.5",
+            "Jinja2>=3.1",
+            "MarkupSafe>=2.1",
+            "matplotlib>=3.9",
+            "plotly>=5.20",
+            "pyarrow>=16.1",
+        ],
+        "test": ["pytest"],
+    },
     zip_safe=False,
 )

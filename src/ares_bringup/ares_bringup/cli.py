@@ -31,6 +31,7 @@ from ares_bringup.options import (
     PositionIntegral,
 )
 from ares_guidance.registry import law_names
+from ares_node.requirements import unmet
 
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130
@@ -271,6 +272,7 @@ def reproduce(
     ] = Path("reproduction"),
 ) -> None:
     """Compute every table and figure of the thesis anew: one HTML page, one JSON file."""
+    _needs_pages()
     from ares_bringup.reproduce import reproduce as reproduce_thesis
 
     reproduce_thesis(out)
@@ -342,6 +344,7 @@ def montecarlo(
     """Fly dispersed flights in compiled code, keep them in Parquet, judge them."""
     if only and out is not None:
         raise BadInput("--only and --out exclude each other: nothing is kept")
+    _needs_pages()
     from ares_bringup.montecarlo import CampaignOptions
     from ares_bringup.montecarlo import montecarlo as fly_campaign
 
@@ -449,6 +452,7 @@ def plot(
     ] = None,
 ) -> None:
     """Draw a recorded flight."""
+    _needs_pages()
     from ares_bringup.plot import plot_bag
 
     typer.echo(plot_bag(bag, out))
@@ -478,6 +482,12 @@ def node(
 
     apply_discovery_settings()
     os.execv(sys.executable, [sys.executable, "-P", "-m", NODES[name], *context.args])
+
+
+def _needs_pages() -> None:
+    reason = unmet("ares_bringup", "pages")
+    if reason is not None:
+        raise CannotStart(reason)
 
 
 def _one_line(text: str) -> str:

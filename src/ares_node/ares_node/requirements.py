@@ -19,11 +19,12 @@ def _numbers(version: str) -> tuple[int, ...]:
     return tuple(int(part) for part in re.findall(r"(?:^|\.)(\d+)", version))
 
 
-def requirements(distribution: str) -> Iterator[tuple[str, str]]:
+def requirements(distribution: str, extra: str = "") -> Iterator[tuple[str, str]]:
     """Foreign packages that an installed package and those of the project below it need.
 
     Args:
         distribution: name of the package; none of it is known if it is not installed.
+        extra: one of its `extras_require`, or of those below it, that counts too.
 
     Yields:
         name and smallest version; empty: any.
@@ -39,8 +40,12 @@ def requirements(distribution: str) -> Iterator[tuple[str, str]]:
         except metadata.PackageNotFoundError:
             continue
         for line in lines:
-            match = _FORM.fullmatch(line.split(";")[0].strip())
-            if match is None or "extra ==" in line:
+            form, _, condition = line.partition(";")
+            match = _FORM.fullmatch(form.strip())
+            wanted = "extra ==" not in condition or (
+                extra and re.search(rf"""extra == ['"]{extra}['"]""", condition)
+            )
+            if match is None or not wanted:
                 continue
             name, least = match[1], match[2] or ""
             if name.replace("-", "_").startswith(OWN):
@@ -50,9 +55,12 @@ def requirements(distribution: str) -> Iterator[tuple[str, str]]:
                 yield name, least
 
 
-def unmet(distribution: str) -> str | None:
-    """One line on the first package that is missing or too old; None if there is none."""
-    for name, least in requirements(distribution):
+def unmet(distribution: str, extra: str = "") -> str | None:
+    """One line on the first package that is missing or too old; None if there is none.
+
+    Args: as for :func:`requirements`.
+    """
+    for name, least in requirements(distribution, extra):
         wanted = f"{name} {least} or newer" if least else name
         advice = f'install it, for example: pip install "{name}{f">={least}" if least else ""}"'
         try:
