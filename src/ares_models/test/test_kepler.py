@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
@@ -55,6 +55,8 @@ def test_energy_and_angular_momentum_are_conserved(state, dt):
     assert np.linalg.norm(h1 - h0) <= 1e-11 * np.linalg.norm(r1) * np.linalg.norm(v1)
 
 
+# the last step, a series, is not small beside a hyperbola that turns fast
+@example(make_state(9750212.0, 0.0, 1.25, 2.0), -2360.0)
 @given(states, st.floats(-3e3, 3e3))
 def test_forward_and_back_is_where_it_began(state, dt):
     r, v = state

@@ -145,7 +145,10 @@ def kepler(r: Vector, v: Vector, dt: float, mu: float) -> tuple[Vector, Vector]:
             half = 0.5 * step
             u3 += step * (u2 + half * u1)
             u2 += step * (u1 + half * u0)
-            u1, u0 = u1 + step * (u0 - half * alpha * u1), u0 - step * alpha * u1
+            u1, u0 = (
+                u1 + step * (u0 - half * alpha * u1),
+                u0 - step * alpha * (u1 + half * u0),
+            )
             break
         if not low < trial < high:
             trial = 2.0 * x if high == math.inf else 0.5 * (low + high)
