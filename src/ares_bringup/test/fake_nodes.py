@@ -93,7 +93,8 @@ class FakeNode(FlightNode):
     def tick(self) -> None:
         if self.role == "vehicle_sim" and self.out.get_subscription_count() >= READERS:
             self.flying = True
-        if not self.flying:
+        heard = self.role != "guidance" or self.out.get_subscription_count() > 0
+        if not self.flying or not heard:
             return
         if (
             self.role == "vehicle_sim"

@@ -89,6 +89,14 @@ class StopSignals:
         os.set_blocking(writable, False)
         former_fd = signal.set_wakeup_fd(writable, warn_on_full_buffer=False)
 
+        former_hook = sys.unraisablehook
+
+        def hook(unraisable: "sys.UnraisableHookArgs") -> None:
+            # raised in a callback of compiled code, which cannot pass it on: `requested` stays
+            if not isinstance(unraisable.exc_value, _Stopped):
+                former_hook(unraisable)
+
+        sys.unraisablehook = hook
         over = threading.Event()
 
         def abandon() -> None:
@@ -111,6 +119,7 @@ class StopSignals:
             yield
         finally:
             over.set()
+            sys.unraisablehook = former_hook
             signal.set_wakeup_fd(former_fd)
             os.write(writable, b"\0")
             thread.join()

@@ -1,5 +1,6 @@
 """A node as a process: exit status, one-line reasons, signals."""
 
+import ctypes
 import signal
 import subprocess
 import sys
@@ -15,6 +16,7 @@ from rclpy.node import Node
 from ares_node.diagnostics import Level
 from ares_node.node import FlightNode, NodeError
 from ares_node.qos import LOG, LOG_QOS
+from ares_node.run import StopSignals
 from ares_node.testing import spin_until
 
 DEMO = Path(__file__).with_name("demo_node.py")
@@ -97,6 +99,20 @@ def test_a_signal_while_starting(ros_environment: dict[str, str]) -> None:
     process.send_signal(signal.SIGTERM)
     _, err = process.communicate(timeout=120)
     assert (process.returncode, err) == (0, "")
+
+
+def test_a_signal_in_a_callback_of_compiled_code_is_silent(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As numba's, when it takes kernels from its cache."""
+    seen: list[object] = []
+    monkeypatch.setattr(sys, "unraisablehook", seen.append)
+    stop = StopSignals()
+    callback = ctypes.CFUNCTYPE(None)(lambda: signal.raise_signal(signal.SIGTERM))
+    with stop.watch():
+        callback()
+    assert stop.requested
+    assert seen == []
 
 
 @pytest.mark.parametrize(
