@@ -181,7 +181,9 @@ def test_guidance_that_comes_back_is_listened_to_again(graph):
     # on a busy machine an answer can be late again
     graph.spin(lambda: answers(graph) > 120 and simulator._lost_in_a_row == 0)
     kinds = [event.type for event in graph.events if event.type >= FlightEvent.GUIDANCE_LOST]
-    assert kinds == [FlightEvent.GUIDANCE_LOST, FlightEvent.GUIDANCE_BACK]
+    lost_and_back = [FlightEvent.GUIDANCE_LOST, FlightEvent.GUIDANCE_BACK]
+    assert kinds == lost_and_back * (len(kinds) // 2)
+    assert kinds
 
 
 def test_a_second_simulator_does_not_start(graph):
