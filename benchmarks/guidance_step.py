@@ -71,7 +71,8 @@ def main() -> None:
     """Print medians over repeats."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--mission", default="ares_v")
-    parser.add_argument("--law", default="peg", choices=law_names())
+    laws = [name for name in law_names() if not find_law(name).needs_trajectory]
+    parser.add_argument("--law", default="peg", choices=laws)
     parser.add_argument("--repeats", type=int, default=51)
     options = parser.parse_args()
     mission = load_mission(options.mission)

@@ -24,7 +24,7 @@ def installed(tmp_path_factory):
     setup = [sys.executable, "setup.py", "--quiet", "egg_info"]
     subprocess.run(setup, cwd=folder, check=True, capture_output=True)
     path = os.pathsep.join([str(folder), os.environ["PYTHONPATH"]])
-    return {**os.environ, "PYTHONPATH": path, "NUMBA_CACHE_DIR": os.environ["NUMBA_CACHE_DIR"]}
+    return {**os.environ, "PYTHONPATH": path}
 
 
 def ares(environment, *words):

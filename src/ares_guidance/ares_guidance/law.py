@@ -21,6 +21,7 @@ from ares_guidance.arrays import (
 from ares_guidance.guess import OfflineTrajectory
 from ares_guidance.kernels.cycle import guidance_step
 from ares_models.arrays import HEATING_LIMIT, STEERING, MissionArrays
+from ares_models.jit import specialised
 
 
 def _setting(
@@ -157,6 +158,32 @@ class LawKind:
 
 #: The law of the shared cycle as it stands.
 PEG = LawKind("peg", LAW_PEG, guidance_step)
+
+
+def law_of_seek(name: str, code: int, seek: Callable[..., tuple[int, bool]]) -> LawKind:
+    """A law that finds its solutions in its own way, in the shared cycle.
+
+    Args:
+        name: as of `LawKind`; so the next.
+        code: `law` of GuidanceStatus.
+        seek: kernel with the arguments and results of `kernels.convergence.seek`.
+    """
+    cycle = specialised("ares_guidance.kernels.cycle", f"of_{name}", seek=seek)
+    return LawKind(name, code, cycle.guidance_step)
+
+
+def law_of_pass(name: str, code: int, iterate: Callable[..., tuple[float, float, bool]]) -> LawKind:
+    """A law that repeats a pass of its own until it settles, in the shared cycle.
+
+    Args:
+        name: as of `LawKind`; so the next.
+        code: `law` of GuidanceStatus.
+        iterate: kernel with the arguments and results of `kernels.peg.iterate`.
+    """
+    convergence = specialised(
+        "ares_guidance.kernels.convergence", f"of_{name}", iterate=iterate, LAW=code
+    )
+    return law_of_seek(name, code, convergence.seek)
 
 
 class Law:

@@ -83,8 +83,7 @@ def test_an_index_beyond_its_array_raises(tmp_path, call):
 
 
 COPIES = """
-import sys
-
+import template_of_a_test
 from ares_models.jit import kernel, specialised
 
 
@@ -97,10 +96,7 @@ def of(name):
     return specialised("template_of_a_test", name, part={0}).whole
 
 
-if __name__ == "__main__":
-    import template_of_a_test
-
-    print(template_of_a_test.whole(1.0), of("{0}")(1.0), of("{0}") is of("{0}"))
+print(template_of_a_test.whole(1.0), of("{0}")(1.0), of("{0}") is of("{0}"))
 """
 
 
@@ -131,7 +127,7 @@ def whole(x):
         ("one", 1.0, "10.0 20.0 True\n"),
     ):
         script = tmp_path / "kernels_of_others.py"
-        script.write_text(COPIES.format(name, number).replace('"__main__"', '"kernels_of_others"'))
+        script.write_text(COPIES.format(name, number))
         command = [sys.executable, "-c", "import kernels_of_others"]
         done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
         assert (done.stdout, done.stderr) == (said, "")

@@ -2,9 +2,6 @@
 
 from ares_guidance.arrays import LAW_OPTIMAL
 from ares_guidance.kernels.optimal import seek
-from ares_guidance.law import LawKind
-from ares_models.jit import specialised
+from ares_guidance.law import law_of_seek
 
-_cycle = specialised("ares_guidance.kernels.cycle", "of_optimal", seek=seek)
-
-LAW = LawKind("optimal", LAW_OPTIMAL, _cycle.guidance_step)
+LAW = law_of_seek("optimal", LAW_OPTIMAL, seek)
