@@ -18,7 +18,8 @@ if not os.environ.get(VARIABLE):
 import numba
 
 _lock = threading.RLock()
-_copies: set[str] = set()
+#: Copies by name, with the states of what in them is not of this project.
+_copies: dict[str, set[str]] = {}
 _Function = TypeVar("_Function", bound=Callable[..., object])
 
 
@@ -46,7 +47,8 @@ def specialised(module: str, suffix: str, **names: object) -> ModuleType:
         suffix: what the name of the copy ends with.
         names: kernels and numbers, by the names in the module that they replace.
     """
-    name = "_".join([module, suffix, *_states_of_others(names.values())])
+    states = _states_of_others(names.values())
+    name = "_".join([module, suffix, *sorted(states)])
     with _lock:
         if name not in sys.modules:
             spec = importlib.util.find_spec(module)
@@ -55,22 +57,28 @@ def specialised(module: str, suffix: str, **names: object) -> ModuleType:
             assert copied is not None and copied.loader is not None
             copy = importlib.util.module_from_spec(copied)
             sys.modules[name] = copy
-            _copies.add(name)
+            _copies[name] = states
             copied.loader.exec_module(copy)
             vars(copy).update(names)
         return sys.modules[name]
 
 
-def _states_of_others(values: Iterable[object]) -> list[str]:
+def _states_of_others(values: Iterable[object]) -> set[str]:
     """States of the sources of kernels that the folder of the cache does not depend on."""
-    packages = {value.__module__.partition(".")[0] for value in values if callable(value)}
-    states = []
-    for package in sorted(packages):
-        spec = importlib.util.find_spec(package)
-        if package.startswith(PREFIX) or spec is None or spec.origin is None:
-            continue
-        origin = Path(spec.origin)
-        is_package = origin.name == "__init__.py"
-        texts = read_package(origin.parent) if is_package else {package: origin.read_text("utf-8")}
-        states.append(state_of(texts))
+    states: set[str] = set()
+    for module in {value.__module__ for value in values if callable(value)}:
+        package = module.partition(".")[0]
+        if module in _copies:
+            states |= _copies[module]
+        elif not package.startswith(PREFIX):
+            spec = importlib.util.find_spec(package)
+            if spec is not None and spec.origin is not None:
+                states.add(_state_of_package(Path(spec.origin), package))
     return states
+
+
+def _state_of_package(origin: Path, name: str) -> str:
+    """State of a package, or of a module that is one file."""
+    if origin.name == "__init__.py":
+        return state_of(read_package(origin.parent))
+    return state_of({name: origin.read_text("utf-8")})

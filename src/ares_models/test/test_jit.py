@@ -83,7 +83,7 @@ def test_an_index_beyond_its_array_raises(tmp_path, call):
 
 
 COPIES = """
-import template_of_a_test
+import ares_template_of_a_test
 from ares_models.jit import kernel, specialised
 
 
@@ -93,10 +93,12 @@ def {0}(x):
 
 
 def of(name):
-    return specialised("template_of_a_test", name, part={0}).whole
+    return specialised("ares_template_of_a_test", name, part={0}).whole
 
 
-print(template_of_a_test.whole(1.0), of("{0}")(1.0), of("{0}") is of("{0}"))
+print(ares_template_of_a_test.whole(1.0), of("{0}")(1.0), of("{0}") is of("{0}"))
+# what calls a copy
+print(specialised("ares_template_of_a_test", "{0}_again", part=of("{0}")).whole(1.0))
 """
 
 
@@ -114,17 +116,17 @@ def part(x):
 def whole(x):
     return 10.0 * part(x)
 """
-    (tmp_path / "template_of_a_test.py").write_text(template)
+    (tmp_path / "ares_template_of_a_test.py").write_text(template)
     path = os.pathsep.join([str(tmp_path), os.environ["PYTHONPATH"]])
     cache = str(tmp_path / "cache")
     environment = {**os.environ, "PYTHONPATH": path, "NUMBA_CACHE_DIR": cache}
     # twice each, the second time from the cache; an edit is compiled anew
     for name, number, said in (
-        ("one", 1.0, "10.0 20.0 True\n"),
-        ("one", 1.0, "10.0 20.0 True\n"),
-        ("two", 2.0, "10.0 30.0 True\n"),
-        ("two", 4.0, "10.0 50.0 True\n"),
-        ("one", 1.0, "10.0 20.0 True\n"),
+        ("one", 1.0, "10.0 20.0 True\n200.0\n"),
+        ("one", 1.0, "10.0 20.0 True\n200.0\n"),
+        ("two", 2.0, "10.0 30.0 True\n300.0\n"),
+        ("two", 4.0, "10.0 50.0 True\n500.0\n"),
+        ("one", 1.0, "10.0 20.0 True\n200.0\n"),
     ):
         script = tmp_path / "kernels_of_others.py"
         script.write_text(COPIES.format(name, number))
