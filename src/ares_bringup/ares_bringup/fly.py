@@ -1,5 +1,6 @@
 """One flight from start to summary: the nodes as processes of their own, or all in this one."""
 
+import math
 import os
 import sys
 import time
@@ -25,7 +26,7 @@ from ares_bringup.summary import (
     FlightSummary,
     MissionFacts,
 )
-from ares_bringup.watch import START_TIMEOUT, Watch
+from ares_bringup.watch import PATIENCE, START_TIMEOUT, Watch
 from ares_node.domains import claim_domain
 from ares_node.identity import id_text, new_id
 
@@ -346,6 +347,18 @@ def _graph(
             context.try_shutdown()
 
 
+def _watch(
+    monitor: "FlightMonitor",
+    pace: float,
+    say: Say,
+    stop: "StopSignals",
+    begun: Callable[[], None],
+) -> Watch:
+    # a program that reads the lines gets none that hangs on the speed of the machine
+    patience = PATIENCE if sys.stderr.isatty() else math.inf
+    return Watch(monitor, pace, say, lambda: stop.requested, begun, patience)
+
+
 # ---- one process each
 
 
@@ -370,9 +383,7 @@ def _fly_in_processes(
             if name not in late:
                 start(name)
         with _graph(summary, say, lambda: False) as (monitor, executor, stop):
-            watch = Watch(
-                monitor, parameters[SIMULATOR]["pace"], say, lambda: stop.requested, begun
-            )
+            watch = _watch(monitor, parameters[SIMULATOR]["pace"], say, stop, begun)
             looked = 0.0
             while not watch.over():
                 executor.spin_once(timeout_sec=LOOK_PERIOD)
@@ -388,7 +399,7 @@ def _fly_in_processes(
             def listen() -> None:
                 executor.spin_once(timeout_sec=0.005)
 
-            _end_crew(crew, summary, listen)
+            _end_crew(crew, summary, say, listen)
 
 
 def _crew_lost(crew: Crew, summary: FlightSummary, say: Say) -> bool:
@@ -403,23 +414,29 @@ def _crew_lost(crew: Crew, summary: FlightSummary, say: Say) -> bool:
             continue
         if not summary.started:
             raise CannotStart(f"{name} {how}")
-        if name == SIMULATOR:
-            problem = f"{name} {how} in flight"
-        elif name == GUIDANCE:
-            problem = f"{name} {how} in flight: flying on with its last good command"
-        else:
-            problem = f"{name} {how} in flight: the bag is incomplete"
-        summary.problems.append(problem)
-        say(problem)
+        _note_loss(name, status, summary, say)
         if name == SIMULATOR:
             return True
     return False
 
 
-def _end_crew(crew: Crew, summary: FlightSummary, listen: Callable[[], None]) -> None:
+def _note_loss(name: str, status: int, summary: FlightSummary, say: Say) -> None:
+    """Say what it means that a node of a flight under way has ended."""
+    meaning = {
+        GUIDANCE: ": flying on with its last good command",
+        RECORDER: ": the bag is incomplete",
+    }
+    summary.problems.append(f"{name} {describe_end(status)} in flight{meaning.get(name, '')}")
+    say(summary.problems[-1])
+
+
+def _end_crew(crew: Crew, summary: FlightSummary, say: Say, listen: Callable[[], None]) -> None:
     """End the flying nodes, then the recorder: it gets to write all that they sent."""
     alive = crew.running()
-    ended = dict(crew.newly_ended())
+    for name, status in crew.newly_ended():
+        # between the last look and the end of the flight
+        if summary.started and name != OPTIMIZER:
+            _note_loss(name, status, summary, say)
     flying = [name for name in alive if name != RECORDER]
     crew.ask_to_stop(flying)
     if RECORDER in alive:
@@ -432,11 +449,8 @@ def _end_crew(crew: Crew, summary: FlightSummary, listen: Callable[[], None]) ->
         summary.problems.append(f"{name} did not end within {NODE_STOP_TIMEOUT:g} s: killed")
     if RECORDER in alive:
         crew.stop([RECORDER], RECORDER_STOP_TIMEOUT, listen)
-        ended[RECORDER] = crew.status(RECORDER) or 0
-    if ended.get(RECORDER):
-        summary.problems.append(
-            f"{RECORDER} {describe_end(ended[RECORDER])}: the bag is incomplete"
-        )
+        if closed := crew.status(RECORDER):
+            summary.problems.append(f"{RECORDER} {describe_end(closed)}: the bag is incomplete")
 
 
 # ---- all in this process
@@ -457,9 +471,7 @@ def _fly_in_process(
                     nodes[name] = _started(name, parameters[name], executor, monitor.node)
                 if stop.requested:
                     break
-            watch = Watch(
-                monitor, parameters[SIMULATOR]["pace"], say, lambda: stop.requested, begun
-            )
+            watch = _watch(monitor, parameters[SIMULATOR]["pace"], say, stop, begun)
             while not watch.over():
                 executor.spin_once(timeout_sec=LOOK_PERIOD)
                 if any(node.done for node in nodes.values()) and _node_lost(nodes, summary, say):

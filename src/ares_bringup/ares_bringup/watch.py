@@ -1,5 +1,6 @@
 """When a flight is over, and when it is given up. No ROS."""
 
+import math
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -30,6 +31,7 @@ class Watch:
         say: Callable[[str], None],
         interrupted: Callable[[], bool],
         begun: Callable[[], None] = lambda: None,
+        patience: float = PATIENCE,
     ) -> None:
         """Begin to wait.
 
@@ -39,12 +41,13 @@ class Watch:
             say: gets a line for the person who waits.
             interrupted: whether a signal asks for the end.
             begun: called once when the flight has begun.
+            patience: wall time in s after which a start that takes long is explained.
         """
         self._monitor = monitor
         self._interrupted = interrupted
         self._say = say
         self._made = time.monotonic()
-        self._patient = True
+        self._patience = patience
         self._begun: Callable[[], None] | None = begun
         self._silence = STALL_TIMEOUT + (LONGEST_SILENCE / pace if pace else 0.0)
 
@@ -70,7 +73,7 @@ class Watch:
                 return True
         elif now - self._made > START_TIMEOUT + STALL_TIMEOUT:
             raise CannotStart(f"the flight has not begun within {now - self._made:.0f} s")
-        elif now - self._made > PATIENCE and self._patient:
-            self._patient = False
+        elif now - self._made > self._patience:
+            self._patience = math.inf
             self._say("waiting for the nodes; the very first flight compiles them")
         return False

@@ -76,9 +76,9 @@ def test_a_node_that_cannot_start_has_the_word(flight, name, capfd):
 def test_guidance_killed_in_flight(flight):
     summary, said = flight(guidance="kill")
     assert summary.outcome is Outcome.TARGET
-    assert summary.exit_code == 1
     line = "guidance was killed by SIGKILL in flight: flying on with its last good command"
     assert summary.shortcomings() == said == [line]
+    assert summary.exit_code == 1
 
 
 def test_recorder_killed_in_flight(flight):

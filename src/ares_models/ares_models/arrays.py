@@ -1,12 +1,11 @@
 """Structured dtypes: the plain data that kernels, nodes and campaigns share.
 
-A mission is compiled once into an :class:`MissionArrays`; a kernel gets the records
-(``arrays.environment[0]``) and reads them by name. Everything is SI, angles in rad,
+A mission is compiled once into :class:`MissionArrays`; a kernel gets that and reads its
+records (``mission.environment[0]``) by name. Everything is SI, angles in rad,
 times are mission elapsed time in seconds, vectors are in the frame ``ares_eci``.
 """
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,9 +129,8 @@ STEERING = np.dtype(
 )
 
 
-@dataclass(frozen=True)
-class MissionArrays:
-    """A mission as the kernels see it.
+class MissionArrays(NamedTuple):
+    """A mission as the kernels see it; kernels take it whole.
 
     Attributes:
         environment: shape (1,), dtype ENVIRONMENT.

@@ -93,7 +93,7 @@ def hold_jettisons(arrays: MissionArrays, times: Mapping[int, float]) -> Mission
             raise OptimizerError(f"jettison {j} is held at {at} s; expected a finite time")
         jettisons[j]["criterion"] = MISSION_TIME
         jettisons[j]["value"] = at
-    return replace(arrays, jettisons=jettisons)
+    return arrays._replace(jettisons=jettisons)
 
 
 def check_state(arrays: MissionArrays, state: NDArray[np.void]) -> None:

@@ -1,7 +1,6 @@
 """The indirect method against published optima, exact derivatives and its own invariants."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -108,7 +107,7 @@ class TestPublishedOptima:
 
     def test_density_of_the_reference(self, ares):
         arrays, start = ares
-        solution = solve_indirect(replace(arrays, atmosphere=spline_table()), start)
+        solution = solve_indirect(arrays._replace(atmosphere=spline_table()), start)
         assert solution.m_f_kg == pytest.approx(174183.114, abs=0.005)
         assert solution.t_plf_s == pytest.approx(416.642, abs=0.001)
         assert solution.t_meco_s == pytest.approx(766.9067, abs=0.0001)
@@ -120,14 +119,14 @@ class TestPublishedOptima:
             (pra63_data().table, 416.514, 174183.615),
             (pra63_exponential().table, 416.782, 174182.508),
         ):
-            solution = solve_indirect(replace(arrays, atmosphere=table), start)
+            solution = solve_indirect(arrays._replace(atmosphere=table), start)
             assert solution.t_plf_s == pytest.approx(jettison, abs=0.02)
             assert solution.m_f_kg == pytest.approx(mass, abs=0.1)
 
     def test_spherical_altitude(self, ares):
         arrays, start = ares
         arrays.environment["altitude_model"] = ALTITUDE_SPHERICAL
-        solution = solve_indirect(replace(arrays, atmosphere=spline_table()), start)
+        solution = solve_indirect(arrays._replace(atmosphere=spline_table()), start)
         assert solution.converged, solution.reason
         assert solution.m_f_kg == pytest.approx(174087.3, abs=0.5)
         assert solution.t_plf_s == pytest.approx(433.40, abs=0.01)
@@ -280,7 +279,7 @@ class TestJacobian:
     @pytest.mark.parametrize("heating", ["at_jettison", "passive"])
     def test_ares(self, ares, gravity, heating):
         arrays, start = ares
-        arrays = replace(arrays, atmosphere=smooth_table())
+        arrays = arrays._replace(atmosphere=smooth_table())
         solver = TwoPointSolver(arrays, gravity=gravity, heating=heating)
         unknowns = np.array([-0.05, -0.96, 0.25, -1.1e-3, -5e-4, 7e-4, 766.7, 416.3, -2.3])
         assert_jacobian_exact(solver, start, unknowns)
@@ -297,7 +296,7 @@ class TestJacobian:
         arrays, start = mission("saturn_v_as506")
         arrays.jettisons["criterion"][1:] = HEATING_LIMIT
         arrays.jettisons["value"][1:] = [2e5, 2e4]
-        solver = TwoPointSolver(replace(arrays, atmosphere=smooth_table()))
+        solver = TwoPointSolver(arrays._replace(atmosphere=smooth_table()))
         root = solver.solve(start)
         assert root.converged
         unknowns = root.unknowns * (1.0 + 1e-3 * np.sin(np.arange(11)))
@@ -524,7 +523,7 @@ class TestHeatingLimit:
 
     def test_two_heating_drops(self, ares):
         arrays, start = ares
-        arrays = replace(arrays, jettisons=np.repeat(arrays.jettisons, 2))
+        arrays = arrays._replace(jettisons=np.repeat(arrays.jettisons, 2))
         arrays.jettisons["mass"] = [2000.0, 3837.0]
         arrays.jettisons["value"] = [5000.0, 1135.0]
         solution = solve_indirect(arrays, start)

@@ -1,7 +1,6 @@
 """The independent integration: its own sequence, its physics, and what it catches."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -180,6 +179,6 @@ def test_drop_at_a_time_after_ignition(ares_v):
     arrays.jettisons["criterion"] = TIME_AFTER_IGNITION
     arrays.jettisons["value"] = 100.0
     assert isinstance(arrays, MissionArrays)
-    solution = solve(replace(arrays), state=start_of(ares_v))
+    solution = solve(arrays._replace(), state=start_of(ares_v))
     assert solution.converged, solution.reason
     assert solution.t_plf_s == pytest.approx(437.15)
