@@ -12,24 +12,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_guidance.arrays import Onboard, blank_onboard
+from ares_guidance.arrays import OnboardArrays, blank_onboard
 from ares_guidance.kernels.cycle import guidance_step
+from ares_guidance.kernels.entry import onboard_records
 from ares_guidance.law import LawSettings
 from ares_guidance.laws import find_law, make_law
 from ares_guidance.registry import law_names
 from ares_models.arrays import NAVIGATION, MissionArrays
 from ares_models.jit import kernel, specialised
+from ares_models.kernels.records import mission_records
 from ares_models.mission import load_mission
 from ares_studies.closed_loop import fly_compiled
 from ares_vehicle_sim.simulator import Simulator, SimulatorOptions
 
 
 @kernel
-def cycles(navs: NDArray[Any], mission: MissionArrays, onboard: Onboard) -> int:
+def cycles(navs: NDArray[Any], mission: MissionArrays, onboard: OnboardArrays) -> int:
     """Run one guidance step on each navigation state; returns the iterations made."""
+    believed, held = mission_records(mission), onboard_records(onboard)
     for k in range(navs.shape[0]):
         onboard.navigation[0] = navs[k]
-        guidance_step(mission, onboard)
+        guidance_step(believed, held)
     return onboard.state[0].total_iterations
 
 

@@ -5,7 +5,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import ARC, JETTISON, MAX_JETTISONS, NAVIGATION, STEERING, TARGET
+from ares_models.arrays import (
+    ARC,
+    JETTISON,
+    MAX_JETTISONS,
+    NAVIGATION,
+    STEERING,
+    TARGET,
+    Record,
+)
 from ares_optimizer.kernels.two_point import MAX_UNKNOWNS, OPTIONS, WORK
 
 MAX_SEGMENTS = 32
@@ -104,14 +112,14 @@ THESIS_MEMORY = np.dtype(
     [
         # the plan: the jettison, and how it is flown to
         ("planned", np.int64),  # 0: there is none, the law is plain PEG
-        ("target", TARGET, (1,)),  # the jettison's; its plane is set when a mode begins
+        ("target", TARGET),  # the jettison's; its plane is set when a mode begins
         ("part_two", np.float64),  # s from the jettison to cut-off
         # m/s: start to staging, staging to jettison, jettison to cut-off
         ("delta_v", np.float64, (3,)),
         ("plane", np.int64),  # PLANE_*: what modes 1 and 2 hold
         ("split_at_staging", np.int64),  # 0: mode 1 goes on to the jettison
-        ("early_rules", GUIDANCE_SETTINGS, (1,)),  # of modes 1 and 2
-        ("late_rules", GUIDANCE_SETTINGS, (1,)),  # of mode 3
+        ("early_rules", GUIDANCE_SETTINGS),  # of modes 1 and 2
+        ("late_rules", GUIDANCE_SETTINGS),  # of mode 3
         ("early_arcs", ARC, (MAX_SEGMENTS,)),  # the mission's, without the last tail-off
         # the flight
         ("mode", np.int64),  # 1, 2, 3; 0: not begun
@@ -161,10 +169,11 @@ GUIDANCE_STATE = np.dtype(
         ("time", np.float64),  # of the last navigation state
         ("sensed_delta_v", np.float64, (3,)),
         ("solution", SOLUTION),  # under iteration
+        ("saved", SOLUTION),  # that before this cycle
         ("predicted_position", np.float64, (3,)),
         ("predicted_velocity", np.float64, (3,)),
         ("lowered", np.float64),  # m/s that the propellant is short of the target
-        ("target", TARGET, (1,)),  # what is aimed at: the mission's, or the best within reach
+        ("target", TARGET),  # what is aimed at: the mission's, or the best within reach
         # where to start instead of the scalar impulse
         ("seeded", np.int64),
         ("density_ratio", np.float64),  # measured over modelled heating; nan: unknown
@@ -181,34 +190,35 @@ GUIDANCE_STATE = np.dtype(
 )
 
 
-class Onboard(NamedTuple):
-    """What is on board of one flight, beside the mission; kernels take it whole.
+class OnboardArrays(NamedTuple):
+    """What is on board of one flight, beside the mission.
 
     Attributes:
         navigation: shape (1,), dtype NAVIGATION, the present state.
         settings: shape (1,), dtype GUIDANCE_SETTINGS.
         state: shape (1,), dtype GUIDANCE_STATE; all zero before the first step.
-        saved: shape (1,), dtype SOLUTION, the last one before this cycle.
         steering: shape (1,), dtype STEERING, the answer.
     """
 
     navigation: NDArray[Any]
     settings: NDArray[Any]
     state: NDArray[Any]
-    saved: NDArray[Any]
     steering: NDArray[Any]
 
 
-def blank_onboard(settings: NDArray[Any]) -> Onboard:
+class Onboard(NamedTuple):
+    """The same as kernels hand it to one another, as records."""
+
+    navigation: Record
+    settings: Record
+    state: Record
+    steering: Record
+
+
+def blank_onboard(settings: NDArray[Any]) -> OnboardArrays:
     """Before a flight: nothing known, nothing answered."""
     steering = np.zeros(1, STEERING)
     steering["cutoff_time"] = np.nan
     steering["jettison"] = -1
     steering["jettison_time"] = np.nan
-    return Onboard(
-        np.zeros(1, NAVIGATION),
-        settings,
-        np.zeros(1, GUIDANCE_STATE),
-        np.zeros(1, SOLUTION),
-        steering,
-    )
+    return OnboardArrays(np.zeros(1, NAVIGATION), settings, np.zeros(1, GUIDANCE_STATE), steering)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from ares_guidance.arrays import (
     MAX_SEGMENTS,
     PHASE_CONVERGING,
     PHASE_IDLE,
+    OnboardArrays,
     blank_onboard,
 )
 from ares_guidance.guess import OfflineTrajectory
@@ -186,6 +188,15 @@ def law_of_pass(name: str, code: int, iterate: Callable[..., tuple[float, float,
     return law_of_seek(name, code, convergence.seek)
 
 
+@cache
+def _entry(kind: LawKind) -> Callable[[MissionArrays, OnboardArrays], None]:
+    """The step of a law as Python calls it."""
+    entry: Callable[[MissionArrays, OnboardArrays], None] = specialised(
+        "ares_guidance.kernels.entry", f"of_{kind.name}", guidance_step=kind.step
+    ).answer
+    return entry
+
+
 class Law:
     """The law and its memory between navigation states.
 
@@ -214,6 +225,7 @@ class Law:
             )
         self._arrays = arrays
         self.kind = kind
+        self._answer = _entry(kind)
         self._settings = (settings or LawSettings()).record()
         self.reset()
 
@@ -294,5 +306,5 @@ class Law:
         """
         before = int(self.state["cycle"])
         self.onboard.navigation[0] = nav
-        self.kind.step(self._arrays, self.onboard)
+        self._answer(self._arrays, self.onboard)
         return int(self.state["cycle"]) != before

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from ares_guidance.arrays import blank_onboard
+from ares_guidance.arrays import Onboard, blank_onboard
 from ares_guidance.kernels.segments import burn_time_to_go, plan_segments, thrust_integrals
 from ares_guidance.kernels.shortfall import lacking_speed
 from ares_guidance.law import LawSettings
@@ -22,7 +22,7 @@ from ares_models.arrays import (
     NAVIGATION,
     TARGET,
     TIME_AFTER_IGNITION,
-    MissionArrays,
+    MissionRecords,
 )
 
 
@@ -49,8 +49,9 @@ def three_stage_plan(jettison_time=math.inf):
     onboard = blank_onboard(LawSettings().record())
     onboard.navigation[0] = nav[0]
     onboard.state["solution"]["jettison_time"] = jettison_time
-    blank = (np.zeros(1, ENVIRONMENT), np.zeros((2, 5)))
-    plan_segments(MissionArrays(*blank, arcs, jettisons, np.zeros(1, TARGET)), onboard)
+    blank = (np.zeros(1, ENVIRONMENT)[0], np.zeros((2, 5)))
+    mission = MissionRecords(*blank, arcs, jettisons, np.zeros(1, TARGET)[0])
+    plan_segments(mission, Onboard(*(array[0] for array in onboard)))
     return arcs, jettisons, nav, onboard.state
 
 

@@ -1,7 +1,7 @@
 """Structured dtypes: the plain data that kernels, nodes and campaigns share.
 
-A mission is compiled once into :class:`MissionArrays`; a kernel gets that and reads its
-records (``mission.environment[0]``) by name. Everything is SI, angles in rad,
+A mission is compiled once into :class:`MissionArrays`; the first kernel gets that, those that
+it calls :class:`MissionRecords`, and read their fields by name. Everything is SI, angles in rad,
 times are mission elapsed time in seconds, vectors are in the frame ``ares_eci``.
 """
 
@@ -148,7 +148,7 @@ STEERING = np.dtype(
 
 
 class MissionArrays(NamedTuple):
-    """A mission as the kernels see it; kernels take it whole.
+    """A mission compiled for the kernels.
 
     Attributes:
         environment: shape (1,), dtype ENVIRONMENT.
@@ -164,3 +164,21 @@ class MissionArrays(NamedTuple):
     arcs: NDArray[np.void]
     jettisons: NDArray[np.void]
     target: NDArray[np.void]
+
+
+class MissionRecords(NamedTuple):
+    """The same as kernels hand it to one another: a record is a pointer, and costs nothing.
+
+    Attributes:
+        environment: record ENVIRONMENT.
+        atmosphere: as above; so the next two.
+        arcs: dtype ARC.
+        jettisons: dtype JETTISON.
+        target: record TARGET.
+    """
+
+    environment: Record
+    atmosphere: NDArray[Any]
+    arcs: NDArray[Any]
+    jettisons: NDArray[Any]
+    target: Record

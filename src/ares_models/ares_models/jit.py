@@ -27,13 +27,32 @@ def kernel(function: _Function) -> _Function:
     """Compile ``function`` with numba, cached on disk, with IEEE arithmetic.
 
     Division by zero gives inf or nan as in NumPy; a kernel raises no Python
-    exception and reports trouble in what it returns.
+    exception and reports trouble in what it returns. It works on arrays that it is handed and
+    counts no references to them; one that makes arrays is :func:`allocating`.
     """
+    return _compiled(function, counts_references=False)
+
+
+def allocating(function: _Function) -> _Function:
+    """A kernel that makes arrays of its own."""
+    return _compiled(function, counts_references=True)
+
+
+def _compiled(function: _Function, counts_references: bool) -> _Function:
     if function.__module__ in _copies:
         # numba names the file of the machine code after source file and function
         function.__qualname__ = f"{function.__module__}.{function.__qualname__}"
-    compiled = numba.njit(cache=True, error_model="numpy", nogil=True)(function)
-    return cast(_Function, compiled)
+    compile_it = numba.njit(cache=True, error_model="numpy", nogil=True, _nrt=counts_references)
+    return cast(_Function, compile_it(function))
+
+
+def inlined(function: _Function) -> _Function:
+    """A kernel that is written out in each caller.
+
+    For a function that puts records into a tuple: numba hands such a tuple to a function, but
+    cannot return it from one.
+    """
+    return cast(_Function, numba.njit(error_model="numpy", inline="always", _nrt=False)(function))
 
 
 def specialised(module: str, suffix: str, **names: object) -> ModuleType:

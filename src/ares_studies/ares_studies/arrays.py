@@ -2,13 +2,13 @@
 
 from typing import NamedTuple
 
-from ares_guidance.arrays import Onboard
-from ares_models.arrays import MissionArrays
-from ares_vehicle_sim.arrays import Vehicle
+from ares_guidance.arrays import Onboard, OnboardArrays
+from ares_models.arrays import MissionArrays, MissionRecords
+from ares_vehicle_sim.arrays import Vehicle, VehicleArrays
 
 
-class ClosedLoop(NamedTuple):
-    """A vehicle and its guidance; kernels take it whole.
+class LoopArrays(NamedTuple):
+    """A vehicle and its guidance.
 
     Attributes:
         true: the mission as the plant flies it.
@@ -18,13 +18,22 @@ class ClosedLoop(NamedTuple):
     """
 
     true: MissionArrays
-    vehicle: Vehicle
+    vehicle: VehicleArrays
     believed: MissionArrays
+    onboard: OnboardArrays
+
+
+class Loop(NamedTuple):
+    """The same as kernels hand it to one another, as records."""
+
+    true: MissionRecords
+    vehicle: Vehicle
+    believed: MissionRecords
     onboard: Onboard
 
 
 def closed_loop(
-    true: MissionArrays, vehicle: Vehicle, believed: MissionArrays, onboard: Onboard
-) -> ClosedLoop:
+    true: MissionArrays, vehicle: VehicleArrays, believed: MissionArrays, onboard: OnboardArrays
+) -> LoopArrays:
     """A loop in which guidance sees what the vehicle's navigation reports."""
-    return ClosedLoop(true, vehicle._replace(navigation=onboard.navigation), believed, onboard)
+    return LoopArrays(true, vehicle, believed, onboard._replace(navigation=vehicle.navigation))

@@ -15,7 +15,6 @@ from ares_optimizer.solve import solve
 from ares_studies.arrays import closed_loop
 from ares_studies.loops import flight_loop
 from ares_vehicle_sim.dispersions import Dispersions
-from ares_vehicle_sim.kernels.navigation import measure
 from ares_vehicle_sim.simulator import Simulator, SimulatorOptions, true_vehicle
 
 
@@ -124,9 +123,7 @@ def fly_compiled(
     believed = mission.arrays(foreseen=True)
     true, vehicle = true_vehicle(mission, options, dispersions or Dispersions(), seed, flight)
     if isinstance(law, str):
-        first = vehicle._replace(plant=vehicle.plant.copy())
-        measure(first)
-        law = ready_law(mission, law, settings, state=first.navigation)
+        law = ready_law(mission, law, settings, state=vehicle.navigation)
     flight_loop(law.kind)(closed_loop(true, vehicle, believed, law.onboard))
     return Flight(vehicle.plant[0], law.state)
 

@@ -4,25 +4,45 @@
 """
 
 from ares_guidance.kernels.cycle import guidance_step
-from ares_models.jit import kernel
-from ares_studies.arrays import ClosedLoop
+from ares_guidance.kernels.entry import onboard_records
+from ares_models.jit import inlined, kernel
+from ares_models.kernels.records import mission_records
+from ares_studies.arrays import Loop, LoopArrays
+from ares_vehicle_sim.kernels.entry import vehicle_records
 from ares_vehicle_sim.kernels.navigation import measure
 from ares_vehicle_sim.kernels.plant import accept_command, flight_step
 
 
+@inlined
+def loop_records(loop: LoopArrays) -> Loop:
+    """Records of a loop."""
+    return Loop(
+        mission_records(loop.true),
+        vehicle_records(loop.vehicle),
+        mission_records(loop.believed),
+        onboard_records(loop.onboard),
+    )
+
+
 @kernel
-def fly(loop: ClosedLoop) -> None:
-    """Fly from a begun plant to the end of the flight.
+def run(loop: Loop) -> None:
+    """Fly from a begun plant and its first navigation state to the end of the flight.
 
     The clock counts whole navigation periods in nanoseconds, as the simulator node does.
     """
-    plant = loop.vehicle.plant[0]
+    plant = loop.vehicle.plant
     start_ns = round(plant.time * 1e9)
-    period_ns = round(loop.vehicle.options[0].navigation_period * 1e9)
+    period_ns = round(loop.vehicle.options.navigation_period * 1e9)
     tick = 0
     while plant.complete == 0:
-        measure(loop.vehicle)
         guidance_step(loop.believed, loop.onboard)
-        accept_command(loop.vehicle, loop.onboard.steering)
+        accept_command(plant, loop.onboard.steering)
         tick += 1
         flight_step(loop.true, loop.vehicle, (start_ns + tick * period_ns) / 1e9)
+        measure(loop.vehicle)
+
+
+@kernel
+def fly(loop: LoopArrays) -> None:
+    """Fly as :func:`run`, called from Python."""
+    run(loop_records(loop))

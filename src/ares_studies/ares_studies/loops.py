@@ -2,17 +2,21 @@
 
 from collections.abc import Callable
 from functools import cache
+from types import ModuleType
 
 from ares_guidance.law import LawKind
 from ares_models.jit import specialised
 
 
 @cache
+def _flight(kind: LawKind) -> ModuleType:
+    return specialised("ares_studies.kernels", f"of_{kind.name}", guidance_step=kind.step)
+
+
+@cache
 def flight_loop(kind: LawKind) -> Callable[..., None]:
     """`ares_studies.kernels.fly` by a law."""
-    loop: Callable[..., None] = specialised(
-        "ares_studies.kernels", f"of_{kind.name}", guidance_step=kind.step
-    ).fly
+    loop: Callable[..., None] = _flight(kind).fly
     return loop
 
 
@@ -20,6 +24,6 @@ def flight_loop(kind: LawKind) -> Callable[..., None]:
 def campaign_loop(kind: LawKind) -> Callable[..., None]:
     """`ares_studies.montecarlo.kernels.fly_many` by a law."""
     loop: Callable[..., None] = specialised(
-        "ares_studies.montecarlo.kernels", f"of_{kind.name}", fly=flight_loop(kind)
+        "ares_studies.montecarlo.kernels", f"of_{kind.name}", run=_flight(kind).run
     ).fly_many
     return loop

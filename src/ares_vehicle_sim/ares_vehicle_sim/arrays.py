@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import MAX_JETTISONS, NAVIGATION, STEERING
+from ares_models.arrays import MAX_JETTISONS, NAVIGATION, STEERING, Record
 
 #: Room for the longest sequence that a mission may have, tested.
 MAX_EVENTS = 128
@@ -149,8 +149,8 @@ TRUTH = np.dtype(_TRUTH_FIELDS, align=True)
 TRUTH_FIELDS = tuple(str(field[0]) for field in _TRUTH_FIELDS)
 
 
-class Vehicle(NamedTuple):
-    """What a simulated flight carries; kernels take it whole.
+class VehicleArrays(NamedTuple):
+    """What a simulated flight carries.
 
     Attributes:
         options: shape (1,), dtype OPTIONS.
@@ -165,6 +165,15 @@ class Vehicle(NamedTuple):
     truth: NDArray[Any]
 
 
-def blank_vehicle(options: NDArray[Any]) -> Vehicle:
+class Vehicle(NamedTuple):
+    """The same as kernels hand it to one another, as records."""
+
+    options: Record
+    plant: Record
+    navigation: Record
+    truth: Record
+
+
+def blank_vehicle(options: NDArray[Any]) -> VehicleArrays:
     """Room for a flight, all zero but for the options."""
-    return Vehicle(options, np.zeros(1, PLANT), np.zeros(1, NAVIGATION), np.zeros(1, TRUTH))
+    return VehicleArrays(options, np.zeros(1, PLANT), np.zeros(1, NAVIGATION), np.zeros(1, TRUTH))

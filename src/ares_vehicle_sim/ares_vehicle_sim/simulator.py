@@ -9,18 +9,11 @@ from numpy.typing import NDArray
 
 from ares_models.arrays import MissionArrays
 from ares_models.mission import Mission
-from ares_vehicle_sim.arrays import OPTIONS, Vehicle, blank_vehicle
+from ares_vehicle_sim.arrays import OPTIONS, VehicleArrays, blank_vehicle
 from ares_vehicle_sim.dispersions import Dispersions
 from ares_vehicle_sim.draws import Sampler
-from ares_vehicle_sim.kernels.navigation import measure
-from ares_vehicle_sim.kernels.plant import (
-    UNIT_TOLERANCE,
-    accept_command,
-    begin_flight,
-    command_is_sound,
-    describe,
-    flight_step,
-)
+from ares_vehicle_sim.kernels.entry import advance, begin, command, describe
+from ares_vehicle_sim.kernels.plant import UNIT_TOLERANCE
 from ares_vehicle_sim.kernels.variation import vary
 
 NANOSECONDS = 1_000_000_000
@@ -88,7 +81,7 @@ def room_for_truth(nominal: MissionArrays, atmosphere: NDArray[np.float64]) -> M
     )
 
 
-def nominal_vehicle(mission: Mission, options: SimulatorOptions) -> Vehicle:
+def nominal_vehicle(mission: Mission, options: SimulatorOptions) -> VehicleArrays:
     """The vehicle at the mission's initial state, before anything is drawn."""
     start = mission.start()
     vehicle = blank_vehicle(options.record())
@@ -104,7 +97,7 @@ def true_vehicle(
     dispersions: Dispersions,
     seed: int,
     flight: int = 0,
-) -> tuple[MissionArrays, Vehicle]:
+) -> tuple[MissionArrays, VehicleArrays]:
     """Draw the mission and the vehicle of one flight, at the begin of it.
 
     Args:
@@ -122,7 +115,7 @@ def true_vehicle(
     true = room_for_truth(nominal, draws.atmospheres[0])
     vehicle = nominal_vehicle(mission, options)
     vary(draws.variations[0], nominal, true, vehicle.plant[0])
-    begin_flight(true, vehicle.plant[0])
+    begin(true, vehicle)
     return true, vehicle
 
 
@@ -157,7 +150,6 @@ class Simulator:
         self._period_ns = round(options.navigation_period_s * NANOSECONDS)
         self._tick = 0
         self._events_read = 0
-        measure(self._vehicle)
 
     @property
     def plant(self) -> Any:
@@ -200,17 +192,14 @@ class Simulator:
         Raises:
             CommandRefused: the command cannot be flown; the last good one stays.
         """
-        jettisons = self._mission.jettisons
-        if not command_is_sound(steering, jettisons):
-            raise CommandRefused(_complaint(steering[0], len(jettisons)))
-        accept_command(self._vehicle, steering)
+        if not command(self._mission, self._vehicle, steering):
+            raise CommandRefused(_complaint(steering[0], len(self._mission.jettisons)))
 
     def advance(self) -> None:
         """Fly to the next navigation state, or to the end of the flight."""
         self._tick += 1
         until = (self._start_ns + self._tick * self._period_ns) / NANOSECONDS
-        flight_step(self._mission, self._vehicle, until)
-        measure(self._vehicle)
+        advance(self._mission, self._vehicle, until)
 
     def new_events(self) -> NDArray[np.void]:
         """Events since the last call, dtype EVENT."""

@@ -23,11 +23,7 @@ from ares_models.arrays import (
 from ares_models.kernels.thrust_curve import curve_area
 from ares_vehicle_sim import arrays as names
 from ares_vehicle_sim.arrays import OPTIONS, blank_vehicle
-from ares_vehicle_sim.kernels.plant import (
-    accept_command,
-    begin_flight,
-    flight_step,
-)
+from ares_vehicle_sim.kernels.entry import advance, begin, command
 
 MU = 3.986e14
 VACUUM = np.array([[0.0, -100.0, -1e-5, 0.0, 0.0], [1e6, -110.0, -1e-5, 0.0, 0.0]])
@@ -79,13 +75,13 @@ class Craft:
         )
 
     def begin(self):
-        begin_flight(self.mission, self.plant[0])
-        accept_command(self.carried, self.steering)
+        begin(self.mission, self.carried)
+        assert command(self.mission, self.carried, self.steering)
 
     def fly(self, until, period=0.1):
         self.begin()
         for k in range(1, round((until - 50.0) / period) + 1):
-            flight_step(self.mission, self.carried, 50.0 + k * period)
+            advance(self.mission, self.carried, 50.0 + k * period)
         return self.plant[0]
 
     def events(self, kind):
@@ -246,7 +242,7 @@ def test_no_command_is_taken_while_one_is_under_way():
     plant["latency"] = 0.25
     vehicle.begin()
     vehicle.steering["direction"] = [0.0, 0.0, 1.0]
-    accept_command(vehicle.carried, vehicle.steering)
+    assert command(vehicle.mission, vehicle.carried, vehicle.steering)
     assert plant["coming"]["direction"] == pytest.approx([0.0, 1.0, 0.0])
     assert plant["coming_time"] == pytest.approx(50.25)
 

@@ -9,7 +9,7 @@ import math
 from ares_guidance.arrays import ERROR_NONE, ERROR_NOT_CONVERGED, LAW_PEG, Onboard
 from ares_guidance.kernels.peg import iterate
 from ares_guidance.kernels.segments import plan_segments
-from ares_models.arrays import MissionArrays
+from ares_models.arrays import MissionRecords
 from ares_models.jit import kernel
 
 #: What `state.law` becomes.
@@ -17,7 +17,7 @@ LAW = LAW_PEG
 
 
 @kernel
-def converge(mission: MissionArrays, onboard: Onboard) -> tuple[int, bool]:
+def converge(mission: MissionRecords, onboard: Onboard) -> tuple[int, bool]:
     """Repeat the pass until it settles.
 
     Args: as in :func:`ares_guidance.kernels.cycle.guidance_step`.
@@ -25,8 +25,8 @@ def converge(mission: MissionArrays, onboard: Onboard) -> tuple[int, bool]:
     Returns:
         ERROR_NONE or ERROR_NOT_CONVERGED, and whether the target plane can be reached.
     """
-    settings = onboard.settings[0]
-    state = onboard.state[0]
+    settings = onboard.settings
+    state = onboard.state
     reachable = True
     moved = math.inf
     for _ in range(settings.max_iterations):
@@ -44,7 +44,7 @@ def converge(mission: MissionArrays, onboard: Onboard) -> tuple[int, bool]:
 
 @kernel
 def seek(
-    mission: MissionArrays,
+    mission: MissionRecords,
     onboard: Onboard,
     cold: bool,  # noqa: ARG001  other laws begin in another way
 ) -> tuple[int, bool]:
@@ -57,5 +57,5 @@ def seek(
 
     Returns: as :func:`converge`.
     """
-    onboard.state[0].law = LAW
+    onboard.state.law = LAW
     return converge(mission, onboard)

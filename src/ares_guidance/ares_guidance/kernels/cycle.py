@@ -29,8 +29,8 @@ from ares_guidance.kernels.prediction import LinearTangent
 from ares_guidance.kernels.segments import plan_segments
 from ares_guidance.kernels.shortfall import ROUNDS, SETTLED, lacking_speed, lower_target
 from ares_guidance.kernels.start import start_guess
-from ares_models.arrays import BURN, MissionArrays, Record
-from ares_models.jit import kernel
+from ares_models.arrays import BURN, MissionRecords, Record
+from ares_models.jit import inlined, kernel
 from ares_models.kernels.environment import gravity, heating_rate
 from ares_models.kernels.sequence import awaits_heating
 from ares_models.kernels.targets import target_speed
@@ -50,7 +50,7 @@ CUTOFF_SEARCH_STEPS = 4
 
 
 @kernel
-def held_cutoff(mission: MissionArrays, onboard: Onboard) -> float:
+def held_cutoff(mission: MissionRecords, onboard: Onboard) -> float:
     """Time to go under frozen steering: when the speed will be that of the target.
 
     Args: as in :func:`guidance_step`.
@@ -58,9 +58,9 @@ def held_cutoff(mission: MissionArrays, onboard: Onboard) -> float:
     Returns:
         s from now, at full thrust.
     """
-    environment = mission.environment[0]
-    nav = onboard.navigation[0]
-    state = onboard.state[0]
+    environment = mission.environment
+    nav = onboard.navigation
+    state = onboard.state
     solution = state.solution
     arc = mission.arcs[nav.arc]
     if arc.kind != BURN:
@@ -86,7 +86,7 @@ def held_cutoff(mission: MissionArrays, onboard: Onboard) -> float:
         g = gravity(axpy(0.5 * horizon, v, r), environment)
         v_t = axpy(horizon, g, axpy(l_t, u, v))
         speed = norm(v_t)
-        wanted = target_speed(mission.target[0], environment.mu, norm(axpy(horizon, v, r)))
+        wanted = target_speed(mission.target, environment.mu, norm(axpy(horizon, v, r)))
         gain = dot(v_t, axpy(ve / (tau - t), u, g)) / speed
         if gain <= 0.0:
             break
@@ -97,35 +97,35 @@ def held_cutoff(mission: MissionArrays, onboard: Onboard) -> float:
 @kernel
 def accept(onboard: Onboard) -> None:
     """Hand the solution under iteration to the vehicle."""
-    solution = onboard.state[0].solution
-    steering = onboard.steering[0]
+    solution = onboard.state.solution
+    steering = onboard.steering
     steering.reference_time = solution.reference_time
     store(steering.direction, load(solution.direction))
     store(steering.direction_rate, load(solution.direction_rate))
-    steering.cutoff_time = onboard.navigation[0].time + solution.time_to_go - solution.tail_gain
+    steering.cutoff_time = onboard.navigation.time + solution.time_to_go - solution.tail_gain
 
 
 @kernel
 def adopt_steering(onboard: Onboard) -> None:
     """Make the steering in force the one that is held."""
-    solution = onboard.state[0].solution
-    steering = onboard.steering[0]
+    solution = onboard.state.solution
+    steering = onboard.steering
     solution.reference_time = steering.reference_time
     store(solution.direction, load(steering.direction))
     store(solution.direction_rate, load(steering.direction_rate))
-    solution.time_to_go = steering.cutoff_time + solution.tail_gain - onboard.navigation[0].time
+    solution.time_to_go = steering.cutoff_time + solution.tail_gain - onboard.navigation.time
 
 
-@kernel
-def aimed_lower(mission: MissionArrays, state: Record) -> MissionArrays:
+@inlined
+def aimed_lower(mission: MissionRecords, state: Record) -> MissionRecords:
     """The mission with the target that is within reach."""
-    return MissionArrays(
-        mission.environment, mission.atmosphere, mission.arcs, mission.jettisons, state.target[:]
+    return MissionRecords(
+        mission.environment, mission.atmosphere, mission.arcs, mission.jettisons, state.target
     )
 
 
 @kernel
-def seek_within_reach(mission: MissionArrays, onboard: Onboard, cold: bool) -> tuple[int, bool]:
+def seek_within_reach(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bool]:
     """As :func:`seek`, for a target lowered as far as the propellant is short.
 
     Args:
@@ -136,9 +136,9 @@ def seek_within_reach(mission: MissionArrays, onboard: Onboard, cold: bool) -> t
     Returns:
         ERROR_NONE or ERROR_NOT_CONVERGED, and whether the target plane can be reached.
     """
-    state = onboard.state[0]
+    state = onboard.state
     if state.cycle == 1 or state.lowered == 0.0:
-        state.target[0] = mission.target[0]
+        state.target = mission.target
         state.lowered = 0.0
     aimed = aimed_lower(mission, state)
     error, reachable = seek(aimed, onboard, cold)
@@ -151,9 +151,9 @@ def seek_within_reach(mission: MissionArrays, onboard: Onboard, cold: bool) -> t
         if lacking < -state.lowered:
             # the target itself is within reach again
             state.lowered = 0.0
-            state.target[0] = mission.target[0]
+            state.target = mission.target
         else:
-            state.lowered += lower_target(state.target[0], mission.environment[0].mu, lacking)
+            state.lowered += lower_target(state.target, mission.environment.mu, lacking)
         error, reachable = seek(aimed, onboard, cold)
     return error, reachable
 
@@ -164,10 +164,10 @@ def gate(onboard: Onboard) -> int:
 
     A good solution moves little from one cycle to the next.
     """
-    nav = onboard.navigation[0]
-    settings = onboard.settings[0]
-    solution = onboard.state[0].solution
-    steering = onboard.steering[0]
+    nav = onboard.navigation
+    settings = onboard.settings
+    solution = onboard.state.solution
+    steering = onboard.steering
     ahead = nav.time + settings.cycle_period
     jump = angle_between(
         axpy(
@@ -190,16 +190,15 @@ def gate(onboard: Onboard) -> int:
 
 
 @kernel
-def solve(mission: MissionArrays, onboard: Onboard) -> None:
+def solve(mission: MissionRecords, onboard: Onboard) -> None:
     """Iterate to convergence and pass the gates, or keep the last good solution.
 
     Args: as in :func:`guidance_step`.
     """
-    settings = onboard.settings[0]
-    state = onboard.state[0]
+    settings = onboard.settings
+    state = onboard.state
     cold = state.phase != PHASE_TRACKING
-    onboard.saved[0] = state.solution
-    saved = onboard.saved[0]
+    state.saved = state.solution
     state.iterations = 0
     error, reachable = seek_within_reach(mission, onboard, cold)
     state.total_iterations += state.iterations
@@ -219,9 +218,9 @@ def solve(mission: MissionArrays, onboard: Onboard) -> None:
         return
     state.stale_cycles += 1
     restart = state.stale_cycles > settings.max_stale_cycles
-    if not cold and restart and saved.time_to_go < settings.restart_time:
+    if not cold and restart and state.saved.time_to_go < settings.restart_time:
         # too late to begin again: what was good so far is nearly exact
-        state.solution = saved
+        state.solution = state.saved
         adopt_steering(onboard)
         state.phase = PHASE_HOLD
     elif cold and not restart and math.isfinite(state.solution.miss_speed):
@@ -233,7 +232,7 @@ def solve(mission: MissionArrays, onboard: Onboard) -> None:
         state.stale_cycles = 0
         start_guess(mission, onboard)
     else:
-        state.solution = saved
+        state.solution = state.saved
 
 
 @kernel
@@ -255,22 +254,22 @@ def navigation_is_sound(nav: Record, arcs: NDArray[Any]) -> bool:
 @kernel
 def point_along_velocity(onboard: Onboard) -> None:
     """Steering while there is no solution."""
-    nav = onboard.navigation[0]
-    steering = onboard.steering[0]
+    nav = onboard.navigation
+    steering = onboard.steering
     steering.reference_time = nav.time
     store(steering.direction, unit(load(nav.velocity)))
 
 
 @kernel
-def catch_up(mission: MissionArrays, onboard: Onboard) -> None:
+def catch_up(mission: MissionRecords, onboard: Onboard) -> None:
     """Begin the flight, or bring the last solution to the present navigation state.
 
     Args: as in :func:`guidance_step`.
     """
-    environment = mission.environment[0]
-    nav = onboard.navigation[0]
-    state = onboard.state[0]
-    steering = onboard.steering[0]
+    environment = mission.environment
+    nav = onboard.navigation
+    state = onboard.state
+    steering = onboard.steering
     modelled = heating_rate(load(nav.position), load(nav.velocity), environment, mission.atmosphere)
     state.density_ratio = nav.heating_rate / modelled if modelled > 0.0 else math.nan
     if not (state.density_ratio > 0.0):
@@ -291,16 +290,16 @@ def catch_up(mission: MissionArrays, onboard: Onboard) -> None:
 
 
 @kernel
-def hold(mission: MissionArrays, onboard: Onboard) -> None:
+def hold(mission: MissionRecords, onboard: Onboard) -> None:
     """Close to the end: freeze the steering, refine the cut-off, and come to it.
 
     Args: as in :func:`guidance_step`.
     """
-    nav = onboard.navigation[0]
-    state = onboard.state[0]
+    nav = onboard.navigation
+    state = onboard.state
     solution = state.solution
-    steering = onboard.steering[0]
-    if state.phase == PHASE_TRACKING and solution.time_to_go <= onboard.settings[0].hold_time:
+    steering = onboard.steering
+    if state.phase == PHASE_TRACKING and solution.time_to_go <= onboard.settings.hold_time:
         adopt_steering(onboard)
         state.phase = PHASE_HOLD
     if state.phase == PHASE_HOLD:
@@ -311,14 +310,14 @@ def hold(mission: MissionArrays, onboard: Onboard) -> None:
 
 
 @kernel
-def run_cycle(mission: MissionArrays, onboard: Onboard) -> None:
+def run_cycle(mission: MissionRecords, onboard: Onboard) -> None:
     """The cycle that is due.
 
     Args: as in :func:`guidance_step`.
     """
-    nav = onboard.navigation[0]
-    state = onboard.state[0]
-    period = onboard.settings[0].cycle_period
+    nav = onboard.navigation
+    state = onboard.state
+    period = onboard.settings.cycle_period
     state.cycle += 1
     watch_engines(mission.arcs, onboard)
     # whole periods, however many were missed
@@ -331,7 +330,7 @@ def run_cycle(mission: MissionArrays, onboard: Onboard) -> None:
 
 
 @kernel
-def time_jettison(mission: MissionArrays, onboard: Onboard, due: bool) -> None:
+def time_jettison(mission: MissionRecords, onboard: Onboard, due: bool) -> None:
     """Command the next drop that the heating decides; close to it, refined on every state.
 
     Args:
@@ -339,15 +338,15 @@ def time_jettison(mission: MissionArrays, onboard: Onboard, due: bool) -> None:
         onboard: what is on board. Changed.
         due: a cycle was due, and has just predicted it.
     """
-    nav = onboard.navigation[0]
-    state = onboard.state[0]
-    steering = onboard.steering[0]
+    nav = onboard.navigation
+    state = onboard.state
+    steering = onboard.steering
     jettison_time = state.solution.jettison_time
     soonest = math.inf
     for j in range(mission.jettisons.shape[0]):
         if awaits_heating(mission.jettisons, nav.jettisoned, j):
             soonest = min(soonest, jettison_time[j])
-    near = soonest - nav.time <= onboard.settings[0].cycle_period
+    near = soonest - nav.time <= onboard.settings.cycle_period
     if state.phase != PHASE_CONVERGING and not due and near:
         plan_segments(mission, onboard)
         ahead = LinearTangent(
@@ -370,7 +369,7 @@ def time_jettison(mission: MissionArrays, onboard: Onboard, due: bool) -> None:
 
 
 @kernel
-def guidance_step(mission: MissionArrays, onboard: Onboard) -> None:
+def guidance_step(mission: MissionRecords, onboard: Onboard) -> None:
     """Answer one navigation state: a guidance cycle when it is due, else the last answer.
 
     Before the first converged solution the thrust points along the velocity.
@@ -379,8 +378,8 @@ def guidance_step(mission: MissionArrays, onboard: Onboard) -> None:
         mission: as guidance believes it.
         onboard: what is on board: the navigation state, and ``steering``, the answer. Changed.
     """
-    nav = onboard.navigation[0]
-    state = onboard.state[0]
+    nav = onboard.navigation
+    state = onboard.state
     if not navigation_is_sound(nav, mission.arcs):
         state.error = ERROR_NAVIGATION_INVALID
         return
@@ -391,6 +390,6 @@ def guidance_step(mission: MissionArrays, onboard: Onboard) -> None:
     due = nav.time >= state.next_cycle_time - 1e-9
     if due:
         run_cycle(mission, onboard)
-    if state.phase == PHASE_CONVERGING and math.isnan(onboard.steering[0].cutoff_time):
+    if state.phase == PHASE_CONVERGING and math.isnan(onboard.steering.cutoff_time):
         point_along_velocity(onboard)
     time_jettison(mission, onboard, due)

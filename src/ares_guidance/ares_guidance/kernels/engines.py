@@ -56,8 +56,8 @@ def watch_engines(arcs: NDArray[Any], onboard: Onboard) -> None:
         onboard: what is on board. ``thrust_ratio``, ``flow_ratio`` and ``engines`` of its
             state are updated.
     """
-    nav = onboard.navigation[0]
-    state = onboard.state[0]
+    nav = onboard.navigation
+    state = onboard.state
     engines = state.engines
     span = nav.time - engines.time
     if engines.mass > 0.0 and 0.0 <= span < SHORTEST:

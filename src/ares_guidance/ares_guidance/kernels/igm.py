@@ -21,7 +21,7 @@ from ares_guidance.kernels.segments import (
     note_tail_off,
     thrust_integrals,
 )
-from ares_models.arrays import MissionArrays
+from ares_models.arrays import MissionRecords
 from ares_models.jit import kernel
 from ares_models.kernels.environment import gravity
 from ares_models.kernels.targets import desired_state, plane_normal, project_to_plane
@@ -114,7 +114,7 @@ def pitch_integrals(
 
 
 @kernel
-def iterate(mission: MissionArrays, onboard: Onboard) -> tuple[float, float, bool]:
+def iterate(mission: MissionRecords, onboard: Onboard) -> tuple[float, float, bool]:
     """One pass: terminal frame, time to go, chi-tilde, K1 to K4, range angle.
 
     Args: as in :func:`ares_guidance.kernels.cycle.guidance_step`.
@@ -123,10 +123,10 @@ def iterate(mission: MissionArrays, onboard: Onboard) -> tuple[float, float, boo
         change of velocity-to-go m/s, change of the jettison time s, whether the
         target plane passes through the predicted point.
     """
-    environment = mission.environment[0]
-    target = mission.target[0]
-    nav = onboard.navigation[0]
-    state = onboard.state[0]
+    environment = mission.environment
+    target = mission.target
+    nav = onboard.navigation
+    state = onboard.state
     solution = state.solution
     r = load(nav.position)
     v = load(nav.velocity)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ares_guidance.arrays import HEATING_MEASURED, Onboard
 from ares_guidance.kernels.prediction import LinearTangent, gravity_effect, steered_thrust
 from ares_guidance.kernels.segments import thrust_integrals
-from ares_models.arrays import MissionArrays, Record
+from ares_models.arrays import MissionRecords, Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import gravity, log_heating
 from ares_models.kernels.sequence import awaits_heating
@@ -19,7 +19,7 @@ JETTISON_SEARCH_STEPS = 12
 
 @kernel
 def predicted_log_heating(
-    mission: MissionArrays, onboard: Onboard, steering: LinearTangent, t: float
+    mission: MissionRecords, onboard: Onboard, steering: LinearTangent, t: float
 ) -> tuple[float, float]:
     """Log of the modelled heating on the predicted path, and its slope.
 
@@ -32,9 +32,9 @@ def predicted_log_heating(
     Returns:
         ln(q / (W/m2)) and its rate in 1/s.
     """
-    environment = mission.environment[0]
-    nav = onboard.navigation[0]
-    state = onboard.state[0]
+    environment = mission.environment
+    nav = onboard.navigation
+    state = onboard.state
     r = load(nav.position)
     v = load(nav.velocity)
     thrust_v, thrust_r = steered_thrust(thrust_integrals(state, t, math.inf), steering)
@@ -55,7 +55,7 @@ def predicted_log_heating(
 
 @kernel
 def heating_crossing(
-    mission: MissionArrays,
+    mission: MissionRecords,
     onboard: Onboard,
     steering: LinearTangent,
     log_limit: float,
@@ -78,8 +78,8 @@ def heating_crossing(
     Returns:
         s from now; inf when the limit is not met before cut-off.
     """
-    tolerance = onboard.settings[0].jettison_time_tolerance
-    horizon = onboard.state[0].solution.time_to_go
+    tolerance = onboard.settings.jettison_time_tolerance
+    horizon = onboard.state.solution.time_to_go
     falling = earliest
     t = min(max(guess, earliest), horizon)
     for _ in range(JETTISON_SEARCH_STEPS):
@@ -120,7 +120,7 @@ def first_ignition(stage: int, arcs: NDArray[Any], state: Record) -> float:
 
 
 @kernel
-def predict_jettisons(mission: MissionArrays, onboard: Onboard, steering: LinearTangent) -> float:
+def predict_jettisons(mission: MissionRecords, onboard: Onboard, steering: LinearTangent) -> float:
     """Move each heating jettison to where the predicted path meets its limit.
 
     Args:
@@ -132,9 +132,9 @@ def predict_jettisons(mission: MissionArrays, onboard: Onboard, steering: Linear
         largest change of a predicted time, s; inf when a jettison came into or fell
         out of the plan.
     """
-    nav = onboard.navigation[0]
-    settings = onboard.settings[0]
-    state = onboard.state[0]
+    nav = onboard.navigation
+    settings = onboard.settings
+    state = onboard.state
     jettison_time = state.solution.jettison_time
     jettisons = mission.jettisons
     largest = 0.0

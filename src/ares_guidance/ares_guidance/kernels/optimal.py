@@ -13,8 +13,8 @@ from ares_guidance.arrays import ERROR_NONE, ERROR_NOT_CONVERGED, LAW_OPTIMAL, O
 from ares_guidance.kernels.convergence import seek as seek_by_peg
 from ares_guidance.kernels.jettison import on_board_heating
 from ares_guidance.kernels.segments import note_tail_off, plan_segments, thrust_integrals
-from ares_models.arrays import BURN, HEATING_LIMIT, MissionArrays, Record
-from ares_models.jit import kernel
+from ares_models.arrays import BURN, HEATING_LIMIT, MissionRecords, Record
+from ares_models.jit import inlined, kernel
 from ares_models.kernels.environment import log_heating_gradient
 from ares_models.kernels.sequence import aboard, awaits_heating, empty_mass
 from ares_models.kernels.vectors import axpy, load, norm, scale, store, unit
@@ -53,8 +53,8 @@ MOST_WASTED = 4_000_000
 @kernel
 def believed_limits(jettisons: NDArray[Any], onboard: Onboard) -> None:
     """Heating limits in the units of the on-board density, margin taken off."""
-    settings = onboard.settings[0]
-    state = onboard.state[0]
+    settings = onboard.settings
+    state = onboard.state
     memory = state.optimal
     below = (1.0 - settings.heating_margin) / on_board_heating(settings, state)
     for j in range(jettisons.shape[0]):
@@ -64,10 +64,10 @@ def believed_limits(jettisons: NDArray[Any], onboard: Onboard) -> None:
 
 
 @kernel
-def believed_arcs(mission: MissionArrays, onboard: Onboard) -> None:
+def believed_arcs(mission: MissionRecords, onboard: Onboard) -> None:
     """The mission's arcs, those of the present stage with its engines as measured."""
-    nav = onboard.navigation[0]
-    state = onboard.state[0]
+    nav = onboard.navigation
+    state = onboard.state
     arcs = mission.arcs
     memory = state.optimal
     stage = arcs[nav.arc].stage
@@ -100,13 +100,13 @@ def believed_arcs(mission: MissionArrays, onboard: Onboard) -> None:
     memory.flow_ratio = state.flow_ratio
 
 
-@kernel
-def believed_mission(mission: MissionArrays, onboard: Onboard) -> MissionArrays:
+@inlined
+def believed_mission(mission: MissionRecords, onboard: Onboard) -> MissionRecords:
     """The mission with limits and engines as measured, kept in the law's memory."""
     believed_limits(mission.jettisons, onboard)
     believed_arcs(mission, onboard)
-    memory = onboard.state[0].optimal
-    return MissionArrays(
+    memory = onboard.state.optimal
+    return MissionRecords(
         mission.environment,
         mission.atmosphere,
         memory.arcs[: mission.arcs.shape[0]],
@@ -116,11 +116,11 @@ def believed_mission(mission: MissionArrays, onboard: Onboard) -> MissionArrays:
 
 
 @kernel
-def carry(mission: MissionArrays, onboard: Onboard) -> None:
+def carry(mission: MissionRecords, onboard: Onboard) -> None:
     """Bring the costates of the last solution to the present state, jettisons included."""
-    nav = onboard.navigation[0]
-    environment = mission.environment[0]
-    memory = onboard.state[0].optimal
+    nav = onboard.navigation
+    environment = mission.environment
+    memory = onboard.state.optimal
     u = memory.unknowns
     r = load(nav.position)
     p = (u[0], u[1], u[2])
@@ -158,9 +158,9 @@ def carry(mission: MissionArrays, onboard: Onboard) -> None:
 @kernel
 def first_guess(jettisons: NDArray[Any], onboard: Onboard) -> None:
     """Unknowns from the steering in force: lambda_v = direction, lambda_r = -rate."""
-    nav = onboard.navigation[0]
-    solution = onboard.state[0].solution
-    u = onboard.state[0].optimal.unknowns
+    nav = onboard.navigation
+    solution = onboard.state.solution
+    u = onboard.state.optimal.unknowns
     ahead = nav.time - solution.reference_time
     p = axpy(ahead, load(solution.direction_rate), load(solution.direction))
     size = 1.0 / norm(p)
@@ -178,22 +178,22 @@ def first_guess(jettisons: NDArray[Any], onboard: Onboard) -> None:
 
 
 @kernel
-def correct(believed: MissionArrays, onboard: Onboard) -> bool:
+def correct(believed: MissionRecords, onboard: Onboard) -> bool:
     """One correction with the Jacobian of an earlier cycle; False if that is not enough."""
-    nav = onboard.navigation[0]
+    nav = onboard.navigation
     jettisons = believed.jettisons
-    memory = onboard.state[0].optimal
+    memory = onboard.state.optimal
     work = memory.work
     u = memory.unknowns[:]
     # a variable, for the sake of one compiled flight
     tangents = jettisons.shape[0] < 0
     if not shoot(
         nav,
-        believed.environment[0],
+        believed.environment,
         believed.atmosphere,
         believed.arcs,
         jettisons,
-        believed.target[0],
+        believed.target,
         memory.options,
         u,
         tangents,
@@ -217,12 +217,12 @@ def correct(believed: MissionArrays, onboard: Onboard) -> bool:
 
 @kernel
 def search(
-    believed: MissionArrays, onboard: Onboard, guessed: bool, restart: bool
+    believed: MissionRecords, onboard: Onboard, guessed: bool, restart: bool
 ) -> tuple[int, bool]:
     """The optimum by Newton's method; iterations, and whether it was found."""
-    nav = onboard.navigation[0]
+    nav = onboard.navigation
     jettisons = believed.jettisons
-    memory = onboard.state[0].optimal
+    memory = onboard.state.optimal
     work = memory.work
     if memory.wasted_in != nav.arc + 1:
         memory.wasted_in = nav.arc + 1
@@ -234,11 +234,11 @@ def search(
     thorough = memory.options.max_iterations < 0
     iterations, _, status, _ = find_optimum(
         nav,
-        believed.environment[0],
+        believed.environment,
         believed.atmosphere,
         believed.arcs,
         jettisons,
-        believed.target[0],
+        believed.target,
         memory.options,
         guessed,
         restart,
@@ -256,10 +256,10 @@ def search(
 
 
 @kernel
-def tell(mission: MissionArrays, onboard: Onboard) -> None:
+def tell(mission: MissionRecords, onboard: Onboard) -> None:
     """Write the solution where the guidance cycle looks for it."""
-    nav = onboard.navigation[0]
-    state = onboard.state[0]
+    nav = onboard.navigation
+    state = onboard.state
     solution = state.solution
     memory = state.optimal
     u = memory.unknowns
@@ -298,7 +298,7 @@ def set_options(options: Record, max_iterations: int) -> None:
 
 
 @kernel
-def solve_optimal(mission: MissionArrays, onboard: Onboard, guessed: bool, restart: bool) -> int:
+def solve_optimal(mission: MissionRecords, onboard: Onboard, guessed: bool, restart: bool) -> int:
     """The optimum from a navigation state into the state on board.
 
     Args:
@@ -310,10 +310,10 @@ def solve_optimal(mission: MissionArrays, onboard: Onboard, guessed: bool, resta
     Returns:
         ERROR_NONE, or ERROR_NOT_CONVERGED with the steering on board untouched.
     """
-    nav = onboard.navigation[0]
-    state = onboard.state[0]
+    nav = onboard.navigation
+    state = onboard.state
     memory = state.optimal
-    set_options(memory.options, onboard.settings[0].max_solve_iterations)
+    set_options(memory.options, onboard.settings.max_solve_iterations)
     believed = believed_mission(mission, onboard)
     iterations = 1
     found = False
@@ -340,7 +340,7 @@ def solve_optimal(mission: MissionArrays, onboard: Onboard, guessed: bool, resta
 
 
 @kernel
-def seek(mission: MissionArrays, onboard: Onboard, cold: bool) -> tuple[int, bool]:
+def seek(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bool]:
     """The optimum; a solution by PEG where there is none.
 
     Args:
@@ -351,7 +351,7 @@ def seek(mission: MissionArrays, onboard: Onboard, cold: bool) -> tuple[int, boo
     Returns: as :func:`ares_guidance.kernels.convergence.converge`.
     """
     error = ERROR_NOT_CONVERGED
-    solved = onboard.state[0].optimal.solved == 1
+    solved = onboard.state.optimal.solved == 1
     if solved:
         error = solve_optimal(mission, onboard, solved, cold)
     if error == ERROR_NONE:

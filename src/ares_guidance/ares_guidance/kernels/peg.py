@@ -10,7 +10,7 @@ from ares_guidance.arrays import Onboard
 from ares_guidance.kernels.jettison import predict_jettisons
 from ares_guidance.kernels.prediction import LinearTangent, gravity_effect, steered_thrust
 from ares_guidance.kernels.segments import burn_time_to_go, note_tail_off, thrust_integrals
-from ares_models.arrays import MissionArrays
+from ares_models.arrays import MissionRecords
 from ares_models.jit import kernel
 from ares_models.kernels.targets import desired_state, plane_normal, project_to_plane
 from ares_models.kernels.vectors import (
@@ -28,7 +28,7 @@ from ares_models.kernels.vectors import (
 
 
 @kernel
-def iterate(mission: MissionArrays, onboard: Onboard) -> tuple[float, float, bool]:
+def iterate(mission: MissionRecords, onboard: Onboard) -> tuple[float, float, bool]:
     """One predictor-corrector pass over the planned segments.
 
     Args: as in :func:`ares_guidance.kernels.cycle.guidance_step`.
@@ -37,10 +37,10 @@ def iterate(mission: MissionArrays, onboard: Onboard) -> tuple[float, float, boo
         change of velocity-to-go m/s, change of the jettison time s, whether the
         target plane passes through the predicted point.
     """
-    mu = mission.environment[0].mu
-    target = mission.target[0]
-    nav = onboard.navigation[0]
-    state = onboard.state[0]
+    mu = mission.environment.mu
+    target = mission.target
+    nav = onboard.navigation
+    state = onboard.state
     solution = state.solution
     r = load(nav.position)
     v = load(nav.velocity)

@@ -32,10 +32,10 @@ from ares_guidance.kernels.start import start_guess
 from ares_models.arrays import (
     TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
     TARGET_RADIUS_SPEED_ANGLE_PLANE,
-    MissionArrays,
+    MissionRecords,
     Record,
 )
-from ares_models.jit import kernel
+from ares_models.jit import inlined, kernel
 from ares_models.kernels.vectors import cross, is_finite, load, scale, store, unit
 
 
@@ -49,22 +49,22 @@ def mode_of(nav: Record, arcs: NDArray[Any], memory: Record) -> int:
     return 1
 
 
-@kernel
-def mission_to_jettison(mission: MissionArrays, memory: Record) -> MissionArrays:
+@inlined
+def mission_to_jettison(mission: MissionRecords, memory: Record) -> MissionRecords:
     """The mission of modes 1 and 2: it ends at the jettison, which is its target."""
-    return MissionArrays(
+    return MissionRecords(
         mission.environment,
         mission.atmosphere,
         memory.early_arcs[: mission.arcs.shape[0]],
         mission.jettisons[:0],
-        memory.target[:],
+        memory.target,
     )
 
 
-@kernel
-def by_rules(onboard: Onboard, rules: NDArray[Any]) -> Onboard:
+@inlined
+def by_rules(onboard: Onboard, rules: Record) -> Onboard:
     """What is on board, with the settings of a mode."""
-    return Onboard(onboard.navigation, rules, onboard.state, onboard.saved, onboard.steering)
+    return Onboard(onboard.navigation, rules, onboard.state, onboard.steering)
 
 
 @kernel
@@ -77,7 +77,7 @@ def hold_plane(nav: Record, memory: Record) -> None:
         nav: record NAVIGATION.
         memory: record THESIS_MEMORY. Changed.
     """
-    target = memory.target[0]
+    target = memory.target
     if memory.plane == PLANE_FREE:
         target.kind = TARGET_RADIUS_SPEED_ANGLE_INCLINATION
         return
@@ -90,8 +90,8 @@ def hold_plane(nav: Record, memory: Record) -> None:
 @kernel
 def keep_fallback(onboard: Onboard) -> None:
     """Remember the solution in force, with the jettison as its end."""
-    state = onboard.state[0]
-    steering = onboard.steering[0]
+    state = onboard.state
+    steering = onboard.steering
     memory = state.thesis
     good = state.phase == PHASE_TRACKING or state.phase == PHASE_HOLD
     memory.fallback = 1 if good else 0
@@ -104,8 +104,8 @@ def keep_fallback(onboard: Onboard) -> None:
 @kernel
 def fly_fallback(onboard: Onboard) -> None:
     """Hold the remembered solution to the jettison."""
-    state = onboard.state[0]
-    steering = onboard.steering[0]
+    state = onboard.state
+    steering = onboard.steering
     memory = state.thesis
     steering.cutoff_time = memory.fallback_jettison_time
     steering.reference_time = memory.fallback_reference_time
@@ -116,7 +116,7 @@ def fly_fallback(onboard: Onboard) -> None:
 
 
 @kernel
-def begin_mode(mission: MissionArrays, onboard: Onboard, mode: int) -> None:
+def begin_mode(mission: MissionRecords, onboard: Onboard, mode: int) -> None:
     """Start a mode: its target, and Eq. 6.1 for its first velocity-to-go.
 
     Args:
@@ -124,8 +124,8 @@ def begin_mode(mission: MissionArrays, onboard: Onboard, mode: int) -> None:
         onboard: what is on board. Changed.
         mode: 1, 2 or 3.
     """
-    nav = onboard.navigation[0]
-    state = onboard.state[0]
+    nav = onboard.navigation
+    state = onboard.state
     memory = state.thesis
     memory.fallback = 0
     if mode == 2 and memory.mode == 1:
@@ -135,7 +135,7 @@ def begin_mode(mission: MissionArrays, onboard: Onboard, mode: int) -> None:
     state.next_cycle_time = nav.time
     state.time = nav.time
     store(state.sensed_delta_v, load(nav.sensed_delta_v))
-    if memory.fallback == 1 and memory.jettison_time - nav.time <= onboard.settings[0].hold_time:
+    if memory.fallback == 1 and memory.jettison_time - nav.time <= onboard.settings.hold_time:
         # so late that the mode would only hold
         memory.mode = mode
         fly_fallback(onboard)
@@ -155,19 +155,18 @@ def begin_mode(mission: MissionArrays, onboard: Onboard, mode: int) -> None:
 
 
 @kernel
-def fly_mode(mission: MissionArrays, onboard: Onboard, mode: int) -> None:
+def fly_mode(mission: MissionRecords, onboard: Onboard, mode: int) -> None:
     """One step of a mode, to the end of that mode.
 
     Args: as in :func:`begin_mode`.
     """
-    state = onboard.state[0]
-    steering = onboard.steering[0]
-    now = onboard.navigation[0].time
+    state = onboard.state
+    steering = onboard.steering
+    now = onboard.navigation.time
     if mode != state.thesis.mode:
         begin_mode(mission, onboard, mode)
     elif (
-        state.phase == PHASE_CONVERGING
-        and steering.cutoff_time - now <= onboard.settings[0].hold_time
+        state.phase == PHASE_CONVERGING and steering.cutoff_time - now <= onboard.settings.hold_time
     ):
         # too late to settle
         adopt_steering(onboard)
@@ -192,15 +191,15 @@ def fly_mode(mission: MissionArrays, onboard: Onboard, mode: int) -> None:
 
 
 @kernel
-def fly_to_jettison(mission: MissionArrays, onboard: Onboard, mode: int) -> None:
+def fly_to_jettison(mission: MissionRecords, onboard: Onboard, mode: int) -> None:
     """One step of mode 1 or 2; the "cut-off" on board is then turned into a jettison.
 
     Args: as in :func:`begin_mode`.
     """
-    nav = onboard.navigation[0]
-    rules = onboard.settings[0]
-    state = onboard.state[0]
-    steering = onboard.steering[0]
+    nav = onboard.navigation
+    rules = onboard.settings
+    state = onboard.state
+    steering = onboard.steering
     memory = state.thesis
     steering.cutoff_time = memory.jettison_time if memory.mode > 0 else math.nan
     fly_mode(mission, onboard, mode)
@@ -222,7 +221,7 @@ def fly_to_jettison(mission: MissionArrays, onboard: Onboard, mode: int) -> None
 
 
 @kernel
-def step_by_modes(mission: MissionArrays, onboard: Onboard) -> None:
+def step_by_modes(mission: MissionRecords, onboard: Onboard) -> None:
     """Answer one navigation state, mode by mode; without a plan, by the shared cycle.
 
     In modes 1 and 2 the cycle's "cut-off" is the jettison; that of the engine is expected
@@ -232,14 +231,14 @@ def step_by_modes(mission: MissionArrays, onboard: Onboard) -> None:
         mission: as guidance believes it; with a plan two stages and one jettison.
         onboard: what is on board; settings are those of the shared cycle. Changed.
     """
-    nav = onboard.navigation[0]
-    memory = onboard.state[0].thesis
+    nav = onboard.navigation
+    memory = onboard.state.thesis
     if memory.planned == 0 or not navigation_is_sound(nav, mission.arcs):
         guidance_step(mission, onboard)
         return
     mode = mode_of(nav, mission.arcs, memory)
     if mode == 3:
-        fly_mode(mission, by_rules(onboard, memory.late_rules[:]), mode)
+        fly_mode(mission, by_rules(onboard, memory.late_rules), mode)
     else:
         early = mission_to_jettison(mission, memory)
-        fly_to_jettison(early, by_rules(onboard, memory.early_rules[:]), mode)
+        fly_to_jettison(early, by_rules(onboard, memory.early_rules), mode)

@@ -8,7 +8,7 @@ import math
 
 from ares_guidance.arrays import MAX_SEGMENTS, Onboard
 from ares_guidance.kernels.engines import present_engine
-from ares_models.arrays import BURN, MissionArrays, Record
+from ares_models.arrays import BURN, MissionRecords, Record
 from ares_models.jit import kernel
 from ares_models.kernels.sequence import (
     aboard,
@@ -25,7 +25,7 @@ Integrals = tuple[float, float, float, float, float, float]
 
 @kernel
 def next_drop(
-    mission: MissionArrays, state: Record, dropped: int, lit: tuple[int, float], now: float
+    mission: MissionRecords, state: Record, dropped: int, lit: tuple[int, float], now: float
 ) -> tuple[int, float]:
     """What is dropped next, and when, s; -1 and inf: nothing.
 
@@ -65,11 +65,11 @@ def add_segment(
     Returns:
         the segment, record SEGMENT.
     """
-    state = onboard.state[0]
+    state = onboard.state
     count = min(state.segment_count, MAX_SEGMENTS - 1)
     exhaust_velocity, mass_flow = engine
     segment = state.segments[count]
-    segment.start = begin - onboard.navigation[0].time
+    segment.start = begin - onboard.navigation.time
     segment.duration = end - begin
     segment.exhaust_velocity = exhaust_velocity
     segment.tau = mass / mass_flow
@@ -83,7 +83,7 @@ def add_segment(
 
 @kernel
 def plan_burn(
-    mission: MissionArrays,
+    mission: MissionRecords,
     onboard: Onboard,
     k: int,
     span: tuple[float, float],
@@ -103,8 +103,8 @@ def plan_burn(
     Returns:
         mass at the end, and what has dropped by then.
     """
-    nav = onboard.navigation[0]
-    state = onboard.state[0]
+    nav = onboard.navigation
+    state = onboard.state
     arc = mission.arcs[k]
     engine = present_engine(arc, mission.arcs[nav.arc].stage, state)
     cursor, end = span
@@ -130,7 +130,7 @@ def plan_burn(
 
 
 @kernel
-def plan_segments(mission: MissionArrays, onboard: Onboard) -> None:
+def plan_segments(mission: MissionRecords, onboard: Onboard) -> None:
     """Fill ``state.segments`` from the present arc to the free burn.
 
     Heating jettisons stand where the solution has them, the others where the mission puts
@@ -140,8 +140,8 @@ def plan_segments(mission: MissionArrays, onboard: Onboard) -> None:
         mission: as guidance believes it.
         onboard: what is on board. Its plan is changed.
     """
-    nav = onboard.navigation[0]
-    state = onboard.state[0]
+    nav = onboard.navigation
+    state = onboard.state
     arcs = mission.arcs
     mass = nav.mass
     dropped = nav.jettisoned

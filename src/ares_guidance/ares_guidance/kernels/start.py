@@ -4,24 +4,24 @@ import math
 
 from ares_guidance.arrays import Onboard
 from ares_guidance.kernels.segments import burn_time_to_go, plan_segments
-from ares_models.arrays import MissionArrays
+from ares_models.arrays import MissionRecords
 from ares_models.jit import kernel
 from ares_models.kernels.targets import desired_state, plane_normal, project_to_plane, target_speed
 from ares_models.kernels.vectors import axpy, load, norm, scale, store, unit
 
 
 @kernel
-def start_guess(mission: MissionArrays, onboard: Onboard) -> None:
+def start_guess(mission: MissionRecords, onboard: Onboard) -> None:
     """First velocity-to-go: the scalar impulse along the velocity, Eqs. 5.29 and 5.35.
 
     A state that is ``seeded`` keeps its velocity-to-go and jettison times instead, once.
 
     Args: as in :func:`ares_guidance.kernels.cycle.guidance_step`.
     """
-    mu = mission.environment[0].mu
-    target = mission.target[0]
-    nav = onboard.navigation[0]
-    state = onboard.state[0]
+    mu = mission.environment.mu
+    target = mission.target
+    nav = onboard.navigation
+    state = onboard.state
     solution = state.solution
     r = load(nav.position)
     v = load(nav.velocity)

@@ -111,12 +111,12 @@ class ThesisPeg(Law):
         memory["delta_v"] = plan.delta_v_m_s
         memory["plane"] = PLANES[self._pins.plane]
         memory["split_at_staging"] = self._pins.split_at_staging
-        memory["early_rules"][0], memory["late_rules"][0] = self._early, self._late
+        memory["early_rules"], memory["late_rules"] = self._early, self._late
         memory["early_arcs"][: len(arrays.arcs)] = arrays.arcs
         last = memory["early_arcs"][len(arrays.arcs) - 1]
         last["tail_knots"] = 0
         last["tail_gain"] = 0.0
-        target = memory["target"][0]
+        target = memory["target"]
         target["inclination"] = arrays.target["inclination"][0]
         target["radius"] = plan.radius_m
         target["speed"] = plan.speed_m_s

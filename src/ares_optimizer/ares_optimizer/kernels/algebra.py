@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from ares_models.jit import kernel
+from ares_models.jit import allocating as kernel
 from ares_optimizer.kernels.problem import Array
 
 _TINY = 1e-13

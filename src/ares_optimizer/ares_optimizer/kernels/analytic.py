@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import Record
-from ares_models.jit import kernel
+from ares_models.jit import allocating as kernel
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import Record
-from ares_models.jit import kernel
+from ares_models.jit import allocating as kernel
 from ares_optimizer.kernels.algebra import least_step
 from ares_optimizer.kernels.analytic import LOCAL, POWERS, cosine_of, log_moments, project
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.jit import kernel
+from ares_models.jit import allocating as kernel
 from ares_models.kernels.environment import heating_rate
 from ares_models.kernels.vectors import Vector, add, axpy, norm, scale, store
 from ares_optimizer.kernels.analytic import cosine_of

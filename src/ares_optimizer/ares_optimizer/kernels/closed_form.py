@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import Record
-from ares_models.jit import kernel
+from ares_models.jit import allocating as kernel
 from ares_optimizer.kernels.costates import thrust_acceleration_tangents
 
 SIMPSON = 1

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import ALTITUDE_SPHERICAL, Record
-from ares_models.jit import kernel
+from ares_models.jit import allocating as kernel
 from ares_models.kernels.environment import (
     altitude,
     altitude_gradient,

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ares_models.jit import kernel
+from ares_models.jit import allocating as kernel
 from ares_models.kernels.environment import log_heating_gradient
 from ares_models.kernels.vectors import load
 from ares_optimizer.kernels.heating import heating_peaks

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import TARGET_KEPLERIAN, TARGET_RADIUS_SPEED_ANGLE_INCLINATION, Record
-from ares_models.jit import kernel
+from ares_models.jit import allocating as kernel
 from ares_models.kernels.vectors import (
     Vector,
     add,

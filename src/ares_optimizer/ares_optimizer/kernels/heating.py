@@ -1,7 +1,7 @@
 """Where the heating after the jettison has its peaks."""
 
 from ares_models.arrays import Record
-from ares_models.jit import kernel
+from ares_models.jit import allocating as kernel
 from ares_models.kernels.environment import log_heating
 from ares_models.kernels.vectors import Vector, add, axpy, load, scale, sub
 from ares_optimizer.kernels.problem import Array

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import ALTITUDE_SPHERICAL, Record
-from ares_models.jit import kernel
+from ares_models.jit import allocating as kernel
 
 # inputs of the jump: r, V, lambda_v, its rate, thrust acceleration before and after
 JUMP_INPUTS = 14

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import BURN, HEATING_LIMIT, LONGEST_FLIGHT, Record
-from ares_models.jit import kernel
+from ares_models.jit import allocating as kernel
 from ares_optimizer.kernels.timetable import (
     COLUMN_CUTOFF,
     COLUMN_JETTISON,

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import Record
-from ares_models.jit import kernel
+from ares_models.jit import allocating as kernel
 from ares_models.kernels.environment import log_heating_gradient
 from ares_models.kernels.vectors import Vector, axpy, dot, norm, scale
 from ares_optimizer.kernels.timetable import (

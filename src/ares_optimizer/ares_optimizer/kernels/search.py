@@ -14,7 +14,7 @@ from ares_models.arrays import (
     TIME_AFTER_IGNITION,
     Record,
 )
-from ares_models.jit import kernel
+from ares_models.jit import allocating as kernel
 from ares_models.kernels.environment import log_heating_gradient
 from ares_models.kernels.vectors import dot, load, norm
 from ares_optimizer.kernels.guess import guess_two_point

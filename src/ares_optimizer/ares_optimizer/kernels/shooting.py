@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from ares_models.arrays import Record
-from ares_models.jit import kernel
+from ares_models.jit import allocating as kernel
 from ares_models.kernels.vectors import Vector, axpy, dot, load, norm, scale, store
 from ares_optimizer.kernels.jump import JUMP_INPUTS, JUMP_OUTPUTS, jump, jump_jacobian
 from ares_optimizer.kernels.problem import (

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from ares_models.jit import kernel
+from ares_models.jit import allocating as kernel
 from ares_optimizer.kernels.algebra import (
     dual_multipliers,
     full_qr,

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from ares_models.arrays import TARGET_RADIUS_SPEED_ANGLE_INCLINATION
-from ares_models.jit import kernel
+from ares_models.jit import allocating as kernel
 from ares_models.kernels.vectors import Vector, add, axpy, cross, load, norm, scale, unit
 from ares_optimizer.kernels.evaluate import Point, Scratch, evaluate
 from ares_optimizer.kernels.guess import wanted_state

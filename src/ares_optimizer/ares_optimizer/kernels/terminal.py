@@ -12,7 +12,7 @@ from ares_models.arrays import (
     TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
     Record,
 )
-from ares_models.jit import kernel
+from ares_models.jit import allocating as kernel
 from ares_models.kernels.vectors import Vector, axpy, cross, dot, norm, scale
 from ares_optimizer.kernels.problem import Array
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import BURN, HEATING_LIMIT, SEQUENCE, Record
-from ares_models.jit import kernel
+from ares_models.jit import allocating as kernel
 from ares_models.kernels.sequence import (
     SAME_BURNOUT,
     SAME_TIME,

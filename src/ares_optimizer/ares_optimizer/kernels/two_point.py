@@ -19,7 +19,7 @@ from ares_models.arrays import (
     TARGET_KEPLERIAN,
     Record,
 )
-from ares_models.jit import kernel
+from ares_models.jit import allocating as kernel
 from ares_models.kernels.environment import log_heating_gradient
 from ares_models.kernels.vectors import (
     Vector,

@@ -22,9 +22,10 @@ from ares_models.tolerances import (
     RADIUS_M,
     SPEED_M_S,
 )
-from ares_studies.arrays import ClosedLoop
-from ares_studies.kernels import fly
+from ares_studies.arrays import Loop, LoopArrays
+from ares_studies.kernels import loop_records, run
 from ares_vehicle_sim.arrays import CUTOFF, DEPLETION, IMPACT, JETTISON_DONE, TIME_LIMIT
+from ares_vehicle_sim.kernels.navigation import measure
 from ares_vehicle_sim.kernels.plant import begin_flight
 from ares_vehicle_sim.kernels.variation import vary
 
@@ -96,9 +97,9 @@ def on_target(result: Record) -> bool:
 
 
 @kernel
-def judge(loop: ClosedLoop, result: Record) -> None:
+def judge(loop: Loop, result: Record) -> None:
     """Judge a flight that is over; fills a record RESULT."""
-    plant = loop.vehicle.plant[0]
+    plant = loop.vehicle.plant
     jettisons = loop.true.jettisons
     result.end_time = plant.time
     result.mass = plant.mass
@@ -109,8 +110,8 @@ def judge(loop: ClosedLoop, result: Record) -> None:
     result.jettison_heating = math.nan
     result.jettison_limit = math.nan
     result.ended = CUTOFF if plant.inserted == 1 else DEPLETION
-    result.converged = 0 if math.isnan(loop.onboard.steering[0].cutoff_time) else 1
-    result.iterations = loop.onboard.state[0].total_iterations
+    result.converged = 0 if math.isnan(loop.onboard.steering.cutoff_time) else 1
+    result.iterations = loop.onboard.state.total_iterations
     result.on_board = (1 << jettisons.shape[0]) - 1
     kept = True
     for i in range(plant.event_count):
@@ -133,8 +134,8 @@ def judge(loop: ClosedLoop, result: Record) -> None:
     judge_insertion(
         load(plant.position),
         load(plant.velocity),
-        loop.believed.target[0],
-        loop.true.environment[0].mu,
+        loop.believed.target,
+        loop.true.environment.mu,
         result,
     )
     result.terminal_accuracy = 1 if plant.inserted == 1 and on_target(result) else 0
@@ -147,8 +148,8 @@ def fly_many(
     variations: NDArray[Any],
     atmospheres: NDArray[Any],
     nominal: MissionArrays,
-    blank: ClosedLoop,
-    room: ClosedLoop,
+    blank: LoopArrays,
+    room: LoopArrays,
     results: NDArray[Any],
 ) -> None:
     """Fly and judge one flight for every variation.
@@ -169,12 +170,12 @@ def fly_many(
             room.true.jettisons,
             room.true.target,
         )
-        loop = ClosedLoop(true, room.vehicle, room.believed, room.onboard)
-        loop.vehicle.plant[0] = blank.vehicle.plant[0]
-        loop.onboard.state[0] = blank.onboard.state[0]
-        loop.onboard.saved[0] = blank.onboard.saved[0]
-        loop.onboard.steering[0] = blank.onboard.steering[0]
-        vary(variations[k], nominal, true, loop.vehicle.plant[0])
-        begin_flight(true, loop.vehicle.plant[0])
-        fly(loop)
+        loop = loop_records(LoopArrays(true, room.vehicle, room.believed, room.onboard))
+        room.vehicle.plant[0] = blank.vehicle.plant[0]
+        room.onboard.state[0] = blank.onboard.state[0]
+        room.onboard.steering[0] = blank.onboard.steering[0]
+        vary(variations[k], nominal, true, loop.vehicle.plant)
+        begin_flight(loop.true, loop.vehicle.plant)
+        measure(loop.vehicle)
+        run(loop)
         judge(loop, results[k])

@@ -122,8 +122,8 @@ def corrupt(errors: Record, state: Word, nav: Record) -> None:
 @kernel
 def measure(vehicle: Vehicle) -> None:
     """Fill ``vehicle.navigation`` with what navigation reports now."""
-    plant = vehicle.plant[0]
-    nav = vehicle.navigation[0]
+    plant = vehicle.plant
+    nav = vehicle.navigation
     nav.time = plant.time
     store(nav.position, load(plant.position))
     store(nav.velocity, load(plant.velocity))

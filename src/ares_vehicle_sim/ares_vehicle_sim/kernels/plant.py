@@ -9,7 +9,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from ares_models.arrays import BURN, HEATING_LIMIT, LONGEST_FLIGHT, MissionArrays, Record
+from ares_models.arrays import BURN, HEATING_LIMIT, LONGEST_FLIGHT, MissionRecords, Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import (
     altitude,
@@ -108,9 +108,9 @@ def commanded_direction(plant: Record, t: float) -> Vector:
 
 
 @kernel
-def sense(mission: MissionArrays, plant: Record) -> None:
+def sense(mission: MissionRecords, plant: Record) -> None:
     """Note what follows from the present place and speed: altitude and heating."""
-    environment = mission.environment[0]
+    environment = mission.environment
     r = load(plant.position)
     plant.altitude = altitude(r, environment)
     plant.heating_rate = heating_rate(r, load(plant.velocity), environment, mission.atmosphere)
@@ -213,17 +213,11 @@ def put_in_force(plant: Record, command: Record) -> None:
 
 
 @kernel
-def accept_command(vehicle: Vehicle, command: NDArray[Any]) -> None:
+def accept_command(plant: Record, steering: Record) -> None:
     """Take a checked command: in force at once, or after the flight's latency.
 
     While one is under way the guidance computer is busy, and no other is taken.
-
-    Args:
-        vehicle: what flies. Its plant is changed.
-        command: shape (1,), dtype STEERING.
     """
-    plant = vehicle.plant[0]
-    steering = command[0]
     if not plant.latency > 0.0:
         put_in_force(plant, steering)
     elif plant.coming_time == math.inf:
@@ -304,16 +298,16 @@ def next_event(plant: Record, arcs: NDArray[Any], jettisons: NDArray[Any]) -> fl
 
 
 @kernel
-def integrate(mission: MissionArrays, vehicle: Vehicle, end: float) -> None:
+def integrate(mission: MissionRecords, vehicle: Vehicle, end: float) -> None:
     """One Runge-Kutta-Nystroem step of order 4 to ``end``; the thrust curve is linear in between.
 
     Thrust and mass are known functions of time and gravity is one of place, so three
     accelerations do: at both ends and in the middle.
     """
-    environment = mission.environment[0]
+    environment = mission.environment
     arcs = mission.arcs
-    plant = vehicle.plant[0]
-    rate_limit = vehicle.options[0].attitude_rate_limit
+    plant = vehicle.plant
+    rate_limit = vehicle.options.attitude_rate_limit
     t = plant.time
     h = end - t
     arc = arcs[plant.arc]
@@ -362,7 +356,7 @@ def integrate(mission: MissionArrays, vehicle: Vehicle, end: float) -> None:
 
 
 @kernel
-def begin_flight(mission: MissionArrays, plant: Record) -> None:
+def begin_flight(mission: MissionRecords, plant: Record) -> None:
     """Start the sequence from the state in ``plant`` (time, position, velocity set).
 
     The mass is that of the first arc's stack unless it is set already.
@@ -390,9 +384,8 @@ def begin_flight(mission: MissionArrays, plant: Record) -> None:
 
 
 @kernel
-def command_is_sound(command: NDArray[Any], jettisons: NDArray[Any]) -> bool:
+def command_is_sound(steering: Record, jettisons: NDArray[Any]) -> bool:
     """Whether a command can be flown: finite, a unit vector, a jettison that there is."""
-    steering = command[0]
     direction = load(steering.direction)
     return (
         is_finite(direction)
@@ -406,9 +399,9 @@ def command_is_sound(command: NDArray[Any], jettisons: NDArray[Any]) -> bool:
 
 
 @kernel
-def integrate_to(mission: MissionArrays, vehicle: Vehicle, end: float, largest: float) -> None:
+def integrate_to(mission: MissionRecords, vehicle: Vehicle, end: float, largest: float) -> None:
     """Fly to ``end``, before which nothing happens, in equal steps of ``largest`` s at most."""
-    plant = vehicle.plant[0]
+    plant = vehicle.plant
     start = plant.time
     steps = 1
     if end - start > largest:
@@ -421,7 +414,7 @@ def integrate_to(mission: MissionArrays, vehicle: Vehicle, end: float, largest: 
 
 
 @kernel
-def flight_step(mission: MissionArrays, vehicle: Vehicle, until: float) -> None:
+def flight_step(mission: MissionRecords, vehicle: Vehicle, until: float) -> None:
     """Advance the vehicle to ``until`` or to the end of the flight.
 
     A flight that is not over after LONGEST_FLIGHT, or that would take more than MOST_STEPS
@@ -432,8 +425,8 @@ def flight_step(mission: MissionArrays, vehicle: Vehicle, until: float) -> None:
         vehicle: what flies. Its plant is changed; events are appended to ``plant.events``.
         until: mission elapsed time, s.
     """
-    plant = vehicle.plant[0]
-    options = vehicle.options[0]
+    plant = vehicle.plant
+    options = vehicle.options
     largest = options.max_step
     if math.isfinite(options.attitude_rate_limit):
         largest = min(largest, SLEW_STEP)
@@ -460,11 +453,11 @@ def flight_step(mission: MissionArrays, vehicle: Vehicle, until: float) -> None:
 
 
 @kernel
-def describe(mission: MissionArrays, vehicle: Vehicle) -> None:
+def describe(mission: MissionRecords, vehicle: Vehicle) -> None:
     """Fill ``vehicle.truth`` with the true state and what follows from it."""
-    environment = mission.environment[0]
-    plant = vehicle.plant[0]
-    truth = vehicle.truth[0]
+    environment = mission.environment
+    plant = vehicle.plant
+    truth = vehicle.truth
     r = load(plant.position)
     v = load(plant.velocity)
     store(truth.position, r)

@@ -103,9 +103,8 @@ def vary(variation: Record, nominal: MissionArrays, true: MissionArrays, plant: 
         plant: record PLANT, all zero but for the nominal start: time, position, velocity.
             Changed: ready for `begin_flight`.
     """
-    environment = true.environment[0]
     true.environment[0] = nominal.environment[0]
-    environment.density_factor *= math.exp(variation.log_density)
+    true.environment[0].density_factor *= math.exp(variation.log_density)
     vary_arcs(variation, nominal.arcs, nominal.jettisons, true.arcs)
     for j in range(nominal.jettisons.shape[0]):
         true.jettisons[j] = nominal.jettisons[j]

@@ -1,0 +1,24 @@
+"""Where Python enters a law: the arrays of a flight become records.
+
+`guidance_step` is PEG's; each other law has a copy of this module with its own step.
+"""
+
+from ares_guidance.arrays import Onboard, OnboardArrays
+from ares_guidance.kernels.cycle import guidance_step
+from ares_models.arrays import MissionArrays
+from ares_models.jit import inlined, kernel
+from ares_models.kernels.records import mission_records
+
+
+@inlined
+def onboard_records(onboard: OnboardArrays) -> Onboard:
+    """Records of what is on board."""
+    return Onboard(
+        onboard.navigation[0], onboard.settings[0], onboard.state[0], onboard.steering[0]
+    )
+
+
+@kernel
+def answer(mission: MissionArrays, onboard: OnboardArrays) -> None:
+    """One step of the law; arguments as of :func:`ares_guidance.kernels.cycle.guidance_step`."""
+    guidance_step(mission_records(mission), onboard_records(onboard))

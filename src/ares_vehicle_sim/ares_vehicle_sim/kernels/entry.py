@@ -1,0 +1,48 @@
+"""Where Python enters the simulation: the arrays of a flight become records."""
+
+from typing import Any
+
+from numpy.typing import NDArray
+
+from ares_models.arrays import MissionArrays
+from ares_models.jit import inlined, kernel
+from ares_models.kernels.records import mission_records
+from ares_vehicle_sim.arrays import Vehicle, VehicleArrays
+from ares_vehicle_sim.kernels import plant as kernels
+from ares_vehicle_sim.kernels.navigation import measure
+
+
+@inlined
+def vehicle_records(vehicle: VehicleArrays) -> Vehicle:
+    """Records of what a flight carries."""
+    return Vehicle(vehicle.options[0], vehicle.plant[0], vehicle.navigation[0], vehicle.truth[0])
+
+
+@kernel
+def begin(mission: MissionArrays, vehicle: VehicleArrays) -> None:
+    """Start the sequence and take the first navigation state."""
+    kernels.begin_flight(mission_records(mission), vehicle.plant[0])
+    measure(vehicle_records(vehicle))
+
+
+@kernel
+def command(mission: MissionArrays, vehicle: VehicleArrays, steering: NDArray[Any]) -> bool:
+    """Take a command, shape (1,), dtype STEERING; False: it cannot be flown."""
+    if not kernels.command_is_sound(steering[0], mission.jettisons):
+        return False
+    kernels.accept_command(vehicle.plant[0], steering[0])
+    return True
+
+
+@kernel
+def advance(mission: MissionArrays, vehicle: VehicleArrays, until: float) -> None:
+    """Fly to ``until``, s, or to the end of the flight, and take a navigation state there."""
+    carried = vehicle_records(vehicle)
+    kernels.flight_step(mission_records(mission), carried, until)
+    measure(carried)
+
+
+@kernel
+def describe(mission: MissionArrays, vehicle: VehicleArrays) -> None:
+    """Fill ``vehicle.truth``."""
+    kernels.describe(mission_records(mission), vehicle_records(vehicle))
