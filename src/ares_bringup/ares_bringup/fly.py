@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from ares_guidance.law import LawKind
     from ares_node.node import FlightNode
     from ares_node.run import StopSignals
+    from ares_node.spin import Spinner
 
 SIMULATOR = "vehicle_sim"
 GUIDANCE = "guidance"
@@ -53,8 +54,6 @@ MODULES = {
     OPTIMIZER: "ares_optimizer",
 }
 
-#: Wall time in s between looks at the children.
-LOOK_PERIOD = 0.1
 #: Wall time in s for simulator and guidance to end.
 NODE_STOP_TIMEOUT = 5.0
 #: Wall time in s between the ends of the flying nodes and of the recorder.
@@ -359,6 +358,20 @@ def _watch(
     return Watch(monitor, pace, say, lambda: stop.requested, begun, patience)
 
 
+@contextmanager
+def _spinner(
+    monitor: "FlightMonitor", executor: "Executor", stop: "StopSignals"
+) -> Iterator["Spinner"]:
+    """A spinner that comes back at once for a signal and for the end of the flight."""
+    from ares_node.spin import Spinner
+
+    with Spinner(executor, monitor.node) as spinner:
+        monitor.when_ended = spinner.come_back
+        stop.wake_with(spinner.come_back)
+        yield spinner
+        stop.wake_with(executor.wake)
+
+
 # ---- one process each
 
 
@@ -384,15 +397,14 @@ def _fly_in_processes(
                 start(name)
         with _graph(summary, say, lambda: False) as (monitor, executor, stop):
             watch = _watch(monitor, parameters[SIMULATOR]["pace"], say, stop, begun)
-            looked = 0.0
-            while not watch.over():
-                executor.spin_once(timeout_sec=LOOK_PERIOD)
-                if late and (
-                    monitor.node.count_services(SOLVE_TRAJECTORY) or OPTIMIZER not in crew.running()
-                ):
-                    start(late.pop())
-                if time.monotonic() - looked > LOOK_PERIOD:
-                    looked = time.monotonic()
+            with _spinner(monitor, executor, stop) as spinner:
+                while not watch.over():
+                    spinner.spin()
+                    if late and (
+                        monitor.node.count_services(SOLVE_TRAJECTORY)
+                        or OPTIMIZER not in crew.running()
+                    ):
+                        start(late.pop())
                     if _crew_lost(crew, summary, say):
                         break
 
@@ -472,10 +484,13 @@ def _fly_in_process(
                 if stop.requested:
                     break
             watch = _watch(monitor, parameters[SIMULATOR]["pace"], say, stop, begun)
-            while not watch.over():
-                executor.spin_once(timeout_sec=LOOK_PERIOD)
-                if any(node.done for node in nodes.values()) and _node_lost(nodes, summary, say):
-                    break
+            with _spinner(monitor, executor, stop) as spinner:
+                for node in nodes.values():
+                    node.when_done = spinner.come_back
+                while not watch.over():
+                    spinner.spin()
+                    if any(n.done for n in nodes.values()) and _node_lost(nodes, summary, say):
+                        break
             for name in (SIMULATOR, GUIDANCE, OPTIMIZER, RECORDER):
                 if name in nodes and not nodes[name].done:
                     nodes[name].drain(executor)

@@ -40,6 +40,7 @@ class FlightMonitor:
         node: where its endpoints are.
         summary: filled while the flight goes on.
         last_heard: wall time of the last message, s of time.monotonic().
+        when_ended: called when the flight has ended.
     """
 
     def __init__(self, node: Node, summary: FlightSummary, say: Callable[[str], None]) -> None:
@@ -54,6 +55,7 @@ class FlightMonitor:
         self.summary = summary
         self.last_heard = time.monotonic()
         self._membership = Membership(node, Role.JUDGE, flight_id=summary.flight_id)
+        self.when_ended: Callable[[], None] = lambda: None
         self._ended = False
         self._say = say
         self._said = 0
@@ -112,6 +114,8 @@ class FlightMonitor:
             if self._first_status is not None:
                 flight_time, wall_time = self._first_status
                 self.summary.set_rate(message.time - flight_time, now - wall_time)
+        if self.ended:
+            self.when_ended()
 
     def _on_status(self, message: GuidanceStatus) -> None:
         if not self._is_ours(message.flight_id):

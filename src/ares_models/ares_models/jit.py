@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import ModuleType
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
 from ares_models.kernel_cache import PREFIX, VARIABLE, choose_folder, read_package, state_of
 
@@ -17,6 +17,7 @@ if not os.environ.get(VARIABLE):
 
 import numba
 
+IEEE = {"error_model": "numpy"}
 _lock = threading.RLock()
 #: Copies by name, with the states of what in them is not of this project.
 _copies: dict[str, set[str]] = {}
@@ -42,8 +43,8 @@ def _compiled(function: _Function, counts_references: bool) -> _Function:
     if function.__module__ in _copies:
         # numba names the file of the machine code after source file and function
         function.__qualname__ = f"{function.__module__}.{function.__qualname__}"
-    compile_it = numba.njit(cache=True, error_model="numpy", nogil=True, _nrt=counts_references)
-    return cast(_Function, compile_it(function))
+    options: dict[str, Any] = {**IEEE, "cache": True, "nogil": True, "_nrt": counts_references}
+    return cast(_Function, numba.njit(**options)(function))
 
 
 def inlined(function: _Function) -> _Function:
@@ -52,7 +53,8 @@ def inlined(function: _Function) -> _Function:
     For a function that puts records into a tuple: numba hands such a tuple to a function, but
     cannot return it from one.
     """
-    return cast(_Function, numba.njit(error_model="numpy", inline="always", _nrt=False)(function))
+    options: dict[str, Any] = {**IEEE, "inline": "always", "_nrt": False}
+    return cast(_Function, numba.njit(**options)(function))
 
 
 def specialised(module: str, suffix: str, **names: object) -> ModuleType:

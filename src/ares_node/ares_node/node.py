@@ -45,6 +45,7 @@ class FlightNode(LifecycleNode):
         diagnostics: the node's reports.
         failure: why the last transition was refused, one line; None if it was not.
         done: the node has ended the run itself (`finish`); its process may exit.
+        when_done: called when it has.
         exit_code: exit status of the node's process.
     """
 
@@ -72,6 +73,7 @@ class FlightNode(LifecycleNode):
         super().__init__(node_name, namespace=namespace, **kwargs)
         self.failure: str | None = None
         self.done = False
+        self.when_done: Callable[[], None] = lambda: None
         self.exit_code = 0
         self._starting = False
         self._table = [*parameters, AUTOSTART]
@@ -115,6 +117,7 @@ class FlightNode(LifecycleNode):
         """End the run: the process leaves its loop and exits with this status."""
         self.exit_code = exit_code
         self.done = True
+        self.when_done()
 
     def wall_timer(self, period_s: float, callback: Callable[[], None]) -> Timer:
         """A timer on the steady clock of this machine, whatever `use_sim_time` says."""
@@ -228,4 +231,5 @@ class FlightNode(LifecycleNode):
         if state.label != "unconfigured":
             self._attempt(self.cleanup)
         self.done = True
+        self.when_done()
         return super().on_shutdown(state)

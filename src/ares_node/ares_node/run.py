@@ -22,9 +22,7 @@ from rclpy.utilities import remove_ros_args
 
 from ares_node.node import FlightNode
 from ares_node.parameters import ParameterError
-
-#: Longest time in s that an idle process sleeps; a signal or a message wakes it at once.
-SPIN_TIMEOUT = 0.5
+from ares_node.spin import Spinner
 
 #: Wall time in s after a signal, when what may be abandoned is.
 ABANDON_AFTER = 1.0
@@ -204,8 +202,12 @@ def _run(
         stop.starting = False
         stop.abandonable = node.may_be_abandoned
         try:
-            while not (stop.requested or node.done) and context.ok():
-                executor.spin_once(timeout_sec=SPIN_TIMEOUT)
+            with Spinner(executor, node) as spinner:
+                stop.wake_with(spinner.come_back)
+                node.when_done = spinner.come_back
+                while not (stop.requested or node.done) and context.ok():
+                    spinner.spin()
+            stop.wake_with(executor.wake)
             stop.abandonable = _keep
             node.drain(executor)
         except Exception:
