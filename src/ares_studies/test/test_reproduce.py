@@ -7,8 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from ares_studies.reproduce import printed
-from ares_studies.reproduce.model import (
+from ares_studies.pages.parts import (
     BLANK,
     MINUS,
     beside,
@@ -19,7 +18,9 @@ from ares_studies.reproduce.model import (
     thin,
     word,
 )
-from ares_studies.reproduce.page import PALETTES, dump, prose, render
+from ares_studies.pages.templates import PALETTES, prose
+from ares_studies.reproduce import printed
+from ares_studies.reproduce.page import dump, render
 from ares_studies.reproduce.report import make_report, parts
 
 

@@ -64,6 +64,38 @@ def universal_functions(anomaly: float, alpha: float) -> tuple[float, float, flo
 
 
 @kernel
+def first_anomaly(goal: float, r0: float, sigma: float, alpha: float, high: float) -> float:
+    """Universal anomaly by reversion of the series in time: good for all that guidance asks.
+
+    Args:
+        goal: time times the root of mu, m^1.5.
+        r0: radius, m.
+        sigma: r.v over the root of mu, m^0.5.
+        alpha: reciprocal of the semi-major axis, 1/m.
+        high: upper bound, m^0.5; inf: none.
+    """
+    y = goal / r0
+    b = 0.5 * sigma / r0
+    c = (1.0 / r0 - alpha) / 6.0
+    d = -alpha * b / 12.0
+    e = -alpha * c / 20.0
+    bb = b * b
+    third = 2.0 * bb - c
+    fourth = b * (5.0 * (c - bb)) - d
+    fifth = 6.0 * b * d + 3.0 * c * c + 7.0 * bb * (2.0 * bb - 3.0 * c) - e
+    x = y * (1.0 + y * (-b + y * (third + y * (fourth + y * fifth))))
+    if not abs(x - y) < 0.5 * y:
+        if alpha > 0.0:
+            x = alpha * goal
+        else:
+            # a cube root bounds the anomaly where the cubic term rules
+            x = min(y, (6.0 * goal) ** (1.0 / 3.0))
+        if not 0.0 < x < high:
+            x = 0.5 * high
+    return x
+
+
+@kernel
 def kepler(r: Vector, v: Vector, dt: float, mu: float) -> tuple[Vector, Vector]:
     """Position and velocity ``dt`` seconds later (earlier if negative) on the conic.
 
@@ -103,26 +135,7 @@ def kepler(r: Vector, v: Vector, dt: float, mu: float) -> tuple[Vector, Vector]:
         high = 2.0 * math.pi / math.sqrt(alpha)
     goal = root_mu * time
 
-    # first guess: reversion of the series in dt, good for anything that guidance asks
-    y = goal / r0
-    b = 0.5 * sigma / r0
-    c = (1.0 / r0 - alpha) / 6.0
-    d = -alpha * b / 12.0
-    e = -alpha * c / 20.0
-    bb = b * b
-    third = 2.0 * bb - c
-    fourth = b * (5.0 * (c - bb)) - d
-    fifth = 6.0 * b * d + 3.0 * c * c + 7.0 * bb * (2.0 * bb - 3.0 * c) - e
-    x = y * (1.0 + y * (-b + y * (third + y * (fourth + y * fifth))))
-    if not abs(x - y) < 0.5 * y:
-        if alpha > 0.0:
-            x = alpha * goal
-        else:
-            # a cube root bounds the anomaly where the cubic term rules
-            x = min(y, (6.0 * goal) ** (1.0 / 3.0))
-        if not 0.0 < x < high:
-            x = 0.5 * high
-
+    x = first_anomaly(goal, r0, sigma, alpha, high)
     u0 = 1.0
     u1 = 0.0
     u2 = 0.0

@@ -19,7 +19,7 @@ from ares_studies.montecarlo.statistics import (
     Summary,
 )
 from ares_studies.montecarlo.table import DRAWN, LIMITS
-from ares_studies.reproduce.model import (
+from ares_studies.pages.parts import (
     Axis,
     Cell,
     Chapter,
@@ -36,7 +36,7 @@ from ares_studies.reproduce.model import (
     number,
     word,
 )
-from ares_studies.reproduce.page import PALETTES, embedded, make_environment, plotly
+from ares_studies.pages.templates import PALETTES, embedded, make_environment, plotly
 from ares_vehicle_sim.draws import FIELDS
 
 Array = NDArray[np.float64]

@@ -8,10 +8,7 @@ from functools import partial
 import numpy as np
 
 from ares_optimizer.analytic_flight import PlanarFlight
-from ares_studies.reproduce import printed
-from ares_studies.reproduce.analytic_tables import Walk, analytic_walk, optimum_walk
-from ares_studies.reproduce.figures import TIME, angle_marks, instants
-from ares_studies.reproduce.model import (
+from ares_studies.pages.parts import (
     Axis,
     Figure,
     Role,
@@ -21,6 +18,9 @@ from ares_studies.reproduce.model import (
     line,
     marks,
 )
+from ares_studies.reproduce import printed
+from ares_studies.reproduce.analytic_tables import Walk, analytic_walk, optimum_walk
+from ares_studies.reproduce.figures import TIME, angle_marks, instants
 from ares_studies.reproduce.sources import Sources
 
 

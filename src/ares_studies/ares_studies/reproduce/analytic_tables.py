@@ -8,8 +8,7 @@ import numpy as np
 
 from ares_optimizer.analytic import AnalyticPart, AnalyticSolution
 from ares_optimizer.analytic_flight import PlanarFlight
-from ares_studies.reproduce import printed
-from ares_studies.reproduce.model import (
+from ares_studies.pages.parts import (
     BESIDE,
     Cell,
     Column,
@@ -20,6 +19,7 @@ from ares_studies.reproduce.model import (
     number,
     word,
 )
+from ares_studies.reproduce import printed
 from ares_studies.reproduce.sources import Sources
 
 

@@ -9,8 +9,7 @@ import numpy as np
 
 from ares_optimizer.solution import Solution
 from ares_studies.history import Profile
-from ares_studies.reproduce import printed
-from ares_studies.reproduce.model import (
+from ares_studies.pages.parts import (
     Axis,
     Figure,
     Guide,
@@ -21,6 +20,7 @@ from ares_studies.reproduce.model import (
     line,
     marks,
 )
+from ares_studies.reproduce import printed
 from ares_studies.reproduce.sources import Sources
 
 TIME = Axis("mission elapsed time", "s")

@@ -1,8 +1,9 @@
 """The few numbers that matter most."""
 
+from ares_studies.pages.parts import Column, Role, Row, Table, number, word
 from ares_studies.reproduce import printed
 from ares_studies.reproduce.analytic_tables import parts
-from ares_studies.reproduce.model import Column, Dot, Role, Row, Table, number, word
+from ares_studies.reproduce.model import Dot
 from ares_studies.reproduce.sources import ALL_PINS, SETTLED, Sources
 
 

@@ -8,20 +8,7 @@ import numpy as np
 
 from ares_models.orbits import Insertion
 from ares_studies.history import History
-from ares_studies.pins import WATCHED
-from ares_studies.reproduce import printed
-from ares_studies.reproduce.figures import (
-    ANGLE,
-    HEATING,
-    MASS,
-    PITCH,
-    RADIUS,
-    SPEED,
-    TIME,
-    Quantity,
-    levels,
-)
-from ares_studies.reproduce.model import (
+from ares_studies.pages.parts import (
     Axis,
     Column,
     Figure,
@@ -35,6 +22,19 @@ from ares_studies.reproduce.model import (
     marks,
     number,
     small,
+)
+from ares_studies.pins import WATCHED
+from ares_studies.reproduce import printed
+from ares_studies.reproduce.figures import (
+    ANGLE,
+    HEATING,
+    MASS,
+    PITCH,
+    RADIUS,
+    SPEED,
+    TIME,
+    Quantity,
+    levels,
 )
 from ares_studies.reproduce.sources import Sources
 from ares_vehicle_sim.arrays import JETTISON_DONE

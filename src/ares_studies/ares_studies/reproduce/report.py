@@ -3,9 +3,10 @@
 from collections.abc import Callable
 from typing import Any, Literal
 
+from ares_studies.pages.parts import Chapter, Item
 from ares_studies.reproduce import analytic_figures, analytic_tables, figures, peg, printed, tables
 from ares_studies.reproduce.headline import headline, masses
-from ares_studies.reproduce.model import Chapter, Erratum, Item, Report
+from ares_studies.reproduce.model import Erratum, Report
 from ares_studies.reproduce.sources import Sources
 
 Progress = Callable[[str], None]

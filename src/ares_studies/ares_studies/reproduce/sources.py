@@ -14,9 +14,9 @@ from ares_optimizer.solution import OptimizerError, Solution
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import ready_law
 from ares_studies.history import History, Profile, profile_of, record_flight
+from ares_studies.pages.parts import number
 from ares_studies.pins import PinnedFlight, WrongThrust, pin_study, wrong_thrust_study
 from ares_studies.reproduce import printed
-from ares_studies.reproduce.model import number
 from ares_studies.transients import (
     WITH_TRANSIENTS,
     TransientRow,

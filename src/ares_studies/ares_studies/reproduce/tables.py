@@ -7,8 +7,7 @@ import numpy as np
 
 from ares_optimizer.closed_form import gravity_table
 from ares_optimizer.solution import Solution
-from ares_studies.reproduce import printed
-from ares_studies.reproduce.model import (
+from ares_studies.pages.parts import (
     BESIDE,
     BLANK,
     Column,
@@ -19,6 +18,7 @@ from ares_studies.reproduce.model import (
     power,
     word,
 )
+from ares_studies.reproduce import printed
 from ares_studies.reproduce.sources import Sources
 from ares_studies.transients import mass_after_full_flow
 
