@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
@@ -12,6 +13,8 @@ from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from ares_bringup.cli import main
+from ares_bringup.discovery import discovery_settings
 from ares_msgs.msg import FlightEvent, FlightMember, NavState
 from ares_node.node import FlightNode
 from ares_node.qos import EVENTS, FLIGHT, FLIGHT_MEMBER, MEMBERS, reliable
@@ -63,6 +66,35 @@ class Graph:
 
     def reported(self, text: str) -> bool:
         return any(text in report for report in self.reports)
+
+
+class Done(NamedTuple):
+    """What `subprocess.run` would say of a command."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+@pytest.fixture
+def ares(
+    ros_domain: int, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> Callable[..., Done]:
+    """`ares WORD ...` in this process, on the domain of the test.
+
+    For what happens in one process anyway: its start takes longer than most of what is asked.
+    """
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(ros_domain))
+    for name, value in discovery_settings().items():
+        # the command sets them, and would for all tests to come
+        monkeypatch.setenv(name, value)
+
+    def run(*words: str) -> Done:
+        capfd.readouterr()
+        status = main(words)
+        return Done(status, *capfd.readouterr())
+
+    return run
 
 
 @pytest.fixture(scope="session")

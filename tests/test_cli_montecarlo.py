@@ -20,7 +20,7 @@ def run(*argv, cwd=None):
     )
 
 
-def test_one_json_object(tmp_path):
+def test_one_json_object(ares, tmp_path):
     done = run("-n", "40", "--json", "--out", str(tmp_path / "c"))
     assert done.returncode == 0, done.stderr
     said = json.loads(done.stdout)
@@ -36,7 +36,8 @@ def test_one_json_object(tmp_path):
     assert table.num_rows == 40
     assert max(table["m_f_kg"].to_pylist()) == mass["max"]
     # again: nothing to fly, the same said
-    again = json.loads(run("-n", "40", "--json", "--out", str(tmp_path / "c")).stdout)
+    argv = ("-n", "40", "--json", "--out", str(tmp_path / "c"))
+    again = json.loads(ares("montecarlo", *argv).stdout)
     assert again["m_f_kg"] == mass
     assert again["flights_per_s"] is None
 
@@ -57,25 +58,26 @@ def test_tables_for_people(tmp_path):
     assert "Traceback" not in done.stderr
 
 
-def test_flights_one_by_one(tmp_path):
-    done = run("--only", "7", "--only", "123456", "--json", cwd=tmp_path)
+def test_flights_one_by_one(ares, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = ares("montecarlo", "--only", "7", "--only", "123456", "--json")
     assert done.returncode == 0, done.stderr
     said = json.loads(done.stdout)
     assert said["n"] == said["succeeded"] == 2
     assert said["results"] is None
     assert [row["flight"] for row in said["flights"]] == [7, 123456]
     assert list(tmp_path.iterdir()) == []
-    shown = run("--only", "7", cwd=tmp_path).stdout
+    shown = ares("montecarlo", "--only", "7").stdout
     assert "flight 7: success" in shown
     assert f"{said['flights'][0]['m_f_kg']:,.3f}" in shown
 
 
-def test_a_dask_cluster_of_two_workers(tmp_path):
+def test_a_dask_cluster_of_two_workers(ares, tmp_path):
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
         argv = ("-n", "60", "--json", "--out", str(tmp_path / "there"))
         there = run(*argv, "--scheduler", cluster.scheduler_address)
     assert there.returncode == 0, there.stderr
-    here = run("-n", "60", "--json", "--out", str(tmp_path / "here"))
+    here = ares("montecarlo", "-n", "60", "--json", "--out", str(tmp_path / "here"))
     tables = [pq.read_table(json.loads(done.stdout)["results"]) for done in (there, here)]
     assert tables[0].equals(tables[1])
 
@@ -84,7 +86,7 @@ INTERRUPTED = "ares: interrupted\n"
 
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGKILL])
-def test_an_interrupted_campaign_goes_on(tmp_path, end):
+def test_an_interrupted_campaign_goes_on(ares, tmp_path, end):
     folder = tmp_path / "c"
 
     def campaign(count):
@@ -109,10 +111,10 @@ def test_an_interrupted_campaign_goes_on(tmp_path, end):
         assert "Traceback" not in error
     spans = [path.stem.partition("-") for path in parts.glob("*.parquet")]
     total = max(int(first) + int(count) for first, _, count in spans) + 100
-    refused = run(*argv, "--seed", "1")
+    refused = ares("montecarlo", *argv, "--seed", "1")
     assert refused.returncode == 2
     assert refused.stderr.strip().endswith("holds another campaign: seed was 0, now 1")
-    done = run(*campaign(total))
+    done = ares("montecarlo", *campaign(total))
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["n"] == total
     assert pq.read_table(folder / "flights.parquet")["flight"].to_pylist() == list(range(total))
@@ -133,19 +135,20 @@ def test_an_interrupted_campaign_goes_on(tmp_path, end):
         (["--seed", "-1"], "Invalid value for '--seed'"),
     ],
 )
-def test_bad_input_is_one_line_and_exit_2(tmp_path, argv, words):
+def test_bad_input_is_one_line_and_exit_2(ares, tmp_path, monkeypatch, argv, words):
+    monkeypatch.chdir(tmp_path)
     out = [] if "--out" in argv else ["--out", str(tmp_path / "c")]
-    done = run(*argv, *out, cwd=tmp_path)
+    done = ares("montecarlo", *argv, *out)
     assert done.returncode == 2
     assert done.stdout == ""
     assert words in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
 
 
-def test_dispersions_that_do_not_fit_the_mission(tmp_path):
+def test_dispersions_that_do_not_fit_the_mission(ares, tmp_path):
     file = tmp_path / "three.yaml"
     file.write_text("thrust: [0.01, 0.01, 0.01]\n")
-    done = run("--dispersions", str(file), "--out", str(tmp_path / "c"))
+    done = ares("montecarlo", "--dispersions", str(file), "--out", str(tmp_path / "c"))
     assert done.returncode == 2
     words = "ares: dispersions: thrust is a list of 3; expected 2: core, upper_stage"
     assert done.stderr.strip() == words

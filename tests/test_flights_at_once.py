@@ -11,11 +11,16 @@ import subprocess
 import sys
 
 import pytest
+import yaml
 
 from ares_bags.compare import differences
 from ares_bags.reader import open_bag
+from ares_bringup.testing import short_burn
 
-MISSIONS = ("ares_v", "saturn_v_as506", "delta_iii")
+#: Speed in m/s that the one burn of each mission adds: 60 to 160 s of flight.
+MISSIONS = {"short": 180.0, "longer": 330.0, "longest": 480.0}
+#: Real-time factor: they are in the air for seconds, and together.
+PACE = "20"
 TOPICS = [
     f"/ares/{name}"
     for name in (
@@ -37,13 +42,14 @@ def environment(folder):
 
 
 def by_fly(mission, bag):
-    words = ["fly", "--mission", mission, "--bag", str(bag), "--json"]
+    words = ["fly", "--mission", str(mission), "--pace", PACE, "--bag", str(bag), "--json"]
     return [sys.executable, "-m", "ares_bringup.cli", *words]
 
 
 def by_launch(ros2, mission, bag):
     return [*ros2, "launch", "ares_bringup", "flight.launch.py"] + [
         f"mission:={mission}",
+        f"pace:={PACE}",
         f"bag:={bag}",
     ]
 
@@ -60,26 +66,35 @@ def begin(command, folder):
 
 
 @pytest.fixture(scope="module")
-def alone(tmp_path_factory):
+def missions(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("missions")
+    files = {name: folder / f"{name}.yaml" for name in MISSIONS}
+    for name, file in files.items():
+        file.write_text(yaml.safe_dump(short_burn(MISSIONS[name], name=name)))
+    return files
+
+
+@pytest.fixture
+def alone(missions, ares, tmp_path):
     """Bag of each mission, flown alone."""
     bags = {}
-    for mission in MISSIONS:
-        folder = tmp_path_factory.mktemp(mission)
-        bags[mission] = folder / "bag"
-        flight = begin(by_fly(mission, bags[mission]), folder)
-        out, err = flight.communicate()
-        assert flight.returncode == 0, err
-        assert json.loads(out)["foreign_messages"] == 0
+    for name, file in missions.items():
+        bags[name] = tmp_path / name
+        words = ("--mission", str(file), "--bag", str(bags[name]))
+        done = ares("fly", "--in-process", "--json", *words)
+        assert done.returncode == 0, done.stderr
+        assert json.loads(done.stdout)["foreign_messages"] == 0
     return bags
 
 
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize("_number", range(ROUNDS))
-def test_flights_that_start_together_fly_as_if_alone(alone, ros2, tmp_path, _number):
+def test_flights_that_start_together_fly_as_if_alone(alone, missions, ros2, tmp_path, _number):
     started = []
-    for k, mission in zip(range(FLIGHTS), itertools.cycle(MISSIONS)):
+    for k, mission in zip(range(FLIGHTS), itertools.cycle(missions)):
         bag = tmp_path / f"bag{k}"
-        command = by_launch(ros2, mission, bag) if k % 4 == 3 else by_fly(mission, bag)
+        file = missions[mission]
+        command = by_launch(ros2, file, bag) if k % 4 == 3 else by_fly(file, bag)
         started.append((mission, bag, begin(command, tmp_path)))
     ids = set()
     for mission, path, flight in started:
@@ -90,5 +105,5 @@ def test_flights_that_start_together_fly_as_if_alone(alone, ros2, tmp_path, _num
         flown = {int(x) for topic in TOPICS for x in bag.columns(topic)["flight_id"]}
         assert len(flown) == 1
         ids |= flown
-        assert bag.custom_data["mission"] == mission
+        assert bag.custom_data["mission"] == str(missions[mission])
     assert len(ids) == FLIGHTS

@@ -345,10 +345,10 @@ def test_guidance_of_another_mission_has_no_part(graph):
 
 
 def test_guidance_left_over_joins_the_next_flight(graph):
-    first = graph.start(VehicleSimNode)
+    first = graph.start(VehicleSimNode, navigation_period_s=1.0)
     guidance = graph.start(GuidanceNode)
     graph.spin(lambda: end_of(graph, first), 60.0)
-    second = graph.start(VehicleSimNode)
+    second = graph.start(VehicleSimNode, navigation_period_s=1.0)
     graph.spin(lambda: end_of(graph, second), 60.0)
     assert first.flight_id != second.flight_id
     assert end_of(graph, first).mass == end_of(graph, second).mass

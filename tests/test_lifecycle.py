@@ -41,7 +41,7 @@ def assert_on_target(graph):
 def test_the_same_nodes_fly_one_mission_after_the_other(graph, tmp_path):
     recorder = graph.start(RecorderNode, bag=str(tmp_path / "first"))
     guidance = graph.start(GuidanceNode)
-    simulator = graph.start(VehicleSimNode, expected_recorders=1)
+    simulator = graph.start(VehicleSimNode, expected_recorders=1, navigation_period_s=1.0)
     graph.spin(lambda: len(flights_over(graph)) == 1 and recorder._writer is None, 60.0)
 
     again(recorder, bag=str(tmp_path / "second"))

@@ -169,8 +169,8 @@ def fly(graph, **parameters):
     statuses = []
     graph.observer.create_subscription(GuidanceStatus, "guidance_status", statuses.append, FLIGHT)
     graph.start(GuidanceNode, initial_guess="optimizer", **parameters)
-    # a slow machine is not a lost command
-    graph.start(VehicleSimNode, command_timeout_s=60.0)
+    # a slow machine is not a lost command; navigation as often as guidance needs it
+    graph.start(VehicleSimNode, command_timeout_s=60.0, navigation_period_s=1.0)
     graph.spin(lambda: any(e.type == FlightEvent.FLIGHT_COMPLETE for e in graph.events), 240.0)
     cutoff = next(event for event in graph.events if event.type == FlightEvent.CUTOFF)
     assert np.linalg.norm(cutoff.position) == pytest.approx(6_518_889.0, abs=1.0)

@@ -1,9 +1,6 @@
 """Law peg_thesis in a graph: it asks the optimizer, and says what it flies without an answer."""
 
 import json
-import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -14,7 +11,6 @@ from ares_models.mission import load_mission
 from ares_msgs.msg import FlightEvent, GuidanceStatus
 from ares_msgs.srv import SolveTrajectory
 from ares_node.qos import FLIGHT
-from ares_node.testing import claimed_domain
 from ares_optimizer.node import OptimizerNode
 from ares_studies.closed_loop import fly_compiled
 from ares_vehicle_sim.node import VehicleSimNode
@@ -105,26 +101,11 @@ def test_a_mission_of_another_kind_leaves_the_node_unconfigured(graph):
 
 # ---- the command line
 
-
-@pytest.fixture(scope="module")
-def domain():
-    with claimed_domain() as number:
-        yield number
+LAW = ("--guidance", "peg_thesis")
 
 
-def command(domain, *argv):
-    return subprocess.run(
-        [sys.executable, "-m", "ares_bringup", "fly", "--guidance", "peg_thesis", *argv],
-        env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
-        capture_output=True,
-        text=True,
-        timeout=240.0,
-        check=False,
-    )
-
-
-def test_the_command_alone_just_works(domain):
-    done = command(domain, "--json", "--no-record")
+def test_the_command_alone_just_works(ares):
+    done = ares("fly", *LAW, "--json", "--no-record", "--nav-period", "1")
     assert done.returncode == 0, done.stderr
     flight = json.loads(done.stdout)
     assert flight["guidance"] == "peg_thesis"
@@ -136,8 +117,8 @@ def test_the_command_alone_just_works(domain):
 
 
 @pytest.mark.parametrize("layout", [[], ["--in-process"]], ids=["processes", "one_process"])
-def test_a_mission_of_another_kind_is_one_line_and_exit_2(domain, layout):
-    done = command(domain, "--no-record", "--mission", "delta_iii", *layout)
+def test_a_mission_of_another_kind_is_one_line_and_exit_2(ares, layout):
+    done = ares("fly", *LAW, "--no-record", "--mission", "delta_iii", *layout)
     assert done.returncode == 2
     assert done.stdout == ""
     assert done.stderr.count("\n") == 1

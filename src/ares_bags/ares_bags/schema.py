@@ -7,6 +7,7 @@ installs (`share/<package>/msg/<Name>.msg` and `.json`), as rosbag2 takes them.
 import json
 import re
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -134,11 +135,13 @@ def load_yaml(text: str) -> Any:
         raise ValueError(f"not YAML ({cause(error)})") from error
 
 
+@lru_cache
 def qos_text(qos: tuple[Qos, ...]) -> str:
     """`offered_qos_profiles` of a channel: the YAML list as text; empty without profiles."""
     return dump_yaml([profile.as_dict() for profile in qos]) if qos else ""
 
 
+@lru_cache
 def qos_from_text(text: str) -> tuple[Qos, ...]:
     """The profiles of a channel; those of older rosbag2 versions (numbers) are left out.
 

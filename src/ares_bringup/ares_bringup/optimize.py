@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 from rich.console import Console
@@ -56,8 +57,7 @@ def optimize(
     try:
         mission = load_mission(mission_name)
         times = _held_times(mission, held)
-        # the first call of a process loads, or even compiles; only the second has a time limit
-        solve(load_mission(THESIS_MISSION), method)
+        _load(method)
         solution = solve(
             mission, method, heating=heating, jettison_times=times, time_limit_s=time_limit_s
         )
@@ -68,6 +68,12 @@ def optimize(
     else:
         _print(mission, solution, console())
     return EXIT_OPTIMAL if solution.converged else EXIT_NOT_OPTIMAL
+
+
+@cache
+def _load(method: str) -> None:
+    """Solve once without a time limit: the first call of a process loads, or even compiles."""
+    solve(load_mission(THESIS_MISSION), method)
 
 
 def _held_times(mission: Mission, held: Sequence[str]) -> dict[int, float]:

@@ -34,6 +34,68 @@ def made_up_mission() -> MissionFacts:
     )
 
 
+def short_burn(missing_m_s: float = 184.3, **changes: Any) -> dict[str, Any]:
+    """Content of a mission file: one burn, 1 s for each 3 m/s, and a cover that comes off.
+
+    Args:
+        missing_m_s: speed that the burn has to add.
+        changes: of single values, `target.radius_m=...`.
+    """
+    speed = 7784.3 - missing_m_s
+    content: dict[str, Any] = {
+        "name": "short_burn",
+        "title": "Kick stage to a circular orbit",
+        "source": "made up",
+        "environment": {
+            "mu_m3_s2": 3.986004418e14,
+            "g0_m_s2": 9.80665,
+            "earth": {
+                "equatorial_radius_m": 6378137.0,
+                "polar_radius_m": 6356752.3,
+                "rotation_rate_rad_s": 7.292115e-5,
+            },
+            "altitude": "ellipsoid",
+            "atmosphere": {"model": "us76"},
+        },
+        "initial_state": {
+            "time_s": 1000.0,
+            "position_m": [6578137.0, 0.0, 0.0],
+            "velocity_m_s": [0.0, speed * math.cos(INCLINATION), speed * math.sin(INCLINATION)],
+        },
+        "stages": [
+            {
+                "name": "kick stage",
+                "ignition_mass_kg": 10000.0,
+                "propellant_kg": 2000.0,
+                "thrust_n": 30000.0,
+                "isp_s": 320.0,
+                "burn_time_s": "free",
+            }
+        ],
+        "jettisons": [
+            {
+                "name": "cover",
+                "mass_kg": 100.0,
+                "stage": "kick stage",
+                "heating_limit_w_m2": 1135.0,
+            }
+        ],
+        "target": {
+            "radius_m": 6578137.0,
+            "speed_m_s": 7784.3,
+            "flight_path_angle_deg": 0.0,
+            "inclination_deg": 28.5,
+        },
+    }
+    for path, value in changes.items():
+        *folders, name = path.split(".")
+        place: Any = content
+        for folder in folders:
+            place = place[int(folder) if folder.isdigit() else folder]
+        place[name] = value
+    return content
+
+
 def state(
     radius: float = RADIUS, speed: float = SPEED
 ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:

@@ -14,8 +14,10 @@ from ares_bringup.crew import Crew, describe_end, ros_arguments
 SLEEPER = "import time, sys; print('up', file=sys.stderr, flush=True)\nwhile True: time.sleep(1)\n"
 DEAF = "import signal; signal.signal(signal.SIGTERM, signal.SIG_IGN)\n" + SLEEPER
 PARENT = """
-import os, sys, time
+import os, signal, sys, time
 from ares_bringup.crew import Crew
+# under nohup it is ignored, and would be here too
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 with Crew() as crew:
     crew.start("one", "sleeper", [])
     print(crew.pid("one"), flush=True)

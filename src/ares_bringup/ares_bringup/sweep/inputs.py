@@ -6,6 +6,7 @@ The models say what there is to try: a new key is tried without a word here.
 import copy
 import json
 import math
+import re
 import types
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -22,6 +23,10 @@ Path = tuple[str | int, ...]
 
 _MISSING = object()
 _DELETED = object()
+
+#: What JSON and YAML write differently, and texts, in which it stays.
+_TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|-?Infinity|NaN')
+_NOT_FINITE = {"Infinity": ".inf", "-Infinity": "-.inf", "NaN": ".nan"}
 
 #: No key takes one of these.
 ABSURD_NUMBERS = (1e308, -1e308, math.inf, -math.inf, math.nan)
@@ -77,15 +82,10 @@ def _short(text: str) -> str:
 
 
 def to_yaml(value: Any) -> str:
-    """Plain data in the flow style of YAML 1.2."""
-    if isinstance(value, Mapping):
-        inner = ", ".join(f"{to_yaml(str(key))}: {to_yaml(item)}" for key, item in value.items())
-        return "{" + inner + "}"
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(to_yaml(item) for item in value) + "]"
-    if isinstance(value, float) and not math.isfinite(value):
-        return str(value).replace("inf", ".inf").replace("nan", ".nan")
-    return "(absent)" if value is _DELETED else json.dumps(value)
+    """Plain data in the flow style of YAML 1.2: JSON but for what is not finite."""
+    if value is _DELETED:
+        return "(absent)"
+    return _TOKEN.sub(lambda token: _NOT_FINITE.get(token[0], token[0]), json.dumps(value))
 
 
 def inputs(model: type[BaseModel], bases: Mapping[str, Mapping[str, Any]]) -> Iterator[Input]:
@@ -147,16 +147,17 @@ def _form(forms: set[type[BaseModel]], data: Mapping[str, Any]) -> type[BaseMode
 
 
 def _put(base: Mapping[str, Any], path: Path, value: Any) -> dict[str, Any]:
-    """A copy with one value changed or taken away."""
-    data: Any = copy.deepcopy(dict(base))
-    at = data
+    """A copy with one value changed or taken away; it shares all that is beside the path."""
+    data = dict(base)
+    at: Any = data
     for key in path[:-1]:
+        at[key] = copy.copy(at[key])
         at = at[key]
     if value is _DELETED:
         del at[path[-1]]
     else:
         at[path[-1]] = value
-    return dict(data)
+    return data
 
 
 _Change = tuple[Path, Any, bool | None]
