@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from ares_models.arrays import MissionArrays
 from ares_models.mission import Mission, load_mission
-from ares_optimizer.direct import Guess, guess_variables, thesis_guess
-from ares_optimizer.kernels.evaluate import evaluate, make_point, make_scratch
-from ares_optimizer.kernels.problem import Problem
-from ares_optimizer.solve import solve, start_of
-from ares_optimizer.transcription import transcribe
+from ares_optimizer.direct.kernels.evaluate import evaluate, make_point, make_scratch
+from ares_optimizer.direct.kernels.problem import Problem
+from ares_optimizer.direct.search import Guess, guess_variables, thesis_guess
+from ares_optimizer.direct.transcription import transcribe
+from ares_optimizer.request import start_of
+from ares_optimizer.solve import solve
 
 Array = NDArray[np.float64]
 

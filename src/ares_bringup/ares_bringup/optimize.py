@@ -13,8 +13,9 @@ from ares_bringup.options import CannotStart
 from ares_bringup.report import BLANK, console, number
 from ares_models.mission import Mission, MissionError, load_mission
 from ares_models.mission_physics import longest_flight
+from ares_optimizer.request import HeatingName
 from ares_optimizer.solution import OptimizerError, Solution
-from ares_optimizer.solve import HeatingName, solve
+from ares_optimizer.solve import solve
 
 EXIT_OPTIMAL = 0
 EXIT_NOT_OPTIMAL = 1

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ares_models.arrays import ARC, JETTISON, MAX_JETTISONS, TARGET
-from ares_optimizer.kernels.two_point import MAX_UNKNOWNS, OPTIONS, WORK
+from ares_optimizer.two_point.arrays import MAX_UNKNOWNS, OPTIONS, WORK
 
 MAX_SEGMENTS = 32
 

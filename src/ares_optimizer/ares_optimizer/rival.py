@@ -9,18 +9,20 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import MissionArrays, Record
+from ares_models.arrays import HEATING_LIMIT, MissionArrays, Record
 from ares_models.kernels.vectors import cross, load, norm, sub
 from ares_optimizer.deadline import Deadline
-from ares_optimizer.direct import Found, solve_direct, steering_laws
-from ares_optimizer.indirect import IndirectGuess
-from ares_optimizer.kernels.guess import target_normal, wanted_state
-from ares_optimizer.solution import OptimizerError, Solution
-from ares_optimizer.transcription import Heating
+from ares_optimizer.direct.search import Found, find_direct, steering_laws
+from ares_optimizer.direct.transcription import Heating
+from ares_optimizer.indirect.solve import IndirectGuess, solve_indirect
+from ares_optimizer.kernels.terminal import target_normal, wanted_state
+from ares_optimizer.request import DIRECT_METHODS, HeatingName
+from ares_optimizer.solution import OptimizerError, Solution, UnfitMethod
 
 _SAME_KG = 1.0
 #: Of the velocity that takes a vehicle to its target in two manoeuvres, one after the other.
@@ -66,7 +68,7 @@ def find_rival(
 ) -> Rival | None:
     """Solve by ``direct11`` from its own start; None where it cannot even begin."""
     try:
-        return Rival(solve_direct(arrays, start, "direct11", heating, None, deadline))
+        return Rival(find_direct(arrays, start, "direct11", heating, None, deadline))
     except OptimizerError:
         return None
 
@@ -151,3 +153,59 @@ def beside_rival(
                 f"{solution.m_f_kg:,.1f} kg, direct11 {rival.m_f_kg:,.1f} kg",
             )
     return replace(solution, notes={**solution.notes, "direct11_m_f_kg": rival.m_f_kg})
+
+
+def solve_beside_rival(
+    arrays: MissionArrays,
+    state: NDArray[np.void],
+    method: str,
+    guess: Any,
+    heating: HeatingName,
+    deadline: Deadline,
+    verify: bool,
+) -> Solution:
+    """An indirect method, with what it finds set beside a direct solution.
+
+    Args:
+        arrays: the mission.
+        state: shape (1,), dtype NAVIGATION.
+        method: one of INDIRECT_METHODS.
+        guess: what :func:`solve_indirect` takes, or a direct solution with costates.
+        heating: what the heating limit asks.
+        deadline: when to give up.
+        verify: see :func:`ares_optimizer.solve.solve`.
+    """
+    if heating == "from_jettison":
+        raise UnfitMethod(f"heating is 'from_jettison'; {method} takes at_jettison or ignored")
+    if isinstance(guess, Solution) and guess.method in DIRECT_METHODS:
+        if guess.costates is None:
+            raise OptimizerError("guess: the solution has no costates; solve it with verify")
+        limits = [
+            (float(jettison["value"]), at)
+            for jettison, at in zip(arrays.jettisons, guess.jettison_times_s, strict=True)
+            if jettison["criterion"] == HEATING_LIMIT and math.isfinite(at)
+        ]
+        free = limits if heating == "at_jettison" else []
+        guess = IndirectGuess(
+            tuple(guess.costates.lambda_v[0]),
+            tuple(guess.costates.lambda_r[0]),
+            guess.t_meco_s,
+            tuple(at for _, at in free),
+            tuple(pi * limit for pi, (limit, _) in zip(guess.costates.jump_pi, free, strict=False)),
+        )
+
+    def extremal(guess: Any) -> Solution:
+        return solve_indirect(
+            arrays,
+            state,
+            propagator="closed_form" if method == "closed_form" else "runge_kutta",
+            guess=guess,
+            heating=heating,
+            deadline=deadline,
+            verify=verify,
+        )
+
+    solution = extremal(guess)
+    if solution.converged and not verify and not detour_line(arrays, state, solution):
+        return solution
+    return beside_rival(arrays, state, Heating(heating), solution, extremal, deadline)

@@ -7,14 +7,14 @@ import pytest
 from scipy.integrate import quad
 
 from ares_models.mission import load_mission
-from ares_optimizer.closed_form import (
+from ares_optimizer.indirect.closed_form import (
     ARC_LENGTHS_S,
     error_table,
     flight_errors,
     gravity_table,
     thrust_integrals,
 )
-from ares_optimizer.indirect import TwoPointSolver, navigation, solve_indirect
+from ares_optimizer.indirect.solve import TwoPointSolver, navigation, solve_indirect
 from ares_optimizer.kernels.timetable import HEATING_IGNORED
 from ares_optimizer.solution import OptimizerError
 

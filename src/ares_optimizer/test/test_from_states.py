@@ -7,12 +7,13 @@ import pytest
 
 from ares_models.mission import load_mission
 from ares_optimizer.deadline import TIME_LIMIT_PASSED, Deadline
-from ares_optimizer.indirect import TwoPointSolver, navigation
+from ares_optimizer.direct.transcription import Heating
+from ares_optimizer.indirect.solve import TwoPointSolver, navigation
+from ares_optimizer.proof.flight import fly, steering_of
+from ares_optimizer.request import DIRECT_METHODS, INDIRECT_METHODS, start_of
 from ares_optimizer.rival import ample_delta_v, beside_rival, find_rival
 from ares_optimizer.solution import OptimizerError, failed
-from ares_optimizer.solve import DIRECT_METHODS, INDIRECT_METHODS, solve, start_of
-from ares_optimizer.transcription import Heating
-from ares_optimizer.verify import fly, steering_of
+from ares_optimizer.solve import solve
 
 SAME_KG = 0.2
 LAST_SECOND = (1.0, 0.7, 0.5, 0.3, 0.2, 0.1, 0.05)
@@ -55,7 +56,7 @@ class Optimum:
     def state(self, to_go, error=(0.0,) * 6):
         """The state so many seconds before cut-off, moved by ``error`` (m, m/s)."""
         now = self.solution.t_meco_s - to_go
-        (y,) = [at(now) for begin, end, at in self.flight.pieces if begin <= now < end]
+        (y,) = [x.state(now) for x in self.flight.pieces if x.begin <= now < x.end]
         begins = self.mission.start().time_s + np.concatenate(
             ([0.0], np.cumsum(self.arrays.arcs["duration"])[:-1])
         )
@@ -250,7 +251,7 @@ class TestTimeLimit:
         assert solution.reason == TIME_LIMIT_PASSED
 
     def test_stops_a_continuation(self, ares_v):
-        from ares_optimizer.indirect import _from_light_drops
+        from ares_optimizer.indirect.solve import _from_light_drops
 
         solver = TwoPointSolver(ares_v.arrays, deadline=Deadline(0.0))
         assert _from_light_drops(solver, start_of(ares_v.mission)) is None

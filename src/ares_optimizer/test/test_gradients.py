@@ -10,18 +10,18 @@ import pytest
 
 from ares_models.mission import load_mission
 from ares_optimizer.deadline import Deadline
-from ares_optimizer.direct import carry_over, own_starts, run, solve_direct
-from ares_optimizer.kernels.evaluate import evaluate, make_point, make_scratch
-from ares_optimizer.kernels.jump import JUMP_INPUTS, JUMP_OUTPUTS, jump, jump_jacobian
-from ares_optimizer.kernels.shooting import gravity_gradient
-from ares_optimizer.kernels.sqp import (
+from ares_optimizer.direct.kernels.evaluate import evaluate, make_point, make_scratch
+from ares_optimizer.direct.kernels.flight import gravity_gradient
+from ares_optimizer.direct.kernels.jump import JUMP_INPUTS, JUMP_OUTPUTS, jump, jump_jacobian
+from ares_optimizer.direct.kernels.sqp import (
     estimate_multipliers,
     lagrangian_gradient,
     reduced_hessian,
 )
+from ares_optimizer.direct.search import carry_over, find_direct, own_starts, run
+from ares_optimizer.direct.transcription import Heating, transcribe
 from ares_optimizer.kernels.terminal import MAX_ROWS, terminal_rows
-from ares_optimizer.solve import start_of
-from ares_optimizer.transcription import Heating, transcribe
+from ares_optimizer.request import start_of
 
 STEP = 1e-30
 TIME, RATE = 100.0, 1e-3
@@ -189,7 +189,7 @@ def test_constraint_rows_agree_with_differences():
     arrays = mission.arrays()
     arrays.environment["density_factor"] = 2.1
     start = start_of(mission)[0]
-    base = solve_direct(arrays, start, "direct11")
+    base = find_direct(arrays, start, "direct11")
     transcription = transcribe(arrays, start, "direct14", Heating.FROM_JETTISON)
     problem = transcription.problem
     p = carry_over(base, transcription)

@@ -7,13 +7,14 @@ import pytest
 
 from ares_models.mission import load_mission
 from ares_optimizer.deadline import Deadline
-from ares_optimizer.direct import own_starts
-from ares_optimizer.kernels.evaluate import evaluate, make_point, make_scratch
-from ares_optimizer.kernels.heating import between_nodes, heating_peaks
-from ares_optimizer.kernels.shooting import N_COLUMNS, N_TIME
+from ares_optimizer.direct.kernels.evaluate import evaluate, make_point, make_scratch
+from ares_optimizer.direct.kernels.flight import N_COLUMNS, N_TIME
+from ares_optimizer.direct.kernels.heating import between_nodes, heating_peaks
+from ares_optimizer.direct.search import own_starts
+from ares_optimizer.direct.transcription import transcribe
+from ares_optimizer.request import start_of
 from ares_optimizer.solution import OptimizerError
-from ares_optimizer.solve import solve, start_of
-from ares_optimizer.transcription import transcribe
+from ares_optimizer.solve import solve
 
 LIMIT = 1135.0
 

@@ -19,7 +19,8 @@ from ares_models.arrays import (
 from ares_models.atmosphere import pra63_data, pra63_exponential
 from ares_models.kernels.environment import heating_rate, log_heating_gradient
 from ares_models.mission import load_mission
-from ares_optimizer.indirect import (
+from ares_optimizer.indirect.kernels import sample
+from ares_optimizer.indirect.solve import (
     IndirectGuess,
     TwoPointSolver,
     _from_high_limits,
@@ -28,15 +29,15 @@ from ares_optimizer.indirect import (
     navigation,
     solve_indirect,
 )
-from ares_optimizer.kernels import newton, sample
-from ares_optimizer.kernels.costates import (
-    MAX_COLUMNS,
+from ares_optimizer.kernels.timetable import MAX_SEGMENTS, SEGMENT, build_timetable
+from ares_optimizer.solution import OptimizerError
+from ares_optimizer.two_point.arrays import MAX_COLUMNS
+from ares_optimizer.two_point.kernels import newton
+from ares_optimizer.two_point.kernels.costates import (
     altitude_hessian_product,
     integrate_segment,
     log_heating_hessian_product,
 )
-from ares_optimizer.kernels.timetable import MAX_SEGMENTS, SEGMENT, build_timetable
-from ares_optimizer.solution import OptimizerError
 
 FLOW = 1306665.0 / (448.0 * 9.80665)
 

@@ -21,19 +21,16 @@ from ares_models.arrays import BURN, HEATING_LIMIT, Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import log_heating_gradient
 from ares_models.kernels.vectors import axpy, load, norm, scale, store, unit
-from ares_optimizer.kernels.costates import INVERSE_SQUARE
-from ares_optimizer.kernels.newton import CONVERGED, scaled_length
-from ares_optimizer.kernels.newton import solve as back_substitute
-from ares_optimizer.kernels.search import find_optimum
-from ares_optimizer.kernels.timetable import (
+from ares_optimizer.two_point.arrays import INVERSE_SQUARE, MAX_UNKNOWNS, RUNGE_KUTTA
+from ares_optimizer.two_point.contract import (
     COLUMN_CUTOFF,
     COLUMN_JETTISON,
+    CONVERGED,
     HEATING_OPTIMAL,
-)
-from ares_optimizer.kernels.two_point import (
-    MAX_UNKNOWNS,
-    RUNGE_KUTTA,
+    back_substitute,
+    find_optimum,
     gravity_terms,
+    scaled_length,
     shoot,
     unknown_count,
 )

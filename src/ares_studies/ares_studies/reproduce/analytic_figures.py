@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from ares_optimizer.analytic_flight import PlanarFlight
+from ares_optimizer.analytic.flight import PlanarFlight
 from ares_studies.reproduce import printed
 from ares_studies.reproduce.analytic_tables import Walk, analytic_walk, optimum_walk
 from ares_studies.reproduce.figures import TIME, angle_marks, instants

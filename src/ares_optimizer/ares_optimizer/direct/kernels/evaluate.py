@@ -1,0 +1,320 @@
+"""Objective and constraints of the finite problem, with gradients."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ares_models.jit import kernel
+from ares_models.kernels.environment import log_heating_gradient
+from ares_models.kernels.vectors import load
+from ares_optimizer.direct.kernels.flight import (
+    MOST_STEPS,
+    N_COLUMNS,
+    WORK_ROWS,
+    drop_column,
+    fly,
+    lay_out,
+)
+from ares_optimizer.direct.kernels.heating import heating_peaks
+from ares_optimizer.direct.kernels.problem import (
+    D_EARLIEST,
+    D_LOG_LIMIT,
+    HEATING_FROM_JETTISON,
+    L_DIRECTION,
+    MINIMISE_HEATING,
+    PEAKS,
+    TIME_SCALE,
+    Problem,
+)
+from ares_optimizer.kernels.algebra import Array, Index
+from ares_optimizer.kernels.terminal import MAX_ROWS, terminal_rows
+
+_INACTIVE = -1.0
+# a jettison comes at least this long before the cut-off, s
+_MARGIN = 0.1
+
+
+class Scratch(NamedTuple):
+    """What :func:`evaluate` writes: room for one problem.
+
+    Attributes:
+        times, breaks: order of events.
+        work: scratch of the integration.
+        nodes: shape (k, N_COLUMNS), room for every step of every break.
+        drops: shape (d + PEAKS, 14), states at the free drops and at later heating peaks.
+        drop_tangents: shape (d + PEAKS, 6, n).
+        final: shape (8,).
+        final_tangents: shape (6, n).
+        rows: shape (MAX_ROWS, 6), terminal gradients by the state.
+        counts: shape (3,): breaks, nodes, peaks of the heating after the last free drop.
+        peaks: shape (PEAKS,), their times, s after the start; found only where they count.
+    """
+
+    times: Array
+    breaks: Index
+    work: Array
+    nodes: Array
+    drops: Array
+    drop_tangents: Array
+    final: Array
+    final_tangents: Array
+    rows: Array
+    counts: Index
+    peaks: Array
+
+
+class Point(NamedTuple):
+    """Objective's gradient and the constraints at a point.
+
+    Attributes:
+        gradient: shape (n,), of the objective.
+        equations: shape (e,), zero at a solution.
+        equation_rows: shape (e, n), their gradients.
+        inequalities: shape (i,), not above zero at a solution.
+        inequality_rows: shape (i, n).
+    """
+
+    gradient: Array
+    equations: Array
+    equation_rows: Array
+    inequalities: Array
+    inequality_rows: Array
+
+
+@kernel
+def most_breaks(problem: Problem) -> int:
+    """Most breaks that ``lay_out`` can come to: of each kind all, and the cut-off."""
+    pieces = problem.profile.shape[0] + problem.tail.shape[0]
+    return pieces + problem.laws.shape[0] + problem.drops.shape[0] + PEAKS + 1
+
+
+@kernel
+def make_scratch(problem: Problem) -> Scratch:
+    """Room for one problem."""
+    n = problem.variables
+    d = problem.drops.shape[0] + PEAKS
+    breaks = most_breaks(problem)
+    return Scratch(
+        np.zeros(breaks),
+        np.zeros((breaks, 4), np.int64),
+        np.zeros((WORK_ROWS, 3 * n)),
+        np.empty((breaks * (MOST_STEPS + 1), N_COLUMNS)),
+        np.zeros((d, 14)),
+        np.zeros((d, 6, n)),
+        np.zeros(8),
+        np.zeros((6, n)),
+        np.zeros((MAX_ROWS, 6)),
+        np.zeros(3, np.int64),
+        np.full(PEAKS, math.nan),
+    )
+
+
+@kernel
+def count_rows(problem: Problem) -> tuple[int, int]:
+    """Numbers of equations and of inequalities.
+
+    Equations: terminal rows, then |B| = 1 (Eq. 3.42) per free direction. Inequalities: per
+    free drop the heating limit, not before its earliest time, and before the cut-off; that
+    free drops keep their order; bounds of the cut-off time; where the limit holds from the
+    jettison on, the heating at PEAKS later peaks.
+    """
+    c = np.empty(MAX_ROWS)
+    rows = np.empty((MAX_ROWS, 6))
+    environment = problem.environment[0]
+    r = load(problem.state)
+    v = load(problem.state[3:])
+    equations = terminal_rows(problem.target[0], environment.mu, r, v, c, rows)
+    for k in range(problem.laws.shape[0]):
+        if problem.laws[k, L_DIRECTION] >= 0:
+            equations += 1
+    drops = problem.drops.shape[0]
+    inequalities = 3 * drops + max(0, drops - 1) + 2
+    if problem.heating == HEATING_FROM_JETTISON and drops > 0:
+        inequalities += PEAKS
+    return equations, inequalities
+
+
+@kernel
+def make_point(problem: Problem) -> Point:
+    """Room for the values at one point."""
+    n = problem.variables
+    e, i = count_rows(problem)
+    return Point(np.zeros(n), np.zeros(e), np.zeros((e, n)), np.zeros(i), np.zeros((i, n)))
+
+
+@kernel
+def heating_row(state: Array, tangents: Array, problem: Problem, row: Array, columns: int) -> float:
+    """Log heating at a node, and its gradient by the variables.
+
+    Args:
+        state: shape (>= 7,), from ``fly``.
+        tangents: shape (6, n).
+        problem: the flight.
+        row: shape (n,), written if ``columns`` is not 0.
+        columns: n or 0.
+    """
+    value, by_position, by_velocity = log_heating_gradient(
+        load(state[1:]), load(state[4:]), problem.environment[0], problem.atmosphere
+    )
+    for j in range(columns):
+        s = 0.0
+        for c in range(3):
+            s += by_position[c] * tangents[c, j] + by_velocity[c] * tangents[3 + c, j]
+        row[j] = s
+    return value
+
+
+@kernel
+def evaluate(p: Array, problem: Problem, columns: int, scratch: Scratch, point: Point) -> float:
+    """Fly and evaluate.
+
+    Args:
+        p: shape (n,).
+        problem: the flight.
+        columns: n for gradients, 0 for values only.
+        scratch: from :func:`make_scratch`, written.
+        point: from :func:`make_point`, written.
+
+    Returns:
+        objective: cut-off time after the start in TIME_SCALE s, or log heating at the last
+        free drop.
+    """
+    gradient, equations, equation_rows, inequalities, inequality_rows = point
+    n = problem.variables
+    drops = problem.drops.shape[0]
+    environment = problem.environment[0]
+    path = problem.heating == HEATING_FROM_JETTISON and drops > 0
+    scratch.counts[2] = 0
+    if path:
+        count = lay_out(p, problem, scratch.peaks[:0], scratch.times, scratch.breaks)
+        stored = fly(
+            p,
+            problem,
+            scratch.times,
+            scratch.breaks,
+            count,
+            0,
+            scratch.work,
+            scratch.nodes,
+            scratch.drops,
+            scratch.drop_tangents,
+            scratch.final,
+            scratch.final_tangents,
+        )
+        scratch.counts[2] = heating_peaks(
+            scratch.nodes,
+            stored,
+            scratch.drops[drops - 1, 0],
+            environment,
+            problem.atmosphere,
+            scratch.peaks,
+        )
+    peaks = scratch.counts[2]
+    count = lay_out(p, problem, scratch.peaks[:peaks], scratch.times, scratch.breaks)
+    scratch.counts[0] = count
+    scratch.counts[1] = fly(
+        p,
+        problem,
+        scratch.times,
+        scratch.breaks,
+        count,
+        columns,
+        scratch.work,
+        scratch.nodes,
+        scratch.drops,
+        scratch.drop_tangents,
+        scratch.final,
+        scratch.final_tangents,
+    )
+    r = load(scratch.final[1:])
+    v = load(scratch.final[4:])
+    rows = terminal_rows(problem.target[0], environment.mu, r, v, equations, scratch.rows)
+    for i in range(rows):
+        for j in range(columns):
+            s = 0.0
+            for c in range(6):
+                s += scratch.rows[i, c] * scratch.final_tangents[c, j]
+            equation_rows[i, j] = s
+    e = rows
+    for k in range(problem.laws.shape[0]):
+        column = problem.laws[k, L_DIRECTION]
+        if column < 0:
+            continue
+        square = 0.0
+        for c in range(3):
+            square += p[column + c] * p[column + c]
+        equations[e] = 0.5 * (square - 1.0)
+        for j in range(columns):
+            equation_rows[e, j] = 0.0
+        for c in range(3):
+            if columns > 0:
+                equation_rows[e, column + c] = p[column + c]
+        e += 1
+
+    for i in range(inequalities.shape[0]):
+        for j in range(columns):
+            inequality_rows[i, j] = 0.0
+    i = 0
+    last = n - 1
+    for d in range(drops):
+        column = drop_column(problem, d)
+        level = heating_row(
+            scratch.drops[d], scratch.drop_tangents[d], problem, inequality_rows[i], columns
+        )
+        inequalities[i] = level - problem.drops[d, D_LOG_LIMIT]
+        inequalities[i + 1] = (problem.drops[d, D_EARLIEST] - problem.start_time) / TIME_SCALE - p[
+            column
+        ]
+        inequalities[i + 2] = p[column] - p[last] + _MARGIN / TIME_SCALE
+        if columns > 0:
+            inequality_rows[i + 1, column] = -1.0
+            inequality_rows[i + 2, column] = 1.0
+            inequality_rows[i + 2, last] = -1.0
+        i += 3
+    for d in range(drops - 1):
+        column = drop_column(problem, d)
+        inequalities[i] = p[column] - p[column + 1]
+        if columns > 0:
+            inequality_rows[i, column] = 1.0
+            inequality_rows[i, column + 1] = -1.0
+        i += 1
+    inequalities[i] = (problem.earliest_cutoff - problem.start_time) / TIME_SCALE - p[last]
+    inequalities[i + 1] = p[last] - (problem.latest_cutoff - problem.start_time) / TIME_SCALE
+    if columns > 0:
+        inequality_rows[i, last] = -1.0
+        inequality_rows[i + 1, last] = 1.0
+    i += 2
+    if path:
+        limit = problem.drops[drops - 1, D_LOG_LIMIT]
+        for k in range(PEAKS):
+            inequalities[i] = _INACTIVE
+            if k < peaks and scratch.peaks[k] < p[last] * TIME_SCALE:
+                level = heating_row(
+                    scratch.drops[drops + k],
+                    scratch.drop_tangents[drops + k],
+                    problem,
+                    inequality_rows[i],
+                    columns,
+                )
+                inequalities[i] = level - limit
+            elif k < peaks:
+                level = heating_row(
+                    scratch.final, scratch.final_tangents, problem, inequality_rows[i], columns
+                )
+                inequalities[i] = level - limit
+            i += 1
+    for j in range(columns):
+        gradient[j] = 0.0
+    if problem.objective == MINIMISE_HEATING and drops > 0:
+        # the limit of the last drop is what is being pushed down
+        row = 3 * (drops - 1)
+        value = inequalities[row] + problem.drops[drops - 1, D_LOG_LIMIT]
+        inequalities[row] = _INACTIVE
+        for j in range(columns):
+            gradient[j] = inequality_rows[row, j]
+            inequality_rows[row, j] = 0.0
+        return value
+    if columns > 0:
+        gradient[last] = 1.0
+    return p[last]

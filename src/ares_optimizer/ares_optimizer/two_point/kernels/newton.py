@@ -1,0 +1,317 @@
+"""Newton's method for the two-point problem, with backtracking."""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models.arrays import BURN, HEATING_LIMIT, LONGEST_FLIGHT, Record
+from ares_models.jit import kernel
+from ares_optimizer.kernels.algebra import back_substitute, factor
+from ares_optimizer.kernels.timetable import (
+    COLUMN_CUTOFF,
+    COLUMN_JETTISON,
+    HEATING_IGNORED,
+    MAX_SEGMENTS,
+    build_timetable,
+)
+from ares_optimizer.two_point.arrays import AT_ONCE
+from ares_optimizer.two_point.kernels.shooting import search_is_over, shoot, unknown_count
+
+CONVERGED = 0
+ITERATION_LIMIT = 1
+STALLED = 2
+SINGULAR = 3
+BAD_TIMETABLE = 4
+#: A heating jettison ran into its earliest time: the limit may be met from there on.
+AT_FLOOR = 5
+#: Converged, but to something that no vehicle should fly.
+UNSOUND = 6
+#: The time or the work that the search may take has ended.
+STOPPED = 7
+
+_SMALLEST_FRACTION = 1e-3
+_ROUNDING = 1e-13  # of the residuals: under a micrometre; near cut-off no step can mend it
+_CLOSE = 0.1  # scaled step within which a trial goes without a Jacobian
+_CONTRACTION = 0.1  # of simplified corrections, to go on with the same factors
+_NEAR_FLOOR = 1.0  # s
+_FAR = 1e7  # s, a cut-off beyond every event
+
+
+@kernel
+def find_floors(start: Record, arcs: NDArray[Any], jettisons: NDArray[Any], work: Record) -> bool:
+    """Earliest time of every unknown time, and the latest cut-off, into ``work``.
+
+    Returns:
+        False if the sequence makes no flight, or none of at most LONGEST_FLIGHT.
+    """
+    last = arcs.shape[0] - 1
+    count = build_timetable(
+        start, arcs, jettisons, HEATING_IGNORED, work.heating_times, _FAR, work.segments
+    )
+    if count == 0:
+        return False
+    index = 0
+    for j in range(jettisons.shape[0]):
+        if jettisons[j].criterion != HEATING_LIMIT or (start.jettisoned >> j) & 1 == 1:
+            continue
+        earliest = start.time
+        for i in range(count):
+            arc = arcs[work.segments[i].arc]
+            if arc.kind == BURN and arc.stage >= jettisons[j].stage:
+                earliest = work.segments[i].start
+                break
+        work.floor[COLUMN_JETTISON + 2 * index] = earliest
+        index += 1
+    for i in range(count):
+        if work.segments[i].arc == last:
+            work.floor[COLUMN_CUTOFF] = work.segments[i].start
+            break
+    while work.segments[count - 1].after_cutoff == 1:
+        count -= 1
+    final = work.segments[count - 1]
+    # 2 % of the mass is left: beyond that nothing flies
+    latest = start.time + LONGEST_FLIGHT
+    work.ceiling = min(final.start + 0.98 * final.mass / final.flow, latest)
+    return work.floor[COLUMN_CUTOFF] < work.ceiling
+
+
+@kernel
+def prepare(n: int, work: Record) -> None:
+    """Units of the unknowns; step counts start anew."""
+    for i in range(n):
+        work.unit[i] = 1.0
+    for i in range(3):
+        work.unit[3 + i] = 1e-3
+    for i in range(COLUMN_CUTOFF, n):
+        work.unit[i] = 100.0
+    for i in range(COLUMN_JETTISON + 1, n, 2):
+        work.unit[i] = 5.0
+    for i in range(MAX_SEGMENTS):
+        work.steps[i] = 0
+    work.evaluations = 0
+
+
+@kernel
+def scaled_length(n: int, x: NDArray[np.float64], unit: NDArray[np.float64]) -> float:
+    """Norm of a step in scaled unknowns."""
+    total = 0.0
+    for i in range(n):
+        total += (x[i] / unit[i]) ** 2
+    return math.sqrt(total)
+
+
+@kernel
+def _step_limit(n: int, x: NDArray[np.float64], work: Record) -> float:
+    """Largest fraction of the Newton step that keeps the flight a flight."""
+    step = work.step
+    limit = 1.0
+    # no more than about 30 deg, 1e-3 1/s, 100 s at once
+    for i in range(n):
+        size = abs(step[i]) / work.unit[i]
+        bound = 1.0
+        if i < 3:
+            bound = 0.5
+        if size * limit > bound:
+            limit = bound / size
+    cutoff = x[COLUMN_CUTOFF]
+    move = step[COLUMN_CUTOFF]
+    gap = cutoff - work.floor[COLUMN_CUTOFF]
+    if gap + limit * move < 0.2 * gap:
+        limit = -0.8 * gap / move
+    gap = work.ceiling - cutoff
+    if gap - limit * move < 0.2 * gap:
+        limit = 0.8 * gap / move
+    for i in range(COLUMN_JETTISON, n, 2):
+        if work.pinned[(i - COLUMN_JETTISON) // 2] == 1:
+            continue
+        gap = x[i] - work.floor[i]
+        if gap + limit * step[i] < 0.2 * gap:
+            limit = -0.8 * gap / step[i]
+        gap = cutoff - x[i]
+        if gap + limit * (move - step[i]) < 0.2 * gap:
+            limit = 0.8 * gap / (step[i] - move)
+    return limit
+
+
+@kernel
+def solve_two_point(
+    start: Record,
+    environment: Record,
+    atmosphere: NDArray[np.float64],
+    arcs: NDArray[Any],
+    jettisons: NDArray[Any],
+    target: Record,
+    options: Record,
+    unknowns: NDArray[np.float64],
+    work: Record,
+) -> tuple[int, float, int]:
+    """Newton with backtracking from ``unknowns``, which are improved in place.
+
+    A step is taken when the next simplified Newton correction is shorter than the step
+    (Deuflhard, *Newton Methods for Nonlinear Problems*, section 3.3): the test does not
+    depend on how the equations are scaled.
+
+    Args:
+        start: record NAVIGATION: time, position, velocity, mass (0: that of the stack), arc,
+            arc_start_time, jettisoned.
+        environment: record ENVIRONMENT.
+        atmosphere: log-density table.
+        arcs: dtype ARC; the last one is the burn that the cut-off ends.
+        jettisons: dtype JETTISON.
+        target: record TARGET.
+        options: record OPTIONS.
+        unknowns: shape (at least n,), see :func:`shoot`; guess in, answer out.
+        work: record WORK; ``pinned`` says which drops are held at their earliest time.
+
+    Returns:
+        iterations, norm of the last residuals, status (CONVERGED or what went wrong).
+    """
+    n = unknown_count(start, jettisons, options)
+    # not literals, nor a nested array for the trial: each would compile the flight once more
+    with_jacobian, residuals_only = n > 0, n < 0
+    trial = work.trial[:]
+    prepare(n, work)
+    if not find_floors(start, arcs, jettisons, work):
+        return 0, math.inf, BAD_TIMETABLE
+    # a guess outside the possible times is moved inside
+    floor = work.floor[COLUMN_CUTOFF]
+    unknowns[COLUMN_CUTOFF] = min(
+        max(unknowns[COLUMN_CUTOFF], floor + 1e-6 * (work.ceiling - floor)),
+        work.ceiling - 0.01 * (work.ceiling - floor),
+    )
+    # in a short flight times are shorter and rates greater
+    part = min(1.0, (unknowns[COLUMN_CUTOFF] - start.time) / work.unit[COLUMN_CUTOFF])
+    work.unit[COLUMN_CUTOFF] *= part
+    for i in range(3, 6):
+        work.unit[i] /= part
+    for i in range(COLUMN_JETTISON, n, 2):
+        if work.pinned[(i - COLUMN_JETTISON) // 2] == 1:
+            unknowns[i] = work.floor[i] + AT_ONCE
+            continue
+        span = unknowns[COLUMN_CUTOFF] - work.floor[i]
+        unknowns[i] = min(
+            max(unknowns[i], work.floor[i] + 0.01 * span), unknowns[COLUMN_CUTOFF] - 0.01 * span
+        )
+    good = shoot(
+        start,
+        environment,
+        atmosphere,
+        arcs,
+        jettisons,
+        target,
+        options,
+        unknowns,
+        with_jacobian,
+        work,
+    )
+    if not good:
+        return 0, math.inf, BAD_TIMETABLE
+    for iteration in range(1, options.max_iterations + 1):
+        if search_is_over(options, work):
+            return iteration, math.inf, STOPPED
+        residual_norm = 0.0
+        for i in range(n):
+            residual_norm += work.residual[i] ** 2
+            work.step[i] = -work.residual[i]
+            for j in range(n):
+                work.factors[i, j] = work.jacobian[i, j]
+        residual_norm = math.sqrt(residual_norm)
+        if not factor(n, work.factors, work.pivots):
+            return iteration, residual_norm, SINGULAR
+        back_substitute(n, work.factors, work.pivots, work.step)
+        length = scaled_length(n, work.step, work.unit)
+        if not math.isfinite(length):
+            return iteration, residual_norm, SINGULAR
+        if length <= options.tolerance or residual_norm <= _ROUNDING:
+            for i in range(n):
+                unknowns[i] += work.step[i]
+            return iteration, residual_norm, CONVERGED
+        for i in range(COLUMN_JETTISON, n, 2):
+            index = (i - COLUMN_JETTISON) // 2
+            near = unknowns[i] < work.floor[i] + _NEAR_FLOOR
+            if near and unknowns[i] + work.step[i] < work.floor[i] and work.pinned[index] == 0:
+                work.stuck = index
+                return iteration, residual_norm, AT_FLOOR
+        fraction = _step_limit(n, unknowns, work)
+        # far away the first trial is nearly always taken and its Jacobian wanted; close by
+        # the old one will do
+        with_tangents = length > _CLOSE
+        while True:
+            for i in range(n):
+                work.trial[i] = unknowns[i] + fraction * work.step[i]
+            good = shoot(
+                start,
+                environment,
+                atmosphere,
+                arcs,
+                jettisons,
+                target,
+                options,
+                trial,
+                with_tangents,
+                work,
+            )
+            shorter = math.inf
+            if good:
+                for i in range(n):
+                    work.correction[i] = -work.residual[i]
+                back_substitute(n, work.factors, work.pivots, work.correction)
+                shorter = scaled_length(n, work.correction, work.unit)
+            if shorter <= (1.0 - 0.25 * fraction) * length:
+                break
+            with_tangents = False
+            fraction *= 0.5
+            if not fraction >= _SMALLEST_FRACTION:
+                return iteration, residual_norm, STALLED
+        for i in range(n):
+            unknowns[i] = work.trial[i]
+        before = length
+        while not with_tangents and fraction == 1.0 and shorter < _CONTRACTION * before:
+            # simplified Newton: the factors stay
+            for i in range(n):
+                unknowns[i] += work.correction[i]
+            if shorter <= options.tolerance:
+                residual_norm = 0.0
+                for i in range(n):
+                    residual_norm += work.residual[i] ** 2
+                return iteration, math.sqrt(residual_norm), CONVERGED
+            before = shorter
+            good = shoot(
+                start,
+                environment,
+                atmosphere,
+                arcs,
+                jettisons,
+                target,
+                options,
+                unknowns,
+                residuals_only,
+                work,
+            )
+            if not good:
+                return iteration, residual_norm, STALLED
+            for i in range(n):
+                work.correction[i] = -work.residual[i]
+            back_substitute(n, work.factors, work.pivots, work.correction)
+            shorter = scaled_length(n, work.correction, work.unit)
+        if not with_tangents:
+            good = shoot(
+                start,
+                environment,
+                atmosphere,
+                arcs,
+                jettisons,
+                target,
+                options,
+                unknowns,
+                with_jacobian,
+                work,
+            )
+            if not good:
+                return iteration, residual_norm, STALLED
+    residual_norm = 0.0
+    for i in range(n):
+        residual_norm += work.residual[i] ** 2
+    return options.max_iterations, math.sqrt(residual_norm), ITERATION_LIMIT
