@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_guidance.arrays import GUIDANCE_STATE
+from ares_guidance.arrays import Onboard, blank_onboard
 from ares_guidance.kernels.cycle import guidance_step
 from ares_guidance.law import LawSettings
 from ares_guidance.laws import find_law, make_law
 from ares_guidance.registry import law_names
-from ares_models.arrays import NAVIGATION, STEERING, Record
+from ares_models.arrays import NAVIGATION, MissionArrays
 from ares_models.jit import kernel, specialised
 from ares_models.mission import load_mission
 from ares_studies.closed_loop import fly_compiled
@@ -25,33 +25,12 @@ from ares_vehicle_sim.simulator import Simulator, SimulatorOptions
 
 
 @kernel
-def cycles(
-    navs: NDArray[Any],
-    environment: Record,
-    atmosphere: NDArray[Any],
-    arcs: NDArray[Any],
-    jettisons: NDArray[Any],
-    target: Record,
-    settings: Record,
-    state: Record,
-    saved: Record,
-    steering: Record,
-) -> int:
+def cycles(navs: NDArray[Any], mission: MissionArrays, onboard: Onboard) -> int:
     """Run one guidance step on each navigation state; returns the iterations made."""
     for k in range(navs.shape[0]):
-        guidance_step(
-            navs[k],
-            environment,
-            atmosphere,
-            arcs,
-            jettisons,
-            target,
-            settings,
-            state,
-            saved,
-            steering,
-        )
-    return state.total_iterations
+        onboard.navigation[0] = navs[k]
+        guidance_step(mission, onboard)
+    return onboard.state[0].total_iterations
 
 
 def record_navigation(mission: Any, settings: LawSettings, name: str) -> NDArray[np.void]:
@@ -84,21 +63,9 @@ def main() -> None:
     times = []
     iterations = 0
     for _ in range(options.repeats + 1):
-        state, saved = np.zeros(1, GUIDANCE_STATE), np.zeros(1, GUIDANCE_STATE)
-        steering = np.zeros(1, STEERING)
+        onboard = blank_onboard(settings.record())
         begun = time.perf_counter()
-        iterations = run(
-            navs,
-            arrays.environment[0],
-            arrays.atmosphere,
-            arrays.arcs,
-            arrays.jettisons,
-            arrays.target[0],
-            settings.record()[0],
-            state[0],
-            saved[0],
-            steering[0],
-        )
+        iterations = run(navs, arrays, onboard)
         times.append((time.perf_counter() - begun) / len(navs))
     step = statistics.median(times[1:])
     print(f"{len(navs)} cycles, {iterations / len(navs):.2f} iterations each")

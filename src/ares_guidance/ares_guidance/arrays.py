@@ -1,8 +1,11 @@
 """Structured dtypes of the guidance laws: named settings, state between cycles."""
 
-import numpy as np
+from typing import Any, NamedTuple
 
-from ares_models.arrays import ARC, JETTISON, MAX_JETTISONS, TARGET
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models.arrays import ARC, JETTISON, MAX_JETTISONS, NAVIGATION, STEERING, TARGET
 from ares_optimizer.two_point.arrays import MAX_UNKNOWNS, OPTIONS, WORK
 
 MAX_SEGMENTS = 32
@@ -101,14 +104,14 @@ THESIS_MEMORY = np.dtype(
     [
         # the plan: the jettison, and how it is flown to
         ("planned", np.int64),  # 0: there is none, the law is plain PEG
-        ("target", TARGET),  # the jettison's; its plane is set when a mode begins
+        ("target", TARGET, (1,)),  # the jettison's; its plane is set when a mode begins
         ("part_two", np.float64),  # s from the jettison to cut-off
         # m/s: start to staging, staging to jettison, jettison to cut-off
         ("delta_v", np.float64, (3,)),
         ("plane", np.int64),  # PLANE_*: what modes 1 and 2 hold
         ("split_at_staging", np.int64),  # 0: mode 1 goes on to the jettison
-        ("early_rules", GUIDANCE_SETTINGS),  # of modes 1 and 2
-        ("late_rules", GUIDANCE_SETTINGS),  # of mode 3
+        ("early_rules", GUIDANCE_SETTINGS, (1,)),  # of modes 1 and 2
+        ("late_rules", GUIDANCE_SETTINGS, (1,)),  # of mode 3
         ("early_arcs", ARC, (MAX_SEGMENTS,)),  # the mission's, without the last tail-off
         # the flight
         ("mode", np.int64),  # 1, 2, 3; 0: not begun
@@ -119,6 +122,28 @@ THESIS_MEMORY = np.dtype(
         ("fallback_reference_time", np.float64),
         ("fallback_direction", np.float64, (3,)),
         ("fallback_direction_rate", np.float64, (3,)),
+    ],
+    align=True,
+)
+
+#: What an iteration changes: a failed cycle puts it back as it was.
+SOLUTION = np.dtype(
+    [
+        ("time_to_go", np.float64),
+        ("velocity_to_go", np.float64, (3,)),
+        ("gravity_displacement", np.float64, (3,)),
+        ("gravity_time", np.float64),  # s of flight that it holds for
+        ("displacement_bias", np.float64, (3,)),
+        ("desired_position", np.float64, (3,)),
+        ("plane_normal", np.float64, (3,)),
+        ("direction", np.float64, (3,)),
+        ("direction_rate", np.float64, (3,)),
+        ("reference_time", np.float64),
+        ("miss_speed", np.float64),  # m/s, change of velocity_to_go in the last iteration
+        ("tail_gain", np.float64),  # s of full thrust that follow the cut-off command
+        ("tail_drift", np.float64),  # s by which the tail outlasts them
+        # of heating jettisons, MET; inf: beyond cut-off, planned without
+        ("jettison_time", np.float64, (MAX_JETTISONS,)),
     ],
     align=True,
 )
@@ -135,28 +160,13 @@ GUIDANCE_STATE = np.dtype(
         ("stale_cycles", np.int64),
         ("time", np.float64),  # of the last navigation state
         ("sensed_delta_v", np.float64, (3,)),
-        # the solution under iteration
-        ("time_to_go", np.float64),
-        ("velocity_to_go", np.float64, (3,)),
-        ("gravity_displacement", np.float64, (3,)),
-        ("gravity_time", np.float64),  # s of flight that it holds for
-        ("displacement_bias", np.float64, (3,)),
-        ("desired_position", np.float64, (3,)),
-        ("plane_normal", np.float64, (3,)),
+        ("solution", SOLUTION),  # under iteration
         ("predicted_position", np.float64, (3,)),
         ("predicted_velocity", np.float64, (3,)),
-        ("direction", np.float64, (3,)),
-        ("direction_rate", np.float64, (3,)),
-        ("reference_time", np.float64),
-        ("miss_speed", np.float64),  # m/s, change of velocity_to_go in the last iteration
         ("lowered", np.float64),  # m/s that the propellant is short of the target
         ("target", TARGET, (1,)),  # what is aimed at: the mission's, or the best within reach
-        ("tail_gain", np.float64),  # s of full thrust that follow the cut-off command
-        ("tail_drift", np.float64),  # s by which the tail outlasts them
         # where to start instead of the scalar impulse
         ("seeded", np.int64),
-        # heating jettisons
-        ("jettison_time", np.float64, (8,)),  # MET; inf: beyond cut-off, planned without
         ("density_ratio", np.float64),  # measured over modelled heating; nan: unknown
         # engines of the present stage, measured over the mission's; 0: not yet
         ("thrust_ratio", np.float64),
@@ -169,3 +179,36 @@ GUIDANCE_STATE = np.dtype(
     ],
     align=True,
 )
+
+
+class Onboard(NamedTuple):
+    """What is on board of one flight, beside the mission; kernels take it whole.
+
+    Attributes:
+        navigation: shape (1,), dtype NAVIGATION, the present state.
+        settings: shape (1,), dtype GUIDANCE_SETTINGS.
+        state: shape (1,), dtype GUIDANCE_STATE; all zero before the first step.
+        saved: shape (1,), dtype SOLUTION, the last one before this cycle.
+        steering: shape (1,), dtype STEERING, the answer.
+    """
+
+    navigation: NDArray[Any]
+    settings: NDArray[Any]
+    state: NDArray[Any]
+    saved: NDArray[Any]
+    steering: NDArray[Any]
+
+
+def blank_onboard(settings: NDArray[Any]) -> Onboard:
+    """Before a flight: nothing known, nothing answered."""
+    steering = np.zeros(1, STEERING)
+    steering["cutoff_time"] = np.nan
+    steering["jettison"] = -1
+    steering["jettison_time"] = np.nan
+    return Onboard(
+        np.zeros(1, NAVIGATION),
+        settings,
+        np.zeros(1, GUIDANCE_STATE),
+        np.zeros(1, SOLUTION),
+        steering,
+    )

@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 
 from ares_guidance.arrays import (
     GUIDANCE_SETTINGS,
-    GUIDANCE_STATE,
     HEATING_MEASURED,
     HEATING_MODELLED,
     LAW_PEG,
     MAX_SEGMENTS,
     PHASE_CONVERGING,
     PHASE_IDLE,
+    blank_onboard,
 )
 from ares_guidance.guess import OfflineTrajectory
 from ares_guidance.kernels.cycle import guidance_step
-from ares_models.arrays import HEATING_LIMIT, STEERING, MissionArrays
+from ares_models.arrays import HEATING_LIMIT, MissionArrays
 from ares_models.jit import specialised
 
 
@@ -191,8 +191,7 @@ class Law:
 
     Attributes:
         kind: which law.
-        state: record GUIDANCE_STATE, what the law thinks; read only by custom.
-        steering: shape (1,), dtype STEERING, the present answer.
+        onboard: what it holds of the flight; read only by custom.
     """
 
     def __init__(
@@ -220,12 +219,7 @@ class Law:
 
     def reset(self) -> None:
         """Forget the flight."""
-        self._state = np.zeros(1, GUIDANCE_STATE)
-        self._saved = np.zeros(1, GUIDANCE_STATE)
-        self.steering = np.zeros(1, STEERING)
-        self.steering["cutoff_time"] = math.nan
-        self.steering["jettison"] = -1
-        self.steering["jettison_time"] = math.nan
+        self.onboard = blank_onboard(self._settings)
 
     def seed(
         self, velocity_to_go: NDArray[np.float64], jettison_times: NDArray[np.float64]
@@ -248,11 +242,11 @@ class Law:
                 f"jettison_times is {jettison_times}; expected {len(self._arrays.jettisons)} times"
             )
         self.reset()
-        state = self._state[0]
-        state["velocity_to_go"] = velocity_to_go
-        state["jettison_time"] = math.inf
-        state["jettison_time"][: len(jettison_times)] = jettison_times
-        state["seeded"] = 1
+        solution = self.state["solution"]
+        solution["velocity_to_go"] = velocity_to_go
+        solution["jettison_time"] = math.inf
+        solution["jettison_time"][: len(jettison_times)] = jettison_times
+        self.state["seeded"] = 1
 
     def start_from(self, trajectory: OfflineTrajectory) -> None:
         """Start the next flight from a trajectory found off line.
@@ -272,12 +266,12 @@ class Law:
     @property
     def state(self) -> Any:
         """What the law thinks, record GUIDANCE_STATE."""
-        return self._state[0]
+        return self.onboard.state[0]
 
     @property
-    def settings(self) -> Any:
-        """Cycle and gates, record GUIDANCE_SETTINGS."""
-        return self._settings[0]
+    def steering(self) -> NDArray[np.void]:
+        """The present answer, shape (1,), dtype STEERING."""
+        return self.onboard.steering
 
     @property
     def steered(self) -> bool:
@@ -299,17 +293,6 @@ class Law:
             whether a guidance cycle was due; `steering` is the answer either way.
         """
         before = int(self.state["cycle"])
-        arrays = self._arrays
-        self.kind.step(
-            nav,
-            arrays.environment[0],
-            arrays.atmosphere,
-            arrays.arcs,
-            arrays.jettisons,
-            arrays.target[0],
-            self._settings[0],
-            self._state[0],
-            self._saved[0],
-            self.steering[0],
-        )
+        self.onboard.navigation[0] = nav
+        self.kind.step(self._arrays, self.onboard)
         return int(self.state["cycle"]) != before

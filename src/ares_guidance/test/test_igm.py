@@ -16,10 +16,10 @@ from ares_guidance.arrays import (
     PHASE_TRACKING,
 )
 from ares_guidance.kernels.segments import thrust_integrals
-from ares_guidance.kernels.targets import desired_state, plane_normal
 from ares_guidance.law import LawSettings
 from ares_guidance.laws import find_law, make_law
 from ares_guidance.testing import first_navigation
+from ares_models.kernels.targets import desired_state, plane_normal
 from ares_models.kernels.vectors import load
 from ares_models.mission import list_missions, load_mission
 
@@ -76,26 +76,26 @@ def flown_plan(nav, mission, law, turns):
     Returns:
         position m and velocity m/s at the end of the thrust, and the terminal frame.
     """
-    state = law.state
+    solution = law.state["solution"]
     arrays = mission.arrays()
     mu = arrays.environment[0]["mu"]
-    eta = np.array(state["plane_normal"])
-    xi = np.array(state["desired_position"]) / np.linalg.norm(state["desired_position"])
+    eta = np.array(solution["plane_normal"])
+    xi = np.array(solution["desired_position"]) / np.linalg.norm(solution["desired_position"])
     wanted, velocity, zeta = map(np.array, desired_state(arrays.target[0], mu, load(xi), load(eta)))
     r, v = np.array(nav["position"]), np.array(nav["velocity"])
     mean_gravity = -0.5 * mu * (r / np.linalg.norm(r) ** 3 + wanted / np.linalg.norm(wanted) ** 3)
-    go = np.array(state["velocity_to_go"])
+    go = np.array(solution["velocity_to_go"])
     tilde = np.array(
         [math.atan2(go @ xi, go @ zeta), math.atan2(go @ eta, math.hypot(go @ xi, go @ zeta))]
     )
-    now = np.array(state["direction"])
+    now = np.array(solution["direction"])
     pitch, yaw = math.atan2(now @ xi, now @ zeta), math.asin(now @ eta)
-    rate = np.array(state["direction_rate"])
+    rate = np.array(solution["direction_rate"])
     above = math.cos(pitch) * xi - math.sin(pitch) * zeta
     aside = math.cos(yaw) * eta - math.sin(yaw) * (math.sin(pitch) * xi + math.cos(pitch) * zeta)
     slope = np.array([rate @ above / math.cos(yaw), rate @ aside])
     start = tilde + turns * (np.array([pitch, yaw]) - tilde)
-    segment = state["segments"][0]
+    segment = law.state["segments"][0]
 
     def motion(t, y):
         p, q = start + turns * slope * t
@@ -103,7 +103,7 @@ def flown_plan(nav, mission, law, turns):
         along = math.cos(q) * (math.sin(p) * xi + math.cos(p) * zeta) + math.sin(q) * eta
         return np.concatenate([y[3:], thrust * along + mean_gravity])
 
-    burn, drift = float(state["time_to_go"]), float(state["tail_drift"])
+    burn, drift = float(solution["time_to_go"]), float(solution["tail_drift"])
     end = solve_ivp(motion, (0.0, burn), np.concatenate([r, v]), rtol=1e-10, atol=1e-6).y[:, -1]
     r_end = end[:3] + drift * end[3:] + 0.5 * drift**2 * mean_gravity
     return r_end, end[3:] + drift * mean_gravity, (xi, eta, zeta), (wanted, velocity)
@@ -159,8 +159,8 @@ def test_the_position_terms_reach_the_position_and_cost_no_velocity(name):
     left = np.abs([(r - wanted) @ xi, (r - wanted) @ eta])
     assert missed[0] > 1000.0
     # the terms are of first order in the turn, so what they leave is of second order
-    go = law.state["velocity_to_go"]
-    square = math.acos(law.state["direction"] @ go / np.linalg.norm(go)) ** 2
+    go = law.state["solution"]["velocity_to_go"]
+    square = math.acos(law.state["solution"]["direction"] @ go / np.linalg.norm(go)) ** 2
     assert 0.01 < square < 0.05
     assert np.all(left <= 2.0 * square * missed)
     assert np.linalg.norm(v - velocity) < square * np.linalg.norm(go)
@@ -172,12 +172,12 @@ def test_half_way_by_impulse_the_thrust_points_along_chi_tilde():
     nav = upper_stage(mission, **STATES["saturn_v_as506"])
     law = igm(mission)
     law.step(nav)
-    state = law.state
-    burn = float(state["time_to_go"])
-    integrals = thrust_integrals(state, burn, burn)
-    then = state["direction"] + integrals[1] / integrals[0] * state["direction_rate"]
-    chi_tilde = state["velocity_to_go"] / np.linalg.norm(state["velocity_to_go"])
-    turned = math.acos(np.clip(state["direction"] @ chi_tilde, -1.0, 1.0))
+    solution = law.state["solution"]
+    burn = float(solution["time_to_go"])
+    integrals = thrust_integrals(law.state, burn, burn)
+    then = solution["direction"] + integrals[1] / integrals[0] * solution["direction_rate"]
+    chi_tilde = solution["velocity_to_go"] / np.linalg.norm(solution["velocity_to_go"])
+    turned = math.acos(np.clip(solution["direction"] @ chi_tilde, -1.0, 1.0))
     assert turned > math.radians(0.5)
     assert then / np.linalg.norm(then) == pytest.approx(chi_tilde, abs=0.05 * turned)
 
@@ -186,7 +186,7 @@ def test_a_free_node_is_put_where_the_inclination_is_exact():
     mission = load_mission("ares_v")
     law = igm(mission)
     law.step(first_navigation(mission))
-    tilt = math.acos(law.state["plane_normal"][2])
+    tilt = math.acos(law.state["solution"]["plane_normal"][2])
     assert tilt == pytest.approx(float(mission.arrays().target[0]["inclination"]), abs=1e-12)
 
 

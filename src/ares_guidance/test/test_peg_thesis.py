@@ -236,7 +236,7 @@ def test_mode_one_can_go_on_through_staging(ares_v):
 def test_the_plane_is_that_of_the_state_in_which_the_mode_begins(ares_v, plane, moved):
     law = planned(ares_v, plane=plane)
     law.step(navigation(ares_v))
-    target = law.state["thesis"]["target"]
+    target = law.state["thesis"]["target"][0]
     first = float(target["ascending_node"])
     law.step(after_staging(ares_v, velocity=after_staging(ares_v)["velocity"] + [0.0, 0.0, 50.0]))
     assert (float(target["ascending_node"]) != pytest.approx(first, abs=1e-5)) == moved

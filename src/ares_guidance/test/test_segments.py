@@ -7,18 +7,22 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from ares_guidance.arrays import GUIDANCE_STATE
+from ares_guidance.arrays import blank_onboard
 from ares_guidance.kernels.segments import burn_time_to_go, plan_segments, thrust_integrals
 from ares_guidance.kernels.shortfall import lacking_speed
+from ares_guidance.law import LawSettings
 from ares_models.arrays import (
     ARC,
     BURN,
     COAST,
+    ENVIRONMENT,
     HEATING_LIMIT,
     JETTISON,
     MISSION_TIME,
     NAVIGATION,
+    TARGET,
     TIME_AFTER_IGNITION,
+    MissionArrays,
 )
 
 
@@ -42,10 +46,12 @@ def three_stage_plan(jettison_time=math.inf):
     nav = np.zeros(1, NAVIGATION)
     nav["time"] = 10.0
     nav["mass"] = 300e3 - 10.0 * arcs["mass_flow"][0]
-    state = np.zeros(1, GUIDANCE_STATE)
-    state["jettison_time"] = jettison_time
-    plan_segments(nav[0], arcs, jettisons, state[0])
-    return arcs, jettisons, nav, state
+    onboard = blank_onboard(LawSettings().record())
+    onboard.navigation[0] = nav[0]
+    onboard.state["solution"]["jettison_time"] = jettison_time
+    blank = (np.zeros(1, ENVIRONMENT), np.zeros((2, 5)))
+    plan_segments(MissionArrays(*blank, arcs, jettisons, np.zeros(1, TARGET)), onboard)
+    return arcs, jettisons, nav, onboard.state
 
 
 def acceleration(segments, t):
@@ -138,5 +144,5 @@ def test_lacking_speed_is_what_the_propellant_cannot_give():
     empty = end["start"] + end["capacity"]
     reach = thrust_integrals(state[0], empty, math.inf)[0]
     for beyond in (-300.0, 0.0, 250.0):
-        state[0]["time_to_go"], _ = burn_time_to_go(state[0], reach + beyond)
+        state[0]["solution"]["time_to_go"], _ = burn_time_to_go(state[0], reach + beyond)
         assert lacking_speed(state[0]) == pytest.approx(beyond, abs=1e-6)

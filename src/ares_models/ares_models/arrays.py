@@ -115,6 +115,24 @@ NAVIGATION = np.dtype(
     align=True,
 )
 
+#: Where a flight stands in its sequence; records that carry these fields carry more beside.
+SEQUENCE = np.dtype(
+    [
+        ("time", np.float64),
+        ("mass", np.float64),
+        ("arc", np.int64),
+        ("arc_start_time", np.float64),
+        ("ignited_stage", np.int64),  # last stage that was lit; -1: none
+        ("ignition_time", np.float64),  # of that stage
+        ("propellant_used", np.float64),  # kg, by the present stage
+        ("tail_arc", np.int64),  # arc whose thrust is dying away; -1: none
+        ("tail_start_time", np.float64),
+        ("jettisoned", np.int64),  # bit k: jettison k is done
+        ("inserted", np.int64),  # 1: cut off by command
+    ],
+    align=True,
+)
+
 STEERING = np.dtype(
     [
         # direction(t) = unit(direction + direction_rate (t - reference_time))

@@ -6,14 +6,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_guidance.arrays import GUIDANCE_STATE
 from ares_guidance.guess import OfflineTrajectory
 from ares_guidance.law import Law, LawSettings
 from ares_guidance.laws import make_law
-from ares_models.arrays import NAVIGATION
 from ares_models.mission import Mission
 from ares_optimizer.solution import Solution
 from ares_optimizer.solve import solve
+from ares_studies.arrays import closed_loop
 from ares_studies.loops import flight_loop
 from ares_vehicle_sim.dispersions import Dispersions
 from ares_vehicle_sim.kernels.navigation import measure
@@ -123,32 +122,13 @@ def fly_compiled(
     """
     options = options or SimulatorOptions()
     believed = mission.arrays(foreseen=True)
-    vehicle = true_vehicle(mission, dispersions or Dispersions(), seed, flight)
-    true, plant = vehicle.arrays, vehicle.plant
+    true, vehicle = true_vehicle(mission, options, dispersions or Dispersions(), seed, flight)
     if isinstance(law, str):
-        first = np.zeros(1, NAVIGATION)
-        measure(plant.copy()[0], first[0])
-        law = ready_law(mission, law, settings, state=first)
-    flight_loop(law.kind)(
-        plant[0],
-        true.environment[0],
-        true.atmosphere,
-        true.arcs,
-        true.jettisons,
-        options.record()[0],
-        believed.environment[0],
-        believed.atmosphere,
-        believed.arcs,
-        believed.jettisons,
-        believed.target[0],
-        law.settings,
-        law.state,
-        np.zeros(1, GUIDANCE_STATE)[0],
-        np.zeros(1, NAVIGATION)[0],
-        law.steering[0],
-        options.navigation_period_s,
-    )
-    return Flight(plant[0], law.state)
+        first = vehicle._replace(plant=vehicle.plant.copy())
+        measure(first)
+        law = ready_law(mission, law, settings, state=first.navigation)
+    flight_loop(law.kind)(closed_loop(true, vehicle, believed, law.onboard))
+    return Flight(vehicle.plant[0], law.state)
 
 
 def fly_stepwise(

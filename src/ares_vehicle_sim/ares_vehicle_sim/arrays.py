@@ -1,8 +1,11 @@
-"""Structured dtypes of the plant."""
+"""Structured dtypes of the plant, and what a simulated flight carries."""
+
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ares_models.arrays import MAX_JETTISONS, STEERING
+from ares_models.arrays import MAX_JETTISONS, NAVIGATION, STEERING
 
 #: Room for the longest sequence that a mission may have, tested.
 MAX_EVENTS = 128
@@ -41,6 +44,7 @@ OPTIONS = np.dtype(
     [
         ("max_step", np.float64),  # s, of the integrator
         ("attitude_rate_limit", np.float64),  # rad/s; inf: the thrust follows at once
+        ("navigation_period", np.float64),  # s between navigation states
     ],
     align=True,
 )
@@ -85,6 +89,7 @@ VARIATION = np.dtype(
     align=True,
 )
 
+#: Has the fields of SEQUENCE.
 PLANT = np.dtype(
     [
         ("time", np.float64),
@@ -142,3 +147,24 @@ TRUTH = np.dtype(_TRUTH_FIELDS, align=True)
 
 #: Names of the fields, in order; those of the message VehicleState.
 TRUTH_FIELDS = tuple(str(field[0]) for field in _TRUTH_FIELDS)
+
+
+class Vehicle(NamedTuple):
+    """What a simulated flight carries; kernels take it whole.
+
+    Attributes:
+        options: shape (1,), dtype OPTIONS.
+        plant: shape (1,), dtype PLANT, the true state.
+        navigation: shape (1,), dtype NAVIGATION, what is reported of it.
+        truth: shape (1,), dtype TRUTH, the true state in the words of VehicleState.
+    """
+
+    options: NDArray[Any]
+    plant: NDArray[Any]
+    navigation: NDArray[Any]
+    truth: NDArray[Any]
+
+
+def blank_vehicle(options: NDArray[Any]) -> Vehicle:
+    """Room for a flight, all zero but for the options."""
+    return Vehicle(options, np.zeros(1, PLANT), np.zeros(1, NAVIGATION), np.zeros(1, TRUTH))

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import NAVIGATION, MissionArrays
+from ares_models.arrays import MissionArrays
 from ares_models.mission import Mission
-from ares_vehicle_sim.arrays import OPTIONS, PLANT, TRUTH
+from ares_vehicle_sim.arrays import OPTIONS, Vehicle, blank_vehicle
 from ares_vehicle_sim.dispersions import Dispersions
 from ares_vehicle_sim.draws import Sampler
 from ares_vehicle_sim.kernels.navigation import measure
@@ -61,6 +61,7 @@ class SimulatorOptions:
         record = np.zeros(1, OPTIONS)
         record["max_step"] = self.integration_step_s
         record["attitude_rate_limit"] = self.attitude_rate_limit_rad_s
+        record["navigation_period"] = self.navigation_period_s
         return record
 
 
@@ -69,35 +70,47 @@ class SimulatorOptions:
 CAMPAIGN = SimulatorOptions(navigation_period_s=1.0, integration_step_s=1.0)
 
 
-@dataclass(frozen=True)
-class TrueVehicle:
-    """The vehicle as it is in one flight, at the begin of it.
-
-    Attributes:
-        arrays: the mission as the plant flies it.
-        plant: shape (1,), dtype PLANT.
-    """
-
-    arrays: MissionArrays
-    plant: NDArray[np.void]
-
-
-def true_environment(mission: Mission, dispersions: Dispersions) -> NDArray[np.void]:
-    """The mission's environment with the gravity field of the truth, shape (1,)."""
-    environment = mission.arrays().environment
+def nominal_truth(mission: Mission, dispersions: Dispersions) -> MissionArrays:
+    """The mission with the gravity field of the truth, before anything is drawn."""
+    arrays = mission.arrays()
     if dispersions.j2 is not None:
-        environment["j2"] = dispersions.j2
-    return environment
+        arrays.environment["j2"] = dispersions.j2
+    return arrays
+
+
+def room_for_truth(nominal: MissionArrays, atmosphere: NDArray[np.float64]) -> MissionArrays:
+    """Arrays for the mission of one flight, to be filled by `kernels.variation.vary`."""
+    return nominal._replace(
+        environment=nominal.environment.copy(),
+        atmosphere=atmosphere,
+        arcs=nominal.arcs.copy(),
+        jettisons=nominal.jettisons.copy(),
+    )
+
+
+def nominal_vehicle(mission: Mission, options: SimulatorOptions) -> Vehicle:
+    """The vehicle at the mission's initial state, before anything is drawn."""
+    start = mission.start()
+    vehicle = blank_vehicle(options.record())
+    vehicle.plant["time"] = start.time_s
+    vehicle.plant["position"] = start.position
+    vehicle.plant["velocity"] = start.velocity
+    return vehicle
 
 
 def true_vehicle(
-    mission: Mission, dispersions: Dispersions, seed: int, flight: int = 0
-) -> TrueVehicle:
-    """Draw the vehicle of one flight.
+    mission: Mission,
+    options: SimulatorOptions,
+    dispersions: Dispersions,
+    seed: int,
+    flight: int = 0,
+) -> tuple[MissionArrays, Vehicle]:
+    """Draw the mission and the vehicle of one flight, at the begin of it.
 
     Args:
         mission: what is flown.
-        dispersions: how it differs.
+        options: how the plant is stepped.
+        dispersions: how the truth differs.
         seed: master seed.
         flight: number of the flight among those of the seed.
 
@@ -105,31 +118,12 @@ def true_vehicle(
         DispersionsError: the dispersions do not fit the mission; one line.
     """
     draws = Sampler(mission, dispersions, seed).draw(flight, 1)
-    start = mission.start()
-    nominal = mission.arrays()
-    true = MissionArrays(
-        nominal.environment.copy(),
-        draws.atmospheres[0],
-        nominal.arcs.copy(),
-        nominal.jettisons.copy(),
-        nominal.target,
-    )
-    plant = np.zeros(1, PLANT)
-    plant["time"] = start.time_s
-    vary(
-        draws.variations[0],
-        tuple(start.position.tolist()),
-        tuple(start.velocity.tolist()),
-        true_environment(mission, dispersions),
-        nominal.arcs,
-        nominal.jettisons,
-        true.environment,
-        true.arcs,
-        true.jettisons,
-        plant[0],
-    )
-    begin_flight(plant[0], true.environment[0], true.atmosphere, true.arcs, true.jettisons)
-    return TrueVehicle(true, plant)
+    nominal = nominal_truth(mission, dispersions)
+    true = room_for_truth(nominal, draws.atmospheres[0])
+    vehicle = nominal_vehicle(mission, options)
+    vary(draws.variations[0], nominal, true, vehicle.plant[0])
+    begin_flight(true, vehicle.plant[0])
+    return true, vehicle
 
 
 class Simulator:
@@ -156,27 +150,24 @@ class Simulator:
             DispersionsError: the dispersions do not fit the mission; one line.
         """
         options = options or SimulatorOptions()
-        vehicle = true_vehicle(mission, dispersions or Dispersions(), seed, flight)
-        self._arrays = vehicle.arrays
-        self._plant = vehicle.plant
-        self._options = options.record()
-        self._nav = np.zeros(1, NAVIGATION)
-        self._truth = np.zeros(1, TRUTH)
+        self._mission, self._vehicle = true_vehicle(
+            mission, options, dispersions or Dispersions(), seed, flight
+        )
         self._start_ns = round(float(self.plant["time"]) * NANOSECONDS)
         self._period_ns = round(options.navigation_period_s * NANOSECONDS)
         self._tick = 0
         self._events_read = 0
-        self._measure()
+        measure(self._vehicle)
 
     @property
     def plant(self) -> Any:
         """The true state, record PLANT; read only by custom."""
-        return self._plant[0]
+        return self._vehicle.plant[0]
 
     @property
     def navigation(self) -> Any:
         """The present navigation state, record NAVIGATION."""
-        return self._nav[0]
+        return self._vehicle.navigation[0]
 
     @property
     def sequence(self) -> int:
@@ -209,24 +200,17 @@ class Simulator:
         Raises:
             CommandRefused: the command cannot be flown; the last good one stays.
         """
-        if not command_is_sound(steering[0], self._arrays.jettisons):
-            raise CommandRefused(_complaint(steering[0], len(self._arrays.jettisons)))
-        accept_command(self._plant[0], steering[0])
+        jettisons = self._mission.jettisons
+        if not command_is_sound(steering, jettisons):
+            raise CommandRefused(_complaint(steering[0], len(jettisons)))
+        accept_command(self._vehicle, steering)
 
     def advance(self) -> None:
         """Fly to the next navigation state, or to the end of the flight."""
         self._tick += 1
-        arrays = self._arrays
-        flight_step(
-            self._plant[0],
-            arrays.environment[0],
-            arrays.atmosphere,
-            arrays.arcs,
-            arrays.jettisons,
-            self._options[0],
-            (self._start_ns + self._tick * self._period_ns) / NANOSECONDS,
-        )
-        self._measure()
+        until = (self._start_ns + self._tick * self._period_ns) / NANOSECONDS
+        flight_step(self._mission, self._vehicle, until)
+        measure(self._vehicle)
 
     def new_events(self) -> NDArray[np.void]:
         """Events since the last call, dtype EVENT."""
@@ -237,18 +221,8 @@ class Simulator:
 
     def truth(self) -> Any:
         """The true state in the words of VehicleState, record TRUTH."""
-        arrays = self._arrays
-        describe(
-            self._plant[0],
-            arrays.environment[0],
-            arrays.atmosphere,
-            arrays.arcs,
-            self._truth[0],
-        )
-        return self._truth[0]
-
-    def _measure(self) -> None:
-        measure(self._plant[0], self._nav[0])
+        describe(self._mission, self._vehicle)
+        return self._vehicle.truth[0]
 
 
 def _complaint(command: Any, jettisons: int) -> str:

@@ -16,14 +16,16 @@ from ares_models.arrays import (
     LONGEST_FLIGHT,
     MISSION_TIME,
     STEERING,
+    TARGET,
     TIME_AFTER_IGNITION,
+    MissionArrays,
 )
+from ares_models.kernels.thrust_curve import curve_area
 from ares_vehicle_sim import arrays as names
-from ares_vehicle_sim.arrays import OPTIONS, PLANT
+from ares_vehicle_sim.arrays import OPTIONS, blank_vehicle
 from ares_vehicle_sim.kernels.plant import (
     accept_command,
     begin_flight,
-    curve_area,
     flight_step,
 )
 
@@ -31,7 +33,7 @@ MU = 3.986e14
 VACUUM = np.array([[0.0, -100.0, -1e-5, 0.0, 0.0], [1e6, -110.0, -1e-5, 0.0, 0.0]])
 
 
-class Vehicle:
+class Craft:
     """Two stages: a burn, then a coast, a fixed burn and a free one."""
 
     def __init__(self, mu=MU, criterion=HEATING_LIMIT, value=1135.0, jettison_stage=1):
@@ -58,7 +60,8 @@ class Vehicle:
         self.options = np.zeros(1, OPTIONS)
         self.options["max_step"] = 0.1
         self.options["attitude_rate_limit"] = math.inf
-        self.plant = np.zeros(1, PLANT)
+        self.carried = blank_vehicle(self.options)
+        self.plant = self.carried.plant
         self.plant["time"] = 50.0
         self.plant["position"] = [6.5e6, 0.0, 0.0]
         self.plant["velocity"] = [500.0, 2000.0, 300.0]
@@ -69,22 +72,21 @@ class Vehicle:
         self.steering["jettison"] = -1
         self.steering["jettison_time"] = math.nan
 
+    @property
+    def mission(self):
+        return MissionArrays(
+            self.environment, VACUUM, self.arcs, self.jettisons, np.zeros(1, TARGET)
+        )
+
+    def begin(self):
+        begin_flight(self.mission, self.plant[0])
+        accept_command(self.carried, self.steering)
+
     def fly(self, until, period=0.1):
-        plant = self.plant[0]
-        begin_flight(plant, self.environment[0], VACUUM, self.arcs, self.jettisons)
-        accept_command(plant, self.steering[0])
-        ticks = round((until - 50.0) / period)
-        for k in range(1, ticks + 1):
-            flight_step(
-                plant,
-                self.environment[0],
-                VACUUM,
-                self.arcs,
-                self.jettisons,
-                self.options[0],
-                50.0 + k * period,
-            )
-        return plant
+        self.begin()
+        for k in range(1, round((until - 50.0) / period) + 1):
+            flight_step(self.mission, self.carried, 50.0 + k * period)
+        return self.plant[0]
 
     def events(self, kind):
         logged = self.plant[0]["events"][: self.plant[0]["event_count"]]
@@ -92,7 +94,7 @@ class Vehicle:
 
 
 def test_rocket_equation_without_gravity():
-    vehicle = Vehicle(mu=0.0)
+    vehicle = Craft(mu=0.0)
     plant = vehicle.fly(140.0)
     gained = plant["velocity"][1] - 2000.0
     mass = 300e3 - 90.0 * 1250.0
@@ -103,7 +105,7 @@ def test_rocket_equation_without_gravity():
 
 @pytest.mark.parametrize("period", [0.1, 0.25, 1.0])
 def test_events_stand_at_their_exact_times(period):
-    vehicle = Vehicle(criterion=TIME_AFTER_IGNITION, value=7.0123)
+    vehicle = Craft(criterion=TIME_AFTER_IGNITION, value=7.0123)
     vehicle.steering["cutoff_time"] = 251.23456
     plant = vehicle.fly(260.0, period)
     assert vehicle.events(names.STAGING)["time"] == pytest.approx([150.0], abs=1e-9)
@@ -117,7 +119,7 @@ def test_events_stand_at_their_exact_times(period):
 
 
 def test_agrees_with_an_independent_integrator():
-    vehicle = Vehicle()
+    vehicle = Craft()
     vehicle.steering["direction"] = [0.6, 0.8, 0.0]
     vehicle.steering["direction_rate"] = [-4e-3, 3e-3, 1e-3]
     plant = vehicle.fly(150.0)
@@ -141,7 +143,7 @@ def test_agrees_with_an_independent_integrator():
 
 
 def test_thrust_curves_have_their_exact_area():
-    vehicle = Vehicle(mu=0.0)
+    vehicle = Craft(mu=0.0)
     arc = vehicle.arcs
     arc["start_knots"][2] = 3
     arc["start_time"][2, :3] = [0.0, 1.03, 3.17]
@@ -165,7 +167,7 @@ def test_thrust_curves_have_their_exact_area():
 
 
 def test_commanded_jettison_between_navigation_states():
-    vehicle = Vehicle()
+    vehicle = Craft()
     vehicle.steering["jettison"] = 0
     vehicle.steering["jettison_time"] = 187.654321
     plant = vehicle.fly(200.0)
@@ -174,18 +176,18 @@ def test_commanded_jettison_between_navigation_states():
 
 
 def test_jettison_waits_for_its_stage():
-    vehicle = Vehicle(criterion=MISSION_TIME, value=120.0)
+    vehicle = Craft(criterion=MISSION_TIME, value=120.0)
     vehicle.fly(200.0)
     assert vehicle.events(names.JETTISON_DONE)["time"] == pytest.approx([160.0], abs=1e-9)
 
 
 def test_a_part_that_stays_on_is_carried_over_staging():
-    vehicle = Vehicle(jettison_stage=0)
+    vehicle = Craft(jettison_stage=0)
     assert vehicle.fly(155.0)["mass"] == pytest.approx(112e3)
 
 
 def test_depletion_ends_a_flight_without_cutoff():
-    vehicle = Vehicle()
+    vehicle = Craft()
     vehicle.arcs["propellant"][1:] = 20e3
     plant = vehicle.fly(300.0)
     left = 20e3 - 60.0 * vehicle.arcs["mass_flow"][2]
@@ -197,7 +199,7 @@ def test_depletion_ends_a_flight_without_cutoff():
 
 
 def test_early_depletion_goes_on_to_the_next_stage():
-    vehicle = Vehicle()
+    vehicle = Craft()
     vehicle.arcs["propellant"][0] = 110e3
     vehicle.fly(200.0)
     assert vehicle.events(names.DEPLETION)["time"] == pytest.approx([138.0], abs=1e-6)
@@ -205,7 +207,7 @@ def test_early_depletion_goes_on_to_the_next_stage():
 
 
 def test_attitude_rate_limit():
-    vehicle = Vehicle()
+    vehicle = Craft()
     vehicle.options["attitude_rate_limit"] = math.radians(3.0)
     vehicle.plant["velocity"] = [2000.0, 0.0, 0.0]
     plant = vehicle.fly(60.0)
@@ -217,7 +219,7 @@ def test_attitude_rate_limit():
 
 
 def test_the_ground_ends_a_flight():
-    vehicle = Vehicle()
+    vehicle = Craft()
     vehicle.plant["velocity"] = [-3000.0, 100.0, 0.0]
     vehicle.steering["direction"] = [-1.0, 0.0, 0.0]
     plant = vehicle.fly(200.0)
@@ -227,7 +229,7 @@ def test_the_ground_ends_a_flight():
 
 
 def test_a_command_is_in_force_after_its_latency():
-    vehicle = Vehicle(mu=0.0)
+    vehicle = Craft(mu=0.0)
     vehicle.plant["latency"] = 0.25
     vehicle.plant["velocity"] = [1000.0, 0.0, 0.0]
     plant = vehicle.fly(50.4)
@@ -239,19 +241,18 @@ def test_a_command_is_in_force_after_its_latency():
 
 
 def test_no_command_is_taken_while_one_is_under_way():
-    vehicle = Vehicle()
+    vehicle = Craft()
     plant = vehicle.plant[0]
     plant["latency"] = 0.25
-    begin_flight(plant, vehicle.environment[0], VACUUM, vehicle.arcs, vehicle.jettisons)
-    accept_command(plant, vehicle.steering[0])
+    vehicle.begin()
     vehicle.steering["direction"] = [0.0, 0.0, 1.0]
-    accept_command(plant, vehicle.steering[0])
+    accept_command(vehicle.carried, vehicle.steering)
     assert plant["coming"]["direction"] == pytest.approx([0.0, 1.0, 0.0])
     assert plant["coming_time"] == pytest.approx(50.25)
 
 
 def test_a_flight_that_does_not_end_is_ended():
-    vehicle = Vehicle(mu=0.0)
+    vehicle = Craft(mu=0.0)
     vehicle.arcs["duration"][1] = 1e300
     vehicle.options["max_step"] = 100.0
     plant = vehicle.fly(2.0 * LONGEST_FLIGHT, period=1000.0)
@@ -264,7 +265,7 @@ def test_a_flight_that_does_not_end_is_ended():
 
 @pytest.mark.parametrize("begin", [-1e308, -1e17, 1e17, math.nan])
 def test_a_clock_that_cannot_advance_ends_the_flight(begin):
-    vehicle = Vehicle()
+    vehicle = Craft()
     vehicle.plant["time"] = begin
     assert vehicle.fly(51.0)["complete"] == 1
     assert len(vehicle.events(names.TIME_LIMIT)) == 1
@@ -272,14 +273,14 @@ def test_a_clock_that_cannot_advance_ends_the_flight(begin):
 
 @pytest.mark.parametrize("step", [1e-9, 0.0, math.nan])
 def test_steps_without_number_end_the_flight(step):
-    vehicle = Vehicle()
+    vehicle = Craft()
     vehicle.options["max_step"] = step
     assert vehicle.fly(51.0)["complete"] == 1
     assert len(vehicle.events(names.TIME_LIMIT)) == 1
 
 
 def test_a_last_arc_of_fixed_length_is_not_followed_by_another():
-    vehicle = Vehicle(mu=0.0)
+    vehicle = Craft(mu=0.0)
     vehicle.arcs["duration"][3] = 20.0
     plant = vehicle.fly(400.0)
     assert plant["arc"] == 3
@@ -287,7 +288,7 @@ def test_a_last_arc_of_fixed_length_is_not_followed_by_another():
 
 def test_there_is_room_for_every_event_of_the_longest_mission():
     """Eight stages of three arcs, engines lost in each, and eight jettisons."""
-    vehicle = Vehicle(mu=0.0)
+    vehicle = Craft(mu=0.0)
     arcs = np.repeat(vehicle.arcs[:1], 48)
     arcs["stage"] = np.arange(48) // 6
     arcs["begins_stage"] = np.arange(48) % 6 == 0

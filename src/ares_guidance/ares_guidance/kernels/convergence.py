@@ -5,14 +5,11 @@
 """
 
 import math
-from typing import Any
 
-from numpy.typing import NDArray
-
-from ares_guidance.arrays import ERROR_NONE, ERROR_NOT_CONVERGED, LAW_PEG
+from ares_guidance.arrays import ERROR_NONE, ERROR_NOT_CONVERGED, LAW_PEG, Onboard
 from ares_guidance.kernels.peg import iterate
 from ares_guidance.kernels.segments import plan_segments
-from ares_models.arrays import Record
+from ares_models.arrays import MissionArrays
 from ares_models.jit import kernel
 
 #: What `state.law` becomes.
@@ -20,16 +17,7 @@ LAW = LAW_PEG
 
 
 @kernel
-def converge(
-    nav: Record,
-    environment: Record,
-    atmosphere: NDArray[Any],
-    arcs: NDArray[Any],
-    jettisons: NDArray[Any],
-    target: Record,
-    settings: Record,
-    state: Record,
-) -> tuple[int, bool]:
+def converge(mission: MissionArrays, onboard: Onboard) -> tuple[int, bool]:
     """Repeat the pass until it settles.
 
     Args: as in :func:`ares_guidance.kernels.cycle.guidance_step`.
@@ -37,17 +25,17 @@ def converge(
     Returns:
         ERROR_NONE or ERROR_NOT_CONVERGED, and whether the target plane can be reached.
     """
+    settings = onboard.settings[0]
+    state = onboard.state[0]
     reachable = True
     moved = math.inf
     for _ in range(settings.max_iterations):
         if moved > 0.0:
-            plan_segments(nav, arcs, jettisons, state)
-        miss, moved, reachable = iterate(
-            nav, environment, atmosphere, arcs, jettisons, target, settings, state
-        )
+            plan_segments(mission, onboard)
+        miss, moved, reachable = iterate(mission, onboard)
         state.iterations += 1
-        state.miss_speed = miss
-        if not (math.isfinite(miss) and math.isfinite(state.time_to_go)):
+        state.solution.miss_speed = miss
+        if not (math.isfinite(miss) and math.isfinite(state.solution.time_to_go)):
             break
         if miss < settings.velocity_to_go_tolerance and moved < settings.jettison_time_tolerance:
             return ERROR_NONE, reachable
@@ -56,23 +44,18 @@ def converge(
 
 @kernel
 def seek(
-    nav: Record,
-    environment: Record,
-    atmosphere: NDArray[Any],
-    arcs: NDArray[Any],
-    jettisons: NDArray[Any],
-    target: Record,
-    settings: Record,
+    mission: MissionArrays,
+    onboard: Onboard,
     cold: bool,  # noqa: ARG001  other laws begin in another way
-    state: Record,
 ) -> tuple[int, bool]:
     """A solution by the law.
 
     Args:
-        cold: there is no solution to go on from. The others as in
-            :func:`ares_guidance.kernels.cycle.guidance_step`.
+        mission: as in :func:`ares_guidance.kernels.cycle.guidance_step`; so the next.
+        onboard: what is on board. Changed.
+        cold: there is no solution to go on from.
 
     Returns: as :func:`converge`.
     """
-    state.law = LAW
-    return converge(nav, environment, atmosphere, arcs, jettisons, target, settings, state)
+    onboard.state[0].law = LAW
+    return converge(mission, onboard)

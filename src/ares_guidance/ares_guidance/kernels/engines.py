@@ -5,8 +5,10 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from ares_guidance.arrays import Onboard
 from ares_models.arrays import BURN, Record
 from ares_models.jit import kernel
+from ares_models.kernels.thrust_curve import start_length, tail_length
 from ares_models.kernels.vectors import load, norm, store, sub
 
 #: s; shorter spans measure noise.
@@ -26,15 +28,9 @@ def steady(nav: Record, since: float, arcs: NDArray[Any]) -> bool:
     """Whether the present arc has burnt at full thrust, alone, since a time."""
     arc = arcs[nav.arc]
     begun = nav.arc_start_time
-    if arc.kind != BURN or since < begun + LATEST:
+    if arc.kind != BURN or since < begun + max(LATEST, start_length(arc)):
         return False
-    if arc.start_knots > 0 and since < begun + arc.start_time[arc.start_knots - 1]:
-        return False
-    if nav.arc > 0:
-        before = arcs[nav.arc - 1]
-        if before.tail_knots > 0 and since < begun + before.tail_time[before.tail_knots - 1]:
-            return False
-    return True
+    return nav.arc == 0 or since >= begun + tail_length(arcs[nav.arc - 1])
 
 
 @kernel
@@ -50,17 +46,18 @@ def follow(before: float, measured: float) -> float:
 
 
 @kernel
-def watch_engines(nav: Record, arcs: NDArray[Any], state: Record) -> None:
+def watch_engines(arcs: NDArray[Any], onboard: Onboard) -> None:
     """Measure thrust and mass flow of the present burn against the mission's.
 
     From the mass and the sensed velocity at both ends: thrust = gain flow / ln(m0 / m1).
 
     Args:
-        nav: record NAVIGATION.
         arcs: dtype ARC.
-        state: record GUIDANCE_STATE; ``thrust_ratio``, ``flow_ratio`` and
-            ``engines`` are updated.
+        onboard: what is on board. ``thrust_ratio``, ``flow_ratio`` and ``engines`` of its
+            state are updated.
     """
+    nav = onboard.navigation[0]
+    state = onboard.state[0]
     engines = state.engines
     span = nav.time - engines.time
     if engines.mass > 0.0 and 0.0 <= span < SHORTEST:

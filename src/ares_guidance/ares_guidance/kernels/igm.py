@@ -11,21 +11,20 @@ only velocity constrained. docs/igm.md says where this goes beyond the law as fl
 """
 
 import math
-from typing import Any
 
-from numpy.typing import NDArray
-
+from ares_guidance.arrays import Onboard
 from ares_guidance.kernels.jettison import predict_jettisons
+from ares_guidance.kernels.prediction import LinearTangent
 from ares_guidance.kernels.segments import (
     Integrals,
     burn_time_to_go,
     note_tail_off,
     thrust_integrals,
 )
-from ares_guidance.kernels.targets import desired_state, plane_normal, project_to_plane
-from ares_models.arrays import Record
+from ares_models.arrays import MissionArrays
 from ares_models.jit import kernel
 from ares_models.kernels.environment import gravity
+from ares_models.kernels.targets import desired_state, plane_normal, project_to_plane
 from ares_models.kernels.vectors import (
     Vector,
     add,
@@ -115,45 +114,41 @@ def pitch_integrals(
 
 
 @kernel
-def iterate(
-    nav: Record,
-    environment: Record,
-    atmosphere: NDArray[Any],
-    arcs: NDArray[Any],
-    jettisons: NDArray[Any],
-    target: Record,
-    settings: Record,
-    state: Record,
-) -> tuple[float, float, bool]:
+def iterate(mission: MissionArrays, onboard: Onboard) -> tuple[float, float, bool]:
     """One pass: terminal frame, time to go, chi-tilde, K1 to K4, range angle.
 
-    Args: as in :func:`guidance_step`.
+    Args: as in :func:`ares_guidance.kernels.cycle.guidance_step`.
 
     Returns:
         change of velocity-to-go m/s, change of the jettison time s, whether the
         target plane passes through the predicted point.
     """
+    environment = mission.environment[0]
+    target = mission.target[0]
+    nav = onboard.navigation[0]
+    state = onboard.state[0]
+    solution = state.solution
     r = load(nav.position)
     v = load(nav.velocity)
-    before = load(state.velocity_to_go)
+    before = load(solution.velocity_to_go)
     estimate, last = burn_time_to_go(state, norm(before))
-    note_tail_off(arcs[state.segments[last].arc], state)
+    note_tail_off(mission.arcs[state.segments[last].arc], state)
 
     # "rotation to terminal coordinates", at the cut-off point that the last pass predicted
-    eta = load(state.plane_normal)
+    eta = load(solution.plane_normal)
     wanted_r, wanted_v, zeta = desired_state(
-        target, environment.mu, project_to_plane(load(state.desired_position), eta), eta
+        target, environment.mu, project_to_plane(load(solution.desired_position), eta), eta
     )
     frame = (unit(wanted_r), eta, zeta)
     xi = frame[0]
     mean_gravity = scale(0.5, add(gravity(r, environment), gravity(wanted_r, environment)))
 
     # "estimated time-to-go"
-    v_go = axpy(-(estimate + state.tail_drift), mean_gravity, sub(wanted_v, v))
+    v_go = axpy(-(estimate + solution.tail_drift), mean_gravity, sub(wanted_v, v))
     t_go, _ = burn_time_to_go(state, norm(v_go))
     v_go = axpy(estimate - t_go, mean_gravity, v_go)
-    state.time_to_go = t_go
-    horizon = t_go + state.tail_drift
+    solution.time_to_go = t_go
+    horizon = t_go + solution.tail_drift
     integrals = thrust_integrals(state, horizon, t_go)
     l_sum, j_sum, s_sum = integrals[0], integrals[1], integrals[2]
 
@@ -172,29 +167,20 @@ def iterate(
     k_2 = ratio * k_1
 
     # the plan is expanded about chi-tilde, where the chi that is flown stands at J / L
-    moved = predict_jettisons(
-        nav,
-        environment,
-        atmosphere,
-        arcs,
-        jettisons,
-        settings,
-        state,
-        thrust_direction(frame, pitch, yaw),
-        thrust_turn(frame, pitch, yaw, k_2, k_4),
-        j_sum / l_sum,
-    )
+    middle = thrust_direction(frame, pitch, yaw)
+    turn = thrust_turn(frame, pitch, yaw, k_2, k_4)
+    moved = predict_jettisons(mission, onboard, LinearTangent(middle, turn, j_sum / l_sum))
 
     # "range angle": the next pass stands where the same integrals reach downrange
     beyond = dot(coast, zeta) + s_p * math.cos(pitch) + d_p * k_1 * math.sin(pitch)
     r_p = axpy(beyond, zeta, wanted_r)
     normal, reachable = plane_normal(target, r_p, wanted_v)
-    store(state.velocity_to_go, v_go)
-    store(state.desired_position, r_p)
-    store(state.plane_normal, normal)
+    store(solution.velocity_to_go, v_go)
+    store(solution.desired_position, r_p)
+    store(solution.plane_normal, normal)
     store(state.predicted_position, r_p)
     store(state.predicted_velocity, wanted_v)
-    store(state.direction, thrust_direction(frame, pitch - k_1, yaw - k_3))
-    store(state.direction_rate, thrust_turn(frame, pitch - k_1, yaw - k_3, k_2, k_4))
-    state.reference_time = nav.time
+    store(solution.direction, thrust_direction(frame, pitch - k_1, yaw - k_3))
+    store(solution.direction_rate, thrust_turn(frame, pitch - k_1, yaw - k_3, k_2, k_4))
+    solution.reference_time = nav.time
     return norm(sub(v_go, before)), moved, reachable

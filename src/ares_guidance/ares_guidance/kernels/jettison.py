@@ -5,58 +5,39 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from ares_guidance.arrays import (
-    HEATING_MEASURED,
-)
-from ares_guidance.kernels.prediction import gravity_effect, steered_thrust
-from ares_guidance.kernels.segments import (
-    thrust_integrals,
-)
-from ares_models.arrays import HEATING_LIMIT, Record
+from ares_guidance.arrays import HEATING_MEASURED, Onboard
+from ares_guidance.kernels.prediction import LinearTangent, gravity_effect, steered_thrust
+from ares_guidance.kernels.segments import thrust_integrals
+from ares_models.arrays import MissionArrays, Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import gravity, log_heating
-from ares_models.kernels.vectors import (
-    Vector,
-    add,
-    axpy,
-    load,
-    unit,
-)
+from ares_models.kernels.sequence import awaits_heating
+from ares_models.kernels.vectors import add, axpy, load, unit
 
 JETTISON_SEARCH_STEPS = 12
 
 
 @kernel
 def predicted_log_heating(
-    nav: Record,
-    environment: Record,
-    atmosphere: NDArray[Any],
-    state: Record,
-    direction: Vector,
-    rate: Vector,
-    reference: float,
-    t: float,
+    mission: MissionArrays, onboard: Onboard, steering: LinearTangent, t: float
 ) -> tuple[float, float]:
     """Log of the modelled heating on the predicted path, and its slope.
 
     Args:
-        nav: record NAVIGATION.
-        environment: record ENVIRONMENT.
-        atmosphere: log-density table.
-        state: record GUIDANCE_STATE with planned segments.
-        direction: unit vector at ``reference``.
-        rate: 1/s.
-        reference: s from now.
+        mission: as guidance believes it.
+        onboard: what is on board, with planned segments.
+        steering: to fly by.
         t: s from now.
 
     Returns:
         ln(q / (W/m2)) and its rate in 1/s.
     """
+    environment = mission.environment[0]
+    nav = onboard.navigation[0]
+    state = onboard.state[0]
     r = load(nav.position)
     v = load(nav.velocity)
-    thrust_v, thrust_r = steered_thrust(
-        thrust_integrals(state, t, math.inf), direction, rate, reference
-    )
+    thrust_v, thrust_r = steered_thrust(thrust_integrals(state, t, math.inf), steering)
     gravity_v, gravity_r = gravity_effect(r, v, thrust_v, thrust_r, t, environment.mu)
     r_t = add(axpy(t, v, r), add(gravity_r, thrust_r))
     v_t = add(v, add(gravity_v, thrust_v))
@@ -66,24 +47,20 @@ def predicted_log_heating(
         into = t - segment.start
         if 0.0 <= into <= segment.duration:
             thrust = segment.exhaust_velocity / (segment.tau - into)
-            acceleration = axpy(thrust, unit(axpy(t - reference, rate, direction)), acceleration)
+            turned = axpy(t - steering.reference, steering.rate, steering.direction)
+            acceleration = axpy(thrust, unit(turned), acceleration)
             break
-    return log_heating(r_t, v_t, environment, atmosphere, acceleration)
+    return log_heating(r_t, v_t, environment, mission.atmosphere, acceleration)
 
 
 @kernel
 def heating_crossing(
-    nav: Record,
-    environment: Record,
-    atmosphere: NDArray[Any],
-    state: Record,
-    direction: Vector,
-    rate: Vector,
-    reference: float,
+    mission: MissionArrays,
+    onboard: Onboard,
+    steering: LinearTangent,
     log_limit: float,
     earliest: float,
     guess: float,
-    tolerance: float,
 ) -> float:
     """Time at which the predicted heating falls to a limit.
 
@@ -91,22 +68,22 @@ def heating_crossing(
     iteration runs to the first crossing without overshoot.
 
     Args:
+        mission: as in :func:`predicted_log_heating`; so the next two.
+        onboard: what is on board.
+        steering: to fly by.
         log_limit: ln of the limit, in the units of the on-board model.
         earliest: s from now.
         guess: s from now.
-        tolerance: s.
-        Others as in :func:`predicted_log_heating`.
 
     Returns:
         s from now; inf when the limit is not met before cut-off.
     """
-    horizon = state.time_to_go
+    tolerance = onboard.settings[0].jettison_time_tolerance
+    horizon = onboard.state[0].solution.time_to_go
     falling = earliest
     t = min(max(guess, earliest), horizon)
     for _ in range(JETTISON_SEARCH_STEPS):
-        value, slope = predicted_log_heating(
-            nav, environment, atmosphere, state, direction, rate, reference, t
-        )
+        value, slope = predicted_log_heating(mission, onboard, steering, t)
         excess = value - log_limit
         if slope < 0.0:
             if excess > 0.0:
@@ -126,6 +103,14 @@ def heating_crossing(
 
 
 @kernel
+def on_board_heating(settings: Record, state: Record) -> float:
+    """What the modelled heating is to be multiplied by, to be the measured one."""
+    if settings.heating_source == HEATING_MEASURED and math.isfinite(state.density_ratio):
+        return state.density_ratio
+    return 1.0
+
+
+@kernel
 def first_ignition(stage: int, arcs: NDArray[Any], state: Record) -> float:
     """Time from now to the first thrust of a stage in the plan, s; 0 if it is past."""
     for i in range(state.segment_count):
@@ -135,54 +120,37 @@ def first_ignition(stage: int, arcs: NDArray[Any], state: Record) -> float:
 
 
 @kernel
-def predict_jettisons(
-    nav: Record,
-    environment: Record,
-    atmosphere: NDArray[Any],
-    arcs: NDArray[Any],
-    jettisons: NDArray[Any],
-    settings: Record,
-    state: Record,
-    direction: Vector,
-    rate: Vector,
-    reference: float,
-) -> float:
+def predict_jettisons(mission: MissionArrays, onboard: Onboard, steering: LinearTangent) -> float:
     """Move each heating jettison to where the predicted path meets its limit.
 
     Args:
-        reference: s from now; the rest as in :func:`guidance_step`.
+        mission: as guidance believes it.
+        onboard: what is on board, with planned segments. Its jettison times are changed.
+        steering: to fly by.
 
     Returns:
         largest change of a predicted time, s; inf when a jettison came into or fell
         out of the plan.
     """
+    nav = onboard.navigation[0]
+    settings = onboard.settings[0]
+    state = onboard.state[0]
+    jettison_time = state.solution.jettison_time
+    jettisons = mission.jettisons
     largest = 0.0
-    ratio = 1.0
-    if settings.heating_source == HEATING_MEASURED and math.isfinite(state.density_ratio):
-        ratio = state.density_ratio
+    below = 1.0 - settings.heating_margin
+    ratio = on_board_heating(settings, state)
     for j in range(jettisons.shape[0]):
-        if (nav.jettisoned >> j) & 1 == 1 or jettisons[j].criterion != HEATING_LIMIT:
+        if not awaits_heating(jettisons, nav.jettisoned, j):
             continue
-        earliest = first_ignition(jettisons[j].stage, arcs, state)
-        before = state.jettison_time[j] - nav.time
+        earliest = first_ignition(jettisons[j].stage, mission.arcs, state)
+        before = jettison_time[j] - nav.time
         guess = before if math.isfinite(before) else earliest
-        log_limit = math.log(jettisons[j].value * (1.0 - settings.heating_margin) / ratio)
-        after = heating_crossing(
-            nav,
-            environment,
-            atmosphere,
-            state,
-            direction,
-            rate,
-            reference,
-            log_limit,
-            earliest,
-            guess,
-            settings.jettison_time_tolerance,
-        )
+        log_limit = math.log(jettisons[j].value * below / ratio)
+        after = heating_crossing(mission, onboard, steering, log_limit, earliest, guess)
         if math.isfinite(after) != math.isfinite(before):
             largest = math.inf
         elif math.isfinite(after):
             largest = max(largest, abs(after - before))
-        state.jettison_time[j] = nav.time + after
+        jettison_time[j] = nav.time + after
     return largest

@@ -9,17 +9,14 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from ares_guidance.arrays import ERROR_NONE, ERROR_NOT_CONVERGED, HEATING_MEASURED, LAW_OPTIMAL
+from ares_guidance.arrays import ERROR_NONE, ERROR_NOT_CONVERGED, LAW_OPTIMAL, Onboard
 from ares_guidance.kernels.convergence import seek as seek_by_peg
-from ares_guidance.kernels.segments import (
-    note_tail_off,
-    plan_segments,
-    stage_floor_mass,
-    thrust_integrals,
-)
-from ares_models.arrays import BURN, HEATING_LIMIT, Record
+from ares_guidance.kernels.jettison import on_board_heating
+from ares_guidance.kernels.segments import note_tail_off, plan_segments, thrust_integrals
+from ares_models.arrays import BURN, HEATING_LIMIT, MissionArrays, Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import log_heating_gradient
+from ares_models.kernels.sequence import aboard, awaits_heating, empty_mass
 from ares_models.kernels.vectors import axpy, load, norm, scale, store, unit
 from ares_optimizer.two_point.arrays import INVERSE_SQUARE, MAX_UNKNOWNS, RUNGE_KUTTA
 from ares_optimizer.two_point.contract import (
@@ -51,22 +48,24 @@ MOST_WASTED = 4_000_000
 
 
 @kernel
-def on_board_limits(
-    jettisons: NDArray[Any], settings: Record, state: Record, memory: Record
-) -> None:
+def believed_limits(jettisons: NDArray[Any], onboard: Onboard) -> None:
     """Heating limits in the units of the on-board density, margin taken off."""
-    ratio = 1.0
-    if settings.heating_source == HEATING_MEASURED and math.isfinite(state.density_ratio):
-        ratio = state.density_ratio
+    settings = onboard.settings[0]
+    state = onboard.state[0]
+    memory = state.optimal
+    below = (1.0 - settings.heating_margin) / on_board_heating(settings, state)
     for j in range(jettisons.shape[0]):
         memory.jettisons[j] = jettisons[j]
         if jettisons[j].criterion == HEATING_LIMIT:
-            memory.jettisons[j].value *= (1.0 - settings.heating_margin) / ratio
+            memory.jettisons[j].value *= below
 
 
 @kernel
-def on_board_arcs(nav: Record, arcs: NDArray[Any], jettisons: NDArray[Any], state: Record) -> None:
+def believed_arcs(mission: MissionArrays, onboard: Onboard) -> None:
     """The mission's arcs, those of the present stage with its engines as measured."""
+    nav = onboard.navigation[0]
+    state = onboard.state[0]
+    arcs = mission.arcs
     memory = state.optimal
     stage = arcs[nav.arc].stage
     if (
@@ -90,7 +89,7 @@ def on_board_arcs(nav: Record, arcs: NDArray[Any], jettisons: NDArray[Any], stat
     present = memory.arcs[nav.arc]
     if present.duration == 0.0:
         # engines have failed: the others burn what is left
-        left = nav.mass - stage_floor_mass(stage, arcs, jettisons, nav.jettisoned)
+        left = nav.mass - empty_mass(arcs[nav.arc], arcs, mission.jettisons, nav.jettisoned)
         present.duration = nav.time - nav.arc_start_time + left / present.mass_flow
         memory.age = REFRESH
     memory.arcs_from = nav.arc + 1
@@ -99,10 +98,26 @@ def on_board_arcs(nav: Record, arcs: NDArray[Any], jettisons: NDArray[Any], stat
 
 
 @kernel
-def carry(
-    nav: Record, environment: Record, atmosphere: NDArray[Any], count: int, memory: Record
-) -> None:
+def believed_mission(mission: MissionArrays, onboard: Onboard) -> MissionArrays:
+    """The mission with limits and engines as measured, kept in the law's memory."""
+    believed_limits(mission.jettisons, onboard)
+    believed_arcs(mission, onboard)
+    memory = onboard.state[0].optimal
+    return MissionArrays(
+        mission.environment,
+        mission.atmosphere,
+        memory.arcs[: mission.arcs.shape[0]],
+        memory.jettisons[: mission.jettisons.shape[0]],
+        mission.target,
+    )
+
+
+@kernel
+def carry(mission: MissionArrays, onboard: Onboard) -> None:
     """Bring the costates of the last solution to the present state, jettisons included."""
+    nav = onboard.navigation[0]
+    environment = mission.environment[0]
+    memory = onboard.state[0].optimal
     u = memory.unknowns
     r = load(nav.position)
     p = (u[0], u[1], u[2])
@@ -113,14 +128,14 @@ def carry(
     q = axpy(dt, bend, q)
     # what has gone since: its jump, and its unknowns
     index = 0
-    for j in range(count):
-        if memory.jettisons[j].criterion != HEATING_LIMIT or (memory.jettisoned >> j) & 1 == 1:
+    for j in range(mission.jettisons.shape[0]):
+        if not awaits_heating(mission.jettisons, memory.jettisoned, j):
             continue
-        if (nav.jettisoned >> j) & 1 == 0:
+        if aboard(nav.jettisoned, j):
             index += 1
             continue
         pi = u[COLUMN_JETTISON + 2 * index + 1]
-        _, by_r, by_v = log_heating_gradient(r, load(nav.velocity), environment, atmosphere)
+        _, by_r, by_v = log_heating_gradient(r, load(nav.velocity), environment, mission.atmosphere)
         p = axpy(-pi, by_v, p)
         q = axpy(pi, by_r, q)
         for i in range(COLUMN_JETTISON + 2 * index, MAX_UNKNOWNS - 2):
@@ -138,44 +153,48 @@ def carry(
 
 
 @kernel
-def first_guess(nav: Record, jettisons: NDArray[Any], state: Record, memory: Record) -> None:
+def first_guess(jettisons: NDArray[Any], onboard: Onboard) -> None:
     """Unknowns from the steering in force: lambda_v = direction, lambda_r = -rate."""
-    u = memory.unknowns
-    ahead = nav.time - state.reference_time
-    p = axpy(ahead, load(state.direction_rate), load(state.direction))
+    nav = onboard.navigation[0]
+    solution = onboard.state[0].solution
+    u = onboard.state[0].optimal.unknowns
+    ahead = nav.time - solution.reference_time
+    p = axpy(ahead, load(solution.direction_rate), load(solution.direction))
     size = 1.0 / norm(p)
     for i in range(3):
         u[i] = size * p[i]
-        u[3 + i] = -size * state.direction_rate[i]
-    u[COLUMN_CUTOFF] = nav.time + state.time_to_go - state.tail_gain
+        u[3 + i] = -size * solution.direction_rate[i]
+    u[COLUMN_CUTOFF] = nav.time + solution.time_to_go - solution.tail_gain
     index = COLUMN_JETTISON
     for j in range(jettisons.shape[0]):
-        if jettisons[j].criterion == HEATING_LIMIT and (nav.jettisoned >> j) & 1 == 0:
-            planned = state.jettison_time[j]
+        if awaits_heating(jettisons, nav.jettisoned, j):
+            planned = solution.jettison_time[j]
             u[index] = planned if math.isfinite(planned) else u[COLUMN_CUTOFF]
             u[index + 1] = 0.0
             index += 2
-    memory.time = nav.time
-    memory.jettisoned = nav.jettisoned
 
 
 @kernel
-def correct(
-    nav: Record,
-    environment: Record,
-    atmosphere: NDArray[Any],
-    arcs: NDArray[Any],
-    jettisons: NDArray[Any],
-    target: Record,
-    memory: Record,
-) -> bool:
+def correct(believed: MissionArrays, onboard: Onboard) -> bool:
     """One correction with the Jacobian of an earlier cycle; False if that is not enough."""
+    nav = onboard.navigation[0]
+    jettisons = believed.jettisons
+    memory = onboard.state[0].optimal
     work = memory.work
     u = memory.unknowns[:]
     # a variable, for the sake of one compiled flight
     tangents = jettisons.shape[0] < 0
     if not shoot(
-        nav, environment, atmosphere, arcs, jettisons, target, memory.options, u, tangents, work
+        nav,
+        believed.environment[0],
+        believed.atmosphere,
+        believed.arcs,
+        jettisons,
+        believed.target[0],
+        memory.options,
+        u,
+        tangents,
+        work,
     ):
         return False
     n = unknown_count(nav, jettisons, memory.options)
@@ -195,17 +214,12 @@ def correct(
 
 @kernel
 def search(
-    nav: Record,
-    environment: Record,
-    atmosphere: NDArray[Any],
-    arcs: NDArray[Any],
-    jettisons: NDArray[Any],
-    target: Record,
-    guessed: bool,
-    restart: bool,
-    memory: Record,
+    believed: MissionArrays, onboard: Onboard, guessed: bool, restart: bool
 ) -> tuple[int, bool]:
     """The optimum by Newton's method; iterations, and whether it was found."""
+    nav = onboard.navigation[0]
+    jettisons = believed.jettisons
+    memory = onboard.state[0].optimal
     work = memory.work
     if memory.wasted_in != nav.arc + 1:
         memory.wasted_in = nav.arc + 1
@@ -217,11 +231,11 @@ def search(
     thorough = memory.options.max_iterations < 0
     iterations, _, status, _ = find_optimum(
         nav,
-        environment,
-        atmosphere,
-        arcs,
+        believed.environment[0],
+        believed.atmosphere,
+        believed.arcs,
         jettisons,
-        target,
+        believed.target[0],
         memory.options,
         guessed,
         restart,
@@ -239,136 +253,110 @@ def search(
 
 
 @kernel
-def tell(
-    nav: Record,
-    arcs: NDArray[Any],
-    jettisons: NDArray[Any],
-    state: Record,
-) -> None:
+def tell(mission: MissionArrays, onboard: Onboard) -> None:
     """Write the solution where the guidance cycle looks for it."""
+    nav = onboard.navigation[0]
+    state = onboard.state[0]
+    solution = state.solution
     memory = state.optimal
     u = memory.unknowns
     lambda_v = (u[0], u[1], u[2])
     size = 1.0 / norm(lambda_v)
-    store(state.direction, scale(size, lambda_v))
-    store(state.direction_rate, (-size * u[3], -size * u[4], -size * u[5]))
-    state.reference_time = nav.time
-    note_tail_off(arcs[arcs.shape[0] - 1], state)
-    state.time_to_go = u[COLUMN_CUTOFF] - nav.time + state.tail_gain
+    store(solution.direction, scale(size, lambda_v))
+    store(solution.direction_rate, (-size * u[3], -size * u[4], -size * u[5]))
+    solution.reference_time = nav.time
+    note_tail_off(mission.arcs[mission.arcs.shape[0] - 1], state)
+    solution.time_to_go = u[COLUMN_CUTOFF] - nav.time + solution.tail_gain
     index = COLUMN_JETTISON
-    for j in range(jettisons.shape[0]):
-        if jettisons[j].criterion == HEATING_LIMIT and (nav.jettisoned >> j) & 1 == 0:
-            state.jettison_time[j] = u[index]
+    for j in range(mission.jettisons.shape[0]):
+        if awaits_heating(mission.jettisons, nav.jettisoned, j):
+            solution.jettison_time[j] = u[index]
             index += 2
-    plan_segments(nav, arcs, jettisons, state)
-    burn = state.time_to_go
+    plan_segments(mission, onboard)
+    burn = solution.time_to_go
     l_sum, j_sum, _, _, _, _ = thrust_integrals(state, burn, burn)
     # the burn as one vector, along its mean direction: where PEG would take over
-    mean = unit(axpy(j_sum / l_sum, load(state.direction_rate), load(state.direction)))
-    store(state.velocity_to_go, scale(l_sum, mean))
+    mean = unit(axpy(j_sum / l_sum, load(solution.direction_rate), load(solution.direction)))
+    store(solution.velocity_to_go, scale(l_sum, mean))
     end = memory.work.state
     store(state.predicted_position, (end[0], end[1], end[2]))
     store(state.predicted_velocity, (end[3], end[4], end[5]))
 
 
 @kernel
-def solve_optimal(
-    nav: Record,
-    environment: Record,
-    atmosphere: NDArray[Any],
-    arcs: NDArray[Any],
-    jettisons: NDArray[Any],
-    target: Record,
-    settings: Record,
-    guessed: bool,
-    restart: bool,
-    state: Record,
-) -> int:
-    """The optimum from a navigation state into ``state``.
-
-    Args:
-        guessed: ``state`` holds steering to start from, if the last cycle left no solution.
-        restart: seek from other guesses too when the first leads nowhere.
-        The others as in :func:`ares_guidance.kernels.cycle.guidance_step`.
-
-    Returns:
-        ERROR_NONE, or ERROR_NOT_CONVERGED with the steering in ``state`` untouched.
-    """
-    memory = state.optimal
-    options = memory.options
+def set_options(options: Record, max_iterations: int) -> None:
+    """The on-board problem: inverse-square gravity, coarse steps."""
     options.gravity = INVERSE_SQUARE
     options.propagator = RUNGE_KUTTA
     options.heating = HEATING_OPTIMAL
     options.step = STEP
-    options.max_iterations = settings.max_solve_iterations
+    options.max_iterations = max_iterations
     options.tolerance = TOLERANCE
-    count = jettisons.shape[0]
-    on_board_limits(jettisons, settings, state, memory)
-    on_board_arcs(nav, arcs, jettisons, state)
-    believed = memory.jettisons[:count]
-    engines = memory.arcs[: arcs.shape[0]]
+
+
+@kernel
+def solve_optimal(mission: MissionArrays, onboard: Onboard, guessed: bool, restart: bool) -> int:
+    """The optimum from a navigation state into the state on board.
+
+    Args:
+        mission: as in :func:`ares_guidance.kernels.cycle.guidance_step`; so the next.
+        onboard: what is on board. Changed.
+        guessed: it holds steering to start from, if the last cycle left no solution.
+        restart: seek from other guesses too when the first leads nowhere.
+
+    Returns:
+        ERROR_NONE, or ERROR_NOT_CONVERGED with the steering on board untouched.
+    """
+    nav = onboard.navigation[0]
+    state = onboard.state[0]
+    memory = state.optimal
+    set_options(memory.options, onboard.settings[0].max_solve_iterations)
+    believed = believed_mission(mission, onboard)
     iterations = 1
     found = False
     if memory.solved == 1:
-        carry(nav, environment, atmosphere, count, memory)
+        carry(believed, onboard)
         memory.age += 1
         if memory.age < REFRESH:
-            found = correct(nav, environment, atmosphere, engines, believed, target, memory)
-    elif guessed:
-        first_guess(nav, jettisons, state, memory)
+            found = correct(believed, onboard)
     else:
+        if guessed:
+            first_guess(mission.jettisons, onboard)
         memory.time = nav.time
         memory.jettisoned = nav.jettisoned
     if not found:
-        iterations, found = search(
-            nav, environment, atmosphere, engines, believed, target, guessed, restart, memory
-        )
+        iterations, found = search(believed, onboard, guessed, restart)
     memory.solved = 1 if found else 0
     state.iterations += iterations
     if not found:
         return ERROR_NOT_CONVERGED
     state.law = LAW_OPTIMAL
-    state.miss_speed = 0.0
-    tell(nav, arcs, jettisons, state)
+    state.solution.miss_speed = 0.0
+    tell(mission, onboard)
     return ERROR_NONE
 
 
 @kernel
-def seek(
-    nav: Record,
-    environment: Record,
-    atmosphere: NDArray[Any],
-    arcs: NDArray[Any],
-    jettisons: NDArray[Any],
-    target: Record,
-    settings: Record,
-    cold: bool,
-    state: Record,
-) -> tuple[int, bool]:
+def seek(mission: MissionArrays, onboard: Onboard, cold: bool) -> tuple[int, bool]:
     """The optimum; a solution by PEG where there is none.
 
     Args:
-        cold: there is no solution to go on from. The others as in
-            :func:`ares_guidance.kernels.cycle.guidance_step`.
+        mission: as in :func:`ares_guidance.kernels.cycle.guidance_step`; so the next.
+        onboard: what is on board. Changed.
+        cold: there is no solution to go on from.
 
     Returns: as :func:`ares_guidance.kernels.convergence.converge`.
     """
     error = ERROR_NOT_CONVERGED
-    solved = state.optimal.solved == 1
+    solved = onboard.state[0].optimal.solved == 1
     if solved:
-        error = solve_optimal(
-            nav, environment, atmosphere, arcs, jettisons, target, settings, solved, cold, state
-        )
+        error = solve_optimal(mission, onboard, solved, cold)
     if error == ERROR_NONE:
         return error, True
-    error, reachable = seek_by_peg(
-        nav, environment, atmosphere, arcs, jettisons, target, settings, cold, state
-    )
+    error, reachable = seek_by_peg(mission, onboard, cold)
     if cold or error == ERROR_NONE:
         guessed = error == ERROR_NONE
-        found = solve_optimal(
-            nav, environment, atmosphere, arcs, jettisons, target, settings, guessed, cold, state
-        )
+        found = solve_optimal(mission, onboard, guessed, cold)
         if found == ERROR_NONE:
             return found, True
     return error, reachable

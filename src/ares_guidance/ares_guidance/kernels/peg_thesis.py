@@ -25,12 +25,14 @@ from ares_guidance.arrays import (
     PHASE_TRACKING,
     PLANE_FREE,
     PLANE_OF_MODE,
+    Onboard,
 )
 from ares_guidance.kernels.cycle import accept, adopt_steering, guidance_step, navigation_is_sound
 from ares_guidance.kernels.start import start_guess
 from ares_models.arrays import (
     TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
     TARGET_RADIUS_SPEED_ANGLE_PLANE,
+    MissionArrays,
     Record,
 )
 from ares_models.jit import kernel
@@ -48,6 +50,24 @@ def mode_of(nav: Record, arcs: NDArray[Any], memory: Record) -> int:
 
 
 @kernel
+def mission_to_jettison(mission: MissionArrays, memory: Record) -> MissionArrays:
+    """The mission of modes 1 and 2: it ends at the jettison, which is its target."""
+    return MissionArrays(
+        mission.environment,
+        mission.atmosphere,
+        memory.early_arcs[: mission.arcs.shape[0]],
+        mission.jettisons[:0],
+        memory.target[:],
+    )
+
+
+@kernel
+def by_rules(onboard: Onboard, rules: NDArray[Any]) -> Onboard:
+    """What is on board, with the settings of a mode."""
+    return Onboard(onboard.navigation, rules, onboard.state, onboard.saved, onboard.steering)
+
+
+@kernel
 def hold_plane(nav: Record, memory: Record) -> None:
     """Put the plane to hold into the jettison's target.
 
@@ -57,7 +77,7 @@ def hold_plane(nav: Record, memory: Record) -> None:
         nav: record NAVIGATION.
         memory: record THESIS_MEMORY. Changed.
     """
-    target = memory.target
+    target = memory.target[0]
     if memory.plane == PLANE_FREE:
         target.kind = TARGET_RADIUS_SPEED_ANGLE_INCLINATION
         return
@@ -68,8 +88,10 @@ def hold_plane(nav: Record, memory: Record) -> None:
 
 
 @kernel
-def keep_fallback(state: Record, steering: Record) -> None:
+def keep_fallback(onboard: Onboard) -> None:
     """Remember the solution in force, with the jettison as its end."""
+    state = onboard.state[0]
+    steering = onboard.steering[0]
     memory = state.thesis
     good = state.phase == PHASE_TRACKING or state.phase == PHASE_HOLD
     memory.fallback = 1 if good else 0
@@ -80,48 +102,43 @@ def keep_fallback(state: Record, steering: Record) -> None:
 
 
 @kernel
-def fly_fallback(nav: Record, state: Record, steering: Record) -> None:
+def fly_fallback(onboard: Onboard) -> None:
     """Hold the remembered solution to the jettison."""
+    state = onboard.state[0]
+    steering = onboard.steering[0]
     memory = state.thesis
     steering.cutoff_time = memory.fallback_jettison_time
     steering.reference_time = memory.fallback_reference_time
     store(steering.direction, load(memory.fallback_direction))
     store(steering.direction_rate, load(memory.fallback_direction_rate))
-    adopt_steering(nav, state, steering)
+    adopt_steering(onboard)
     state.phase = PHASE_HOLD
 
 
 @kernel
-def begin_mode(
-    mode: int,
-    nav: Record,
-    environment: Record,
-    arcs: NDArray[Any],
-    jettisons: NDArray[Any],
-    target: Record,
-    settings: Record,
-    state: Record,
-    steering: Record,
-) -> None:
+def begin_mode(mission: MissionArrays, onboard: Onboard, mode: int) -> None:
     """Start a mode: its target, and Eq. 6.1 for its first velocity-to-go.
 
     Args:
+        mission: of the mode; so the next.
+        onboard: what is on board. Changed.
         mode: 1, 2 or 3.
-        Others as in :func:`thesis_step`, but of the mode.
     """
+    nav = onboard.navigation[0]
+    state = onboard.state[0]
     memory = state.thesis
     memory.fallback = 0
     if mode == 2 and memory.mode == 1:
-        keep_fallback(state, steering)
+        keep_fallback(onboard)
     state.stale_cycles = 0
-    state.tail_gain = 0.0
+    state.solution.tail_gain = 0.0
     state.next_cycle_time = nav.time
     state.time = nav.time
     store(state.sensed_delta_v, load(nav.sensed_delta_v))
-    if memory.fallback == 1 and memory.jettison_time - nav.time <= settings.hold_time:
+    if memory.fallback == 1 and memory.jettison_time - nav.time <= onboard.settings[0].hold_time:
         # so late that the mode would only hold
         memory.mode = mode
-        fly_fallback(nav, state, steering)
+        fly_fallback(onboard)
         return
     speed = memory.delta_v[mode - 1]
     if mode == 1:
@@ -131,52 +148,42 @@ def begin_mode(
     memory.mode = mode
     state.phase = PHASE_CONVERGING
     state.seeded = 1
-    store(state.velocity_to_go, scale(speed, unit(load(nav.velocity))))
-    for j in range(state.jettison_time.shape[0]):
-        state.jettison_time[j] = math.inf
-    start_guess(nav, environment, arcs, jettisons, target, state)
+    store(state.solution.velocity_to_go, scale(speed, unit(load(nav.velocity))))
+    for j in range(state.solution.jettison_time.shape[0]):
+        state.solution.jettison_time[j] = math.inf
+    start_guess(mission, onboard)
 
 
 @kernel
-def fly_mode(
-    mode: int,
-    nav: Record,
-    environment: Record,
-    atmosphere: NDArray[Any],
-    arcs: NDArray[Any],
-    jettisons: NDArray[Any],
-    target: Record,
-    settings: Record,
-    state: Record,
-    saved: Record,
-    steering: Record,
-) -> None:
+def fly_mode(mission: MissionArrays, onboard: Onboard, mode: int) -> None:
     """One step of a mode, to the end of that mode.
 
-    Args:
-        mode: 1, 2 or 3.
-        Others as in :func:`thesis_step`, but of the mode.
+    Args: as in :func:`begin_mode`.
     """
+    state = onboard.state[0]
+    steering = onboard.steering[0]
+    now = onboard.navigation[0].time
     if mode != state.thesis.mode:
-        begin_mode(mode, nav, environment, arcs, jettisons, target, settings, state, steering)
-    elif state.phase == PHASE_CONVERGING and steering.cutoff_time - nav.time <= settings.hold_time:
+        begin_mode(mission, onboard, mode)
+    elif (
+        state.phase == PHASE_CONVERGING
+        and steering.cutoff_time - now <= onboard.settings[0].hold_time
+    ):
         # too late to settle
-        adopt_steering(nav, state, steering)
+        adopt_steering(onboard)
         state.phase = PHASE_HOLD
     before = state.cycle
-    guidance_step(
-        nav, environment, atmosphere, arcs, jettisons, target, settings, state, saved, steering
-    )
+    guidance_step(mission, onboard)
     state.law = LAW_PEG_THESIS
     if (
         state.phase == PHASE_CONVERGING
         and state.cycle != before
-        and is_finite(load(state.direction))
-        and is_finite(load(state.direction_rate))
-        and math.isfinite(state.time_to_go)
+        and is_finite(load(state.solution.direction))
+        and is_finite(load(state.solution.direction_rate))
+        and math.isfinite(state.solution.time_to_go)
     ):
         # not settled yet, and flown all the same
-        accept(nav, state, steering)
+        accept(onboard)
         state.error = ERROR_NONE
         state.stale_cycles = 0
     if state.phase == PHASE_TRACKING and state.error == ERROR_NOT_CONVERGED:
@@ -185,78 +192,24 @@ def fly_mode(
 
 
 @kernel
-def thesis_step(
-    nav: Record,
-    environment: Record,
-    atmosphere: NDArray[Any],
-    arcs: NDArray[Any],
-    jettisons: NDArray[Any],
-    target: Record,
-    settings: Record,
-    state: Record,
-    saved: Record,
-    steering: Record,
-) -> None:
-    """Answer one navigation state, mode by mode; without a plan, by the shared cycle.
+def fly_to_jettison(mission: MissionArrays, onboard: Onboard, mode: int) -> None:
+    """One step of mode 1 or 2; the "cut-off" on board is then turned into a jettison.
 
-    In modes 1 and 2 the cycle's "cut-off" is the jettison; that of the engine is expected
-    the length of the plan's part two later.
-
-    Args:
-        nav: record NAVIGATION.
-        environment: record ENVIRONMENT, as guidance believes it.
-        atmosphere: log-density table, as guidance believes it.
-        arcs: dtype ARC; with a plan two stages.
-        jettisons: dtype JETTISON; with a plan one.
-        target: record TARGET.
-        settings: record GUIDANCE_SETTINGS, of the shared cycle.
-        state: record GUIDANCE_STATE, all zero before the first call but a plan. Changed.
-        saved: record GUIDANCE_STATE, room for the last good solution. Changed.
-        steering: record STEERING, the answer. Changed.
+    Args: as in :func:`begin_mode`.
     """
+    nav = onboard.navigation[0]
+    rules = onboard.settings[0]
+    state = onboard.state[0]
+    steering = onboard.steering[0]
     memory = state.thesis
-    if memory.planned == 0 or not navigation_is_sound(nav, arcs):
-        guidance_step(
-            nav, environment, atmosphere, arcs, jettisons, target, settings, state, saved, steering
-        )
-        return
-    mode = mode_of(nav, arcs, memory)
-    if mode == 3:
-        fly_mode(
-            mode,
-            nav,
-            environment,
-            atmosphere,
-            arcs,
-            jettisons,
-            target,
-            memory.late_rules,
-            state,
-            saved,
-            steering,
-        )
-        return
-    rules = memory.early_rules
     steering.cutoff_time = memory.jettison_time if memory.mode > 0 else math.nan
-    fly_mode(
-        mode,
-        nav,
-        environment,
-        atmosphere,
-        memory.early_arcs[: arcs.shape[0]],
-        jettisons[:0],
-        memory.target,
-        rules,
-        state,
-        saved,
-        steering,
-    )
+    fly_mode(mission, onboard, mode)
     if (
         state.phase <= PHASE_TRACKING
         and memory.fallback == 1
         and abs(steering.cutoff_time - memory.fallback_jettison_time) > rules.time_to_go_jump_limit
     ):
-        fly_fallback(nav, state, steering)
+        fly_fallback(onboard)
         state.error = ERROR_TIME_TO_GO_JUMP
     memory.jettison_time = steering.cutoff_time
     if math.isfinite(memory.jettison_time):
@@ -266,3 +219,27 @@ def thesis_step(
             # what has not settled drops nothing
             steering.jettison_time = max(steering.jettison_time, nav.time + rules.hold_time)
         steering.cutoff_time = memory.jettison_time + memory.part_two
+
+
+@kernel
+def step_by_modes(mission: MissionArrays, onboard: Onboard) -> None:
+    """Answer one navigation state, mode by mode; without a plan, by the shared cycle.
+
+    In modes 1 and 2 the cycle's "cut-off" is the jettison; that of the engine is expected
+    the length of the plan's part two later.
+
+    Args:
+        mission: as guidance believes it; with a plan two stages and one jettison.
+        onboard: what is on board; settings are those of the shared cycle. Changed.
+    """
+    nav = onboard.navigation[0]
+    memory = onboard.state[0].thesis
+    if memory.planned == 0 or not navigation_is_sound(nav, mission.arcs):
+        guidance_step(mission, onboard)
+        return
+    mode = mode_of(nav, mission.arcs, memory)
+    if mode == 3:
+        fly_mode(mission, by_rules(onboard, memory.late_rules[:]), mode)
+    else:
+        early = mission_to_jettison(mission, memory)
+        fly_to_jettison(early, by_rules(onboard, memory.early_rules[:]), mode)

@@ -1,5 +1,7 @@
 """What thrust and gravity do to position and velocity over the burn to come."""
 
+from typing import NamedTuple
+
 from ares_guidance.kernels.segments import (
     Integrals,
 )
@@ -15,27 +17,36 @@ from ares_models.kernels.vectors import (
 )
 
 
+class LinearTangent(NamedTuple):
+    """Steering ahead: thrust along unit(direction + rate (t - reference)).
+
+    Attributes:
+        direction: unit vector.
+        rate: 1/s, normal to it.
+        reference: s from now.
+    """
+
+    direction: Vector
+    rate: Vector
+    reference: float
+
+
 @kernel
-def steered_thrust(
-    integrals: Integrals, direction: Vector, rate: Vector, reference: float
-) -> tuple[Vector, Vector]:
+def steered_thrust(integrals: Integrals, steering: LinearTangent) -> tuple[Vector, Vector]:
     """Velocity and displacement that the thrust behind the integrals gives.
 
-    Linear-tangent steering expanded to second order in the turn from ``direction``, to
-    which ``rate`` is normal.
+    Expanded to second order in the turn from the reference direction.
 
     Args:
         integrals: (L, J, S, Q, P, H) of :func:`thrust_integrals`.
-        direction: unit vector at ``reference``.
-        rate: 1/s.
-        reference: s from now.
+        steering: how the thrust turns.
 
     Returns:
         velocity m/s, displacement m.
     """
     l_sum, j_sum, s_sum, q_sum, p_sum, h_sum = integrals
+    direction, rate, k = steering
     square = 0.5 * dot(rate, rate)
-    k = reference
     along_v = l_sum - square * (h_sum - 2.0 * k * j_sum + k * k * l_sum)
     along_r = s_sum - square * (p_sum - 2.0 * k * q_sum + k * k * s_sum)
     across_v = j_sum - k * l_sum

@@ -5,139 +5,170 @@ is the boundary of a "virtual stage" (Brand, Brown, Higgins 1974 for the multi-s
 """
 
 import math
-from typing import Any
 
-from numpy.typing import NDArray
-
-from ares_guidance.arrays import MAX_SEGMENTS
+from ares_guidance.arrays import MAX_SEGMENTS, Onboard
 from ares_guidance.kernels.engines import present_engine
-from ares_models.arrays import BURN, HEATING_LIMIT, MISSION_TIME, Record
+from ares_models.arrays import BURN, MissionArrays, Record
 from ares_models.jit import kernel
+from ares_models.kernels.sequence import (
+    aboard,
+    drop_time,
+    empty_mass,
+    last_ignition,
+    mass_at_staging,
+)
+from ares_models.kernels.thrust_curve import tail_length
 
 #: L, J, S, Q, P, H.
 Integrals = tuple[float, float, float, float, float, float]
 
 
 @kernel
-def stage_floor_mass(
-    stage: int, arcs: NDArray[Any], jettisons: NDArray[Any], dropped: int
-) -> float:
-    """Mass of the stack when ``stage`` has burnt its propellant, kg.
+def next_drop(
+    mission: MissionArrays, state: Record, dropped: int, lit: tuple[int, float], now: float
+) -> tuple[int, float]:
+    """What is dropped next, and when, s; -1 and inf: nothing.
 
     Args:
-        stage: index of the stage.
-        arcs: dtype ARC.
-        jettisons: dtype JETTISON.
-        dropped: bit k set: jettison k is gone.
+        mission: as guidance believes it.
+        state: record GUIDANCE_STATE, whose solution times the heating jettisons.
+        dropped: bit j set: jettison j is gone.
+        lit: stage that was lit last, and when, s.
+        now: s; when what is overdue goes.
     """
-    mass = 0.0
-    for k in range(arcs.shape[0]):
-        if arcs[k].stage == stage:
-            mass = arcs[k].stack_mass - arcs[k].propellant
-            break
-    for j in range(jettisons.shape[0]):
-        gone = (dropped >> j) & 1
-        if gone == 0 and jettisons[j].stage < stage:
-            mass += jettisons[j].mass
-        elif gone == 1 and jettisons[j].stage >= stage:
-            mass -= jettisons[j].mass
-    return mass
+    first = -1
+    at = math.inf
+    for j in range(mission.jettisons.shape[0]):
+        if not aboard(dropped, j):
+            continue
+        jettison = mission.jettisons[j]
+        due = drop_time(jettison, lit[0], lit[1], now, state.solution.jettison_time[j])
+        if due < at:
+            first = j
+            at = due
+    return first, at
 
 
 @kernel
-def plan_segments(nav: Record, arcs: NDArray[Any], jettisons: NDArray[Any], state: Record) -> None:
+def add_segment(
+    onboard: Onboard, begin: float, end: float, mass: float, engine: tuple[float, float]
+) -> Record:
+    """Append a segment of constant thrust to the plan, if there is room.
+
+    Args:
+        onboard: what is on board. Its plan is changed.
+        begin: mission elapsed time, s.
+        end: the same; inf for the free burn.
+        mass: at its begin, kg.
+        engine: exhaust velocity m/s and mass flow kg/s.
+
+    Returns:
+        the segment, record SEGMENT.
+    """
+    state = onboard.state[0]
+    count = min(state.segment_count, MAX_SEGMENTS - 1)
+    exhaust_velocity, mass_flow = engine
+    segment = state.segments[count]
+    segment.start = begin - onboard.navigation[0].time
+    segment.duration = end - begin
+    segment.exhaust_velocity = exhaust_velocity
+    segment.tau = mass / mass_flow
+    segment.capacity = segment.duration
+    segment.gain = math.inf
+    if math.isfinite(end):
+        segment.gain = -exhaust_velocity * math.log1p(-segment.duration / segment.tau)
+    state.segment_count = count + 1
+    return segment
+
+
+@kernel
+def plan_burn(
+    mission: MissionArrays,
+    onboard: Onboard,
+    k: int,
+    span: tuple[float, float],
+    stack: tuple[float, int],
+    lit: tuple[int, float],
+) -> tuple[float, int]:
+    """Append the segments of one burn, a new one after each drop.
+
+    Args:
+        mission: as guidance believes it.
+        onboard: what is on board. Its plan is changed.
+        k: the arc.
+        span: begin and end of the thrust, s; the end inf for the free burn.
+        stack: mass at the begin, kg, and what has dropped.
+        lit: stage that was lit last, and when, s.
+
+    Returns:
+        mass at the end, and what has dropped by then.
+    """
+    nav = onboard.navigation[0]
+    state = onboard.state[0]
+    arc = mission.arcs[k]
+    engine = present_engine(arc, mission.arcs[nav.arc].stage, state)
+    cursor, end = span
+    mass, dropped = stack
+    while True:
+        drop, drop_at = next_drop(mission, state, dropped, lit, cursor)
+        if not drop_at < end:
+            drop, drop_at = -1, end
+        segment_end = max(cursor, drop_at)
+        if segment_end > cursor:
+            segment = add_segment(onboard, cursor, segment_end, mass, engine)
+            segment.arc = k
+            if math.isfinite(segment_end):
+                mass -= engine[1] * (segment_end - cursor)
+            else:
+                empty = empty_mass(arc, mission.arcs, mission.jettisons, dropped)
+                segment.capacity = (mass - empty) / engine[1]
+        cursor = segment_end
+        if drop < 0:
+            return mass, dropped
+        mass -= mission.jettisons[drop].mass
+        dropped |= 1 << drop
+
+
+@kernel
+def plan_segments(mission: MissionArrays, onboard: Onboard) -> None:
     """Fill ``state.segments`` from the present arc to the free burn.
 
-    Heating jettisons stand at ``state.jettison_time``, the others where the mission puts
+    Heating jettisons stand where the solution has them, the others where the mission puts
     them. Thrust transients enter as the time that an equal impulse at full thrust takes.
 
     Args:
-        nav: record NAVIGATION.
-        arcs: dtype ARC.
-        jettisons: dtype JETTISON.
-        state: record GUIDANCE_STATE.
+        mission: as guidance believes it.
+        onboard: what is on board. Its plan is changed.
     """
-    now = nav.time
+    nav = onboard.navigation[0]
+    state = onboard.state[0]
+    arcs = mission.arcs
     mass = nav.mass
     dropped = nav.jettisoned
-    cursor = now
-    count = 0
-    stage_ignited = arcs[nav.arc].stage - 1
-    ignition_time = nav.arc_start_time
-    if arcs[nav.arc].kind == BURN:
-        stage_ignited += 1
-    for k in range(nav.arc):
-        if arcs[k].stage == arcs[nav.arc].stage:
-            if arcs[k].kind == BURN:
-                stage_ignited = arcs[k].stage
-            if stage_ignited == arcs[k].stage:
-                ignition_time -= arcs[k].duration
-    present = arcs[nav.arc].stage
+    cursor = nav.time
+    lit = last_ignition(nav.arc, nav.arc_start_time, arcs)
+    state.segment_count = 0
     for k in range(nav.arc, arcs.shape[0]):
         arc = arcs[k]
-        exhaust_velocity, mass_flow = present_engine(arc, present, state)
         begin = nav.arc_start_time if k == nav.arc else cursor
         if k > nav.arc and arc.begins_stage == 1:
-            mass = arc.stack_mass
-            for j in range(jettisons.shape[0]):
-                if (dropped >> j) & 1 == 0 and jettisons[j].stage < arc.stage:
-                    mass += jettisons[j].mass
+            mass = mass_at_staging(arc, mission.jettisons, dropped)
         if arc.kind != BURN:
             cursor = max(cursor, begin + arc.duration)
             continue
-        if arc.stage > stage_ignited:
-            stage_ignited = arc.stage
-            ignition_time = begin
-        thrust_begin = max(cursor, begin + arc.start_loss)
+        if arc.stage > lit[0]:
+            lit = arc.stage, begin
+        cursor = max(cursor, begin + arc.start_loss)
         end = begin + arc.duration + arc.tail_gain
-        cursor = thrust_begin
+        _, mass_flow = present_engine(arc, arcs[nav.arc].stage, state)
         unforeseen = k == nav.arc and arc.duration == 0.0
         if unforeseen or (mass_flow > arc.mass_flow and math.isfinite(end)):
-            floor = stage_floor_mass(arc.stage, arcs, jettisons, dropped)
-            empty = cursor + (mass - floor) / mass_flow
+            left = mass - empty_mass(arc, arcs, mission.jettisons, dropped)
+            empty = cursor + left / mass_flow
             end = empty if unforeseen else min(end, empty)
-        while True:
-            # the next drop within this burn
-            drop = -1
-            drop_time = end
-            for j in range(jettisons.shape[0]):
-                if (dropped >> j) & 1 == 1 or jettisons[j].stage > arc.stage:
-                    continue
-                if jettisons[j].criterion == HEATING_LIMIT:
-                    time = state.jettison_time[j]
-                elif jettisons[j].criterion == MISSION_TIME:
-                    time = jettisons[j].value
-                else:
-                    time = ignition_time + jettisons[j].value
-                if time < drop_time:
-                    drop_time = time
-                    drop = j
-            segment_end = max(cursor, drop_time)
-            if segment_end > cursor and count < MAX_SEGMENTS:
-                segment = state.segments[count]
-                segment.start = cursor - now
-                segment.duration = segment_end - cursor
-                segment.exhaust_velocity = exhaust_velocity
-                segment.tau = mass / mass_flow
-                segment.arc = k
-                count += 1
-                if math.isfinite(segment_end):
-                    segment.capacity = segment.duration
-                    ratio = segment.duration / segment.tau
-                    segment.gain = -exhaust_velocity * math.log1p(-ratio)
-                    mass -= mass_flow * (segment_end - cursor)
-                else:
-                    floor = stage_floor_mass(arc.stage, arcs, jettisons, dropped)
-                    segment.capacity = (mass - floor) / mass_flow
-                    segment.gain = math.inf
-            cursor = segment_end
-            if drop < 0:
-                break
-            mass -= jettisons[drop].mass
-            dropped |= 1 << drop
+        mass, dropped = plan_burn(mission, onboard, k, (cursor, end), (mass, dropped), lit)
         # the tail runs on while the next arc begins at the cut-off command
         cursor = end - arc.tail_gain if math.isfinite(end) else end
-    state.segment_count = count
 
 
 @kernel
@@ -232,7 +263,7 @@ def note_tail_off(arc: Record, state: Record) -> None:
 
     The target holds at the end of the thrust; until then the vehicle moves on.
     """
-    state.tail_gain = arc.tail_gain
-    state.tail_drift = 0.0
+    state.solution.tail_gain = arc.tail_gain
+    state.solution.tail_drift = 0.0
     if arc.tail_knots > 0:
-        state.tail_drift = arc.tail_time[arc.tail_knots - 1] - arc.tail_gain
+        state.solution.tail_drift = tail_length(arc) - arc.tail_gain

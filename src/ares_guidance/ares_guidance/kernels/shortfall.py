@@ -15,7 +15,7 @@ def lacking_speed(state: Record) -> float:
     """Velocity, m/s, that the plan needs beyond its propellant; negative: has to spare."""
     for i in range(state.segment_count):
         segment = state.segments[i]
-        burn = state.time_to_go - segment.start
+        burn = state.solution.time_to_go - segment.start
         if i == state.segment_count - 1 or burn <= segment.duration:
             left = segment.tau - min(segment.capacity, 0.999 * segment.tau)
             return segment.exhaust_velocity * math.log(left / (segment.tau - burn))

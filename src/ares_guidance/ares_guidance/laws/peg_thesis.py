@@ -12,7 +12,7 @@ from ares_guidance.arrays import (
     PLANE_OF_MODE,
 )
 from ares_guidance.guess import JettisonPlan, OfflineTrajectory
-from ares_guidance.kernels.peg_thesis import thesis_step
+from ares_guidance.kernels.peg_thesis import step_by_modes
 from ares_guidance.law import Law, LawKind, LawSettings
 from ares_models.arrays import HEATING_LIMIT, MissionArrays
 
@@ -105,18 +105,18 @@ class ThesisPeg(Law):
         if plan is None:
             return
         arrays = self._arrays
-        memory = self._state[0]["thesis"]
+        memory = self.state["thesis"]
         memory["planned"] = 1
         memory["part_two"] = plan.cutoff_time_s - plan.jettison_time_s
         memory["delta_v"] = plan.delta_v_m_s
         memory["plane"] = PLANES[self._pins.plane]
         memory["split_at_staging"] = self._pins.split_at_staging
-        memory["early_rules"], memory["late_rules"] = self._early, self._late
+        memory["early_rules"][0], memory["late_rules"][0] = self._early, self._late
         memory["early_arcs"][: len(arrays.arcs)] = arrays.arcs
         last = memory["early_arcs"][len(arrays.arcs) - 1]
         last["tail_knots"] = 0
         last["tail_gain"] = 0.0
-        target = memory["target"]
+        target = memory["target"][0]
         target["inclination"] = arrays.target["inclination"][0]
         target["radius"] = plan.radius_m
         target["speed"] = plan.speed_m_s
@@ -133,4 +133,4 @@ def _rules(settings: LawSettings) -> tuple[Any, Any]:
     return early, late
 
 
-LAW = LawKind("peg_thesis", LAW_PEG_THESIS, thesis_step, ThesisPeg, needs_trajectory=True)
+LAW = LawKind("peg_thesis", LAW_PEG_THESIS, step_by_modes, ThesisPeg, needs_trajectory=True)

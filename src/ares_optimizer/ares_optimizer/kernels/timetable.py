@@ -7,13 +7,28 @@ linear in time. A segment knows which unknown time moves its ends.
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import BURN, HEATING_LIMIT, MISSION_TIME, Record
+from ares_models.arrays import BURN, HEATING_LIMIT, SEQUENCE, Record
 from ares_models.jit import kernel
+from ares_models.kernels.sequence import (
+    SAME_BURNOUT,
+    SAME_TIME,
+    aboard,
+    arc_after_burnout,
+    awaits_heating,
+    drop_time,
+    end_thrust,
+    enter_arc,
+    last_ignition,
+    loaded_mass,
+    next_knot,
+    tail_end_time,
+)
+from ares_models.kernels.thrust_curve import curve_slope, curve_value
 
 MAX_SEGMENTS = 64
 
@@ -50,32 +65,6 @@ SEGMENT = np.dtype(
     align=True,
 )
 
-_SAME_TIME = 1e-9
-_SAME_BURNOUT = 1e-6
-
-
-@kernel
-def _curve_value(times: NDArray[Any], fractions: NDArray[Any], knots: int, t: float) -> float:
-    """Thrust fraction at ``t``, constant beyond the ends; a jump takes its later value."""
-    if t < times[0]:
-        return fractions[0]
-    for i in range(1, knots):
-        if t < times[i]:
-            w = (t - times[i - 1]) / (times[i] - times[i - 1])
-            return fractions[i - 1] + w * (fractions[i] - fractions[i - 1])
-    return fractions[knots - 1]
-
-
-@kernel
-def _curve_slope(times: NDArray[Any], fractions: NDArray[Any], knots: int, t: float) -> float:
-    """Slope of the thrust fraction just after ``t``, 1/s."""
-    if t < times[0]:
-        return 0.0
-    for i in range(1, knots):
-        if t < times[i]:
-            return (fractions[i] - fractions[i - 1]) / (times[i] - times[i - 1])
-    return 0.0
-
 
 @kernel
 def heating_count(start: Record, jettisons: NDArray[Any], heating: int) -> int:
@@ -90,7 +79,7 @@ def heating_count(start: Record, jettisons: NDArray[Any], heating: int) -> int:
         return 0
     count = 0
     for j in range(jettisons.shape[0]):
-        if jettisons[j].criterion == HEATING_LIMIT and (start.jettisoned >> j) & 1 == 0:
+        if awaits_heating(jettisons, start.jettisoned, j):
             count += 1
     return count
 
@@ -108,18 +97,7 @@ def propellant_used(
     start: Record, mass: float, arcs: NDArray[Any], jettisons: NDArray[Any]
 ) -> float:
     """Propellant that the present stage has burnt so far, kg: what its stack has lost."""
-    stage = arcs[start.arc].stage
-    full = 0.0
-    for k in range(arcs.shape[0]):
-        if arcs[k].stage == stage:
-            full = arcs[k].stack_mass
-            break
-    for j in range(jettisons.shape[0]):
-        gone = (start.jettisoned >> j) & 1
-        if gone == 0 and jettisons[j].stage < stage:
-            full += jettisons[j].mass
-        elif gone == 1 and jettisons[j].stage >= stage:
-            full -= jettisons[j].mass
+    full = loaded_mass(arcs[start.arc].stage, arcs, jettisons, start.jettisoned)
     return max(0.0, full - mass)
 
 
@@ -138,6 +116,285 @@ def last_tail(start: Record, arcs: NDArray[Any]) -> tuple[int, float]:
             return (k - 1 if arcs[k - 1].tail_knots > 0 else -1), end
         end -= arcs[k - 1].duration
     return -1, end
+
+
+class Times(NamedTuple):
+    """The times that make a timetable.
+
+    Attributes:
+        heating: HEATING_*.
+        jettisons: s, per heating jettison not done at the start, in the order of the file.
+        cutoff: cut-off command, s.
+    """
+
+    heating: int
+    jettisons: NDArray[np.float64]
+    cutoff: float
+
+
+@kernel
+def begin_sequence(
+    start: Record, arcs: NDArray[Any], jettisons: NDArray[Any], sequence: Record
+) -> None:
+    """Where the flight stands at the start.
+
+    Args:
+        start: record NAVIGATION.
+        arcs: dtype ARC.
+        jettisons: dtype JETTISON.
+        sequence: record SEQUENCE. Changed.
+    """
+    sequence.time = start.time
+    sequence.mass = begin_mass(start, arcs)
+    sequence.jettisoned = start.jettisoned
+    sequence.arc = start.arc
+    sequence.arc_start_time = start.arc_start_time
+    sequence.propellant_used = propellant_used(start, sequence.mass, arcs, jettisons)
+    sequence.ignited_stage, sequence.ignition_time = last_ignition(
+        start.arc, start.arc_start_time, arcs
+    )
+    sequence.tail_arc, sequence.tail_start_time = last_tail(start, arcs)
+    sequence.inserted = 0
+
+
+@kernel
+def heating_index(start: Record, jettisons: NDArray[Any], j: int) -> int:
+    """Which of the unknown jettisons ``j`` is: 0, 1, ..."""
+    index = 0
+    for i in range(j):
+        if awaits_heating(jettisons, start.jettisoned, i):
+            index += 1
+    return index
+
+
+@kernel
+def due_time(
+    start: Record, jettisons: NDArray[Any], j: int, times: Times, sequence: Record
+) -> float:
+    """When jettison ``j`` is due, s; inf: gone, or not decided."""
+    if not aboard(sequence.jettisoned, j):
+        return math.inf
+    heating_time = sequence.time
+    if jettisons[j].criterion == HEATING_LIMIT and times.heating != HEATING_IGNORED:
+        heating_time = times.jettisons[heating_index(start, jettisons, j)]
+    return drop_time(
+        jettisons[j],
+        sequence.ignited_stage,
+        sequence.ignition_time,
+        sequence.time,
+        heating_time,
+    )
+
+
+@kernel
+def out_of_time(sequence: Record, arcs: NDArray[Any]) -> bool:
+    """Whether the present arc ends now by the clock."""
+    end = sequence.arc_start_time + arcs[sequence.arc].duration
+    return end <= sequence.time + SAME_TIME
+
+
+@kernel
+def burnt_out(sequence: Record, arcs: NDArray[Any]) -> bool:
+    """Whether the present burn has used up its stage's propellant."""
+    arc = arcs[sequence.arc]
+    left = arc.propellant - sequence.propellant_used
+    return arc.kind == BURN and left <= SAME_BURNOUT * arc.mass_flow
+
+
+@kernel
+def pass_instant(
+    start: Record, arcs: NDArray[Any], jettisons: NDArray[Any], times: Times, sequence: Record
+) -> None:
+    """Carry out everything that falls on the present instant but the last cut-off.
+
+    Args:
+        start: record NAVIGATION.
+        arcs: dtype ARC.
+        jettisons: dtype JETTISON.
+        times: unknown ones.
+        sequence: record SEQUENCE. Changed.
+    """
+    now = sequence.time + SAME_TIME
+    last = arcs.shape[0] - 1
+    changed = True
+    while changed:
+        changed = False
+        for j in range(jettisons.shape[0]):
+            if sequence.inserted == 0 and due_time(start, jettisons, j, times, sequence) <= now:
+                sequence.jettisoned |= 1 << j
+                sequence.mass -= jettisons[j].mass
+        if sequence.tail_arc >= 0 and tail_end_time(sequence, arcs) <= now:
+            sequence.tail_arc = -1
+        if sequence.arc == last:
+            continue
+        if out_of_time(sequence, arcs):
+            end_thrust(sequence, arcs)
+            enter_arc(sequence, sequence.arc + 1, arcs, jettisons)
+            changed = True
+        elif burnt_out(sequence, arcs):
+            following = min(arc_after_burnout(sequence.arc, arcs), last)
+            enter_arc(sequence, following, arcs, jettisons)
+            changed = True
+
+
+@kernel
+def write_thrust(sequence: Record, arcs: NDArray[Any], segment: Record) -> None:
+    """Thrust and mass flow just after the present instant, with their slopes."""
+    segment.thrust = 0.0
+    segment.thrust_slope = 0.0
+    segment.flow = 0.0
+    segment.flow_slope = 0.0
+    after = sequence.time + SAME_TIME
+    arc = arcs[sequence.arc]
+    if arc.kind == BURN and sequence.inserted == 0:
+        fraction = 1.0
+        slope = 0.0
+        if arc.start_knots > 0:
+            into = after - sequence.arc_start_time
+            fraction = curve_value(arc.start_time, arc.start_fraction, arc.start_knots, into)
+            slope = curve_slope(arc.start_time, arc.start_fraction, arc.start_knots, into)
+        segment.thrust += fraction * arc.thrust
+        segment.thrust_slope += slope * arc.thrust
+        segment.flow += fraction * arc.mass_flow
+        segment.flow_slope += slope * arc.mass_flow
+    if sequence.tail_arc >= 0:
+        tail = arcs[sequence.tail_arc]
+        into = after - sequence.tail_start_time
+        fraction = curve_value(tail.tail_time, tail.tail_fraction, tail.tail_knots, into)
+        slope = curve_slope(tail.tail_time, tail.tail_fraction, tail.tail_knots, into)
+        segment.thrust += fraction * tail.thrust
+        segment.thrust_slope += slope * tail.thrust
+        segment.flow += fraction * tail.mass_flow
+        segment.flow_slope += slope * tail.mass_flow
+
+
+@kernel
+def write_end(
+    start: Record,
+    arcs: NDArray[Any],
+    jettisons: NDArray[Any],
+    times: Times,
+    sequence: Record,
+    segment: Record,
+) -> None:
+    """When a segment ends, and which unknown moves its end.
+
+    Args:
+        start: record NAVIGATION.
+        arcs: dtype ARC.
+        jettisons: dtype JETTISON.
+        times: unknown ones.
+        sequence: record SEQUENCE, at its begin.
+        segment: record SEGMENT with its thrust. Changed.
+    """
+    segment.end = next_knot(sequence, arcs, math.inf)
+    segment.end_column = -1
+    segment.end_heating = -1
+    if sequence.inserted == 1:
+        segment.end_column = COLUMN_CUTOFF
+        return
+    arc = arcs[sequence.arc]
+    if sequence.arc < arcs.shape[0] - 1:
+        segment.end = min(segment.end, sequence.arc_start_time + arc.duration)
+        if arc.kind == BURN and segment.flow > 0.0 and segment.flow_slope == 0.0:
+            burnout = sequence.time + (arc.propellant - sequence.propellant_used) / segment.flow
+            if burnout < segment.end - SAME_BURNOUT:
+                segment.end = burnout
+    for j in range(jettisons.shape[0]):
+        due = due_time(start, jettisons, j, times, sequence)
+        if due < segment.end:
+            segment.end = due
+            segment.end_column = -1
+            segment.end_heating = -1
+            if jettisons[j].criterion == HEATING_LIMIT and times.heating <= HEATING_PASSIVE:
+                segment.end_heating = heating_index(start, jettisons, j)
+                segment.end_column = COLUMN_JETTISON + 2 * segment.end_heating
+    if sequence.arc == arcs.shape[0] - 1 and times.cutoff < segment.end:
+        segment.end = times.cutoff
+        segment.end_column = COLUMN_CUTOFF
+        segment.end_heating = -1
+
+
+@kernel
+def begin_segment(
+    sequence: Record, segments: NDArray[Any], count: int, tail_mass_rate: float
+) -> None:
+    """What a segment, its thrust known, has at its begin, and how that moves with an unknown.
+
+    Args:
+        sequence: record SEQUENCE.
+        segments: dtype SEGMENT. The one at ``count`` is changed.
+        count: number of the segments before.
+        tail_mass_rate: d mass / d cut-off time in the tail-off, kg/s.
+    """
+    segment = segments[count]
+    column = segments[count - 1].end_column if count > 0 else -1
+    segment.start = sequence.time
+    segment.mass = sequence.mass
+    segment.start_column = column
+    segment.arc = sequence.arc
+    segment.after_cutoff = sequence.inserted
+    segment.mass_by_start = 0.0
+    segment.thrust_by_start = 0.0
+    segment.flow_by_start = 0.0
+    if sequence.inserted == 1:
+        # the tail moves with the cut-off; only the mass that it finds differs
+        segment.mass_by_start = tail_mass_rate
+    elif column >= 0:
+        segment.mass_by_start = -segment.flow
+        segment.thrust_by_start = segment.thrust_slope
+        segment.flow_by_start = segment.flow_slope
+
+
+@kernel
+def fill_timetable(
+    start: Record,
+    arcs: NDArray[Any],
+    jettisons: NDArray[Any],
+    times: Times,
+    segments: NDArray[Any],
+    room: NDArray[Any],
+) -> int:
+    """Fill ``segments``; arguments and result as of :func:`build_timetable`.
+
+    Args:
+        start: record NAVIGATION.
+        arcs: dtype ARC.
+        jettisons: dtype JETTISON.
+        times: unknown ones.
+        segments: dtype SEGMENT. Changed.
+        room: shape (1,), dtype SEQUENCE, to count in.
+    """
+    sequence = room[0]
+    begin_sequence(start, arcs, jettisons, sequence)
+    tail_mass_rate = 0.0
+    for count in range(MAX_SEGMENTS + 1):
+        pass_instant(start, arcs, jettisons, times, sequence)
+        due = sequence.arc == arcs.shape[0] - 1 and times.cutoff <= sequence.time + SAME_TIME
+        if due and sequence.inserted == 0:
+            if count == 0 or segments[count - 1].end_column != COLUMN_CUTOFF:
+                return 0
+            before = segments[count - 1]
+            length = before.end - before.start
+            tail_mass_rate = -(before.flow + before.flow_slope * length)
+            sequence.inserted = 1
+            end_thrust(sequence, arcs)
+        if sequence.inserted == 1 and sequence.tail_arc < 0:
+            return count
+        if count == MAX_SEGMENTS:
+            return 0
+        segment = segments[count]
+        write_thrust(sequence, arcs, segment)
+        write_end(start, arcs, jettisons, times, sequence, segment)
+        if not segment.end < math.inf:
+            return 0
+        begin_segment(sequence, segments, count, tail_mass_rate)
+        length = segment.end - sequence.time
+        burnt = (segment.flow + 0.5 * segment.flow_slope * length) * length
+        sequence.mass -= burnt
+        sequence.propellant_used += burnt
+        sequence.time = segment.end
+    return 0
 
 
 @kernel
@@ -165,217 +422,10 @@ def build_timetable(
     Returns:
         number of segments; 0 if there are too many or a burn begins after ``cutoff``.
     """
-    now = start.time
-    mass = begin_mass(start, arcs)
-    dropped = start.jettisoned
-    k = start.arc
-    arc_start = start.arc_start_time
-    used = propellant_used(start, mass, arcs, jettisons)
-    last = arcs.shape[0] - 1
-
-    # which stages have ignited, and when the latest did
-    ignited = arcs[k].stage - 1
-    ignition = arc_start
-    back = arc_start
-    for i in range(k, -1, -1):
-        if arcs[i].stage != arcs[k].stage:
-            break
-        if i < k:
-            back -= arcs[i].duration
-        if arcs[i].kind == BURN:
-            ignited = arcs[k].stage
-            ignition = back
-
-    column = -1
-    tail, tail_start = last_tail(start, arcs)
-    inserted = False
-    tail_mass_rate = 0.0
-    count = 0
-    for _ in range(16 * MAX_SEGMENTS):
-        # everything that falls on this instant
-        changed = True
-        while changed:
-            changed = False
-            arc = arcs[k]
-            unknown = 0
-            for j in range(jettisons.shape[0]):
-                is_heating = jettisons[j].criterion == HEATING_LIMIT
-                if (start.jettisoned >> j) & 1 == 1:
-                    continue
-                index = unknown
-                if is_heating:
-                    unknown += 1
-                if (dropped >> j) & 1 == 1 or ignited < jettisons[j].stage or inserted:
-                    continue
-                if is_heating:
-                    due = now if heating == HEATING_IGNORED else heating_times[index]
-                elif jettisons[j].criterion == MISSION_TIME:
-                    due = jettisons[j].value
-                elif ignited > jettisons[j].stage:
-                    due = now
-                else:
-                    due = ignition + jettisons[j].value
-                if due <= now + _SAME_TIME:
-                    dropped |= 1 << j
-                    mass -= jettisons[j].mass
-            if tail >= 0:
-                knots = arcs[tail].tail_knots
-                if tail_start + arcs[tail].tail_time[knots - 1] <= now + _SAME_TIME:
-                    tail = -1
-            if inserted:
-                if tail < 0:
-                    return count
-                break
-            if k == last:
-                if cutoff <= now + _SAME_TIME:
-                    if count == 0 or segments[count - 1].end_column != COLUMN_CUTOFF:
-                        return 0
-                    inserted = True
-                    column = COLUMN_CUTOFF
-                    if arc.tail_knots > 0:
-                        tail = k
-                        tail_start = now
-                    before = segments[count - 1]
-                    length = before.end - before.start
-                    tail_mass_rate = -(before.flow + before.flow_slope * length)
-                    changed = True
-                continue
-            ends = arc_start + arc.duration <= now + _SAME_TIME
-            spent = False
-            if arc.kind == BURN and not ends:
-                spent = arc.propellant - used <= _SAME_BURNOUT * arc.mass_flow
-            if ends or spent:
-                following = k + 1
-                if spent:
-                    while following < last and (
-                        arcs[following].kind == BURN and arcs[following].stage == arc.stage
-                    ):
-                        following += 1
-                elif arc.tail_knots > 0:
-                    tail = k
-                    tail_start = now
-                k = following
-                arc_start = now
-                if arcs[k].begins_stage == 1:
-                    tail = -1
-                    used = 0.0
-                    mass = arcs[k].stack_mass
-                    for j in range(jettisons.shape[0]):
-                        if (dropped >> j) & 1 == 0 and jettisons[j].stage < arcs[k].stage:
-                            mass += jettisons[j].mass
-                if arcs[k].kind == BURN and ignited < arcs[k].stage:
-                    ignited = arcs[k].stage
-                    ignition = now
-                changed = True
-
-        # thrust just after this instant
-        arc = arcs[k]
-        thrust = 0.0
-        thrust_slope = 0.0
-        flow = 0.0
-        flow_slope = 0.0
-        end = math.inf
-        end_column = -1
-        end_heating = -1
-        if arc.kind == BURN and not inserted:
-            fraction = 1.0
-            slope = 0.0
-            if arc.start_knots > 0:
-                into = now - arc_start + _SAME_TIME
-                fraction = _curve_value(arc.start_time, arc.start_fraction, arc.start_knots, into)
-                slope = _curve_slope(arc.start_time, arc.start_fraction, arc.start_knots, into)
-                for i in range(arc.start_knots):
-                    knot = arc_start + arc.start_time[i]
-                    if now + _SAME_TIME < knot < end:
-                        end = knot
-            thrust += fraction * arc.thrust
-            thrust_slope += slope * arc.thrust
-            flow += fraction * arc.mass_flow
-            flow_slope += slope * arc.mass_flow
-        if tail >= 0:
-            other = arcs[tail]
-            into = now - tail_start + _SAME_TIME
-            fraction = _curve_value(other.tail_time, other.tail_fraction, other.tail_knots, into)
-            slope = _curve_slope(other.tail_time, other.tail_fraction, other.tail_knots, into)
-            for i in range(other.tail_knots):
-                knot = tail_start + other.tail_time[i]
-                if now + _SAME_TIME < knot < end:
-                    end = knot
-            thrust += fraction * other.thrust
-            thrust_slope += slope * other.thrust
-            flow += fraction * other.mass_flow
-            flow_slope += slope * other.mass_flow
-        if inserted:
-            end_column = COLUMN_CUTOFF
-        else:
-            if k < last:
-                by_clock = arc_start + arc.duration
-                if by_clock < end:
-                    end = by_clock
-                if arc.kind == BURN and flow > 0.0 and flow_slope == 0.0:
-                    burnout = now + (arc.propellant - used) / flow
-                    if burnout < end - _SAME_BURNOUT:
-                        end = burnout
-            unknown = 0
-            for j in range(jettisons.shape[0]):
-                if (start.jettisoned >> j) & 1 == 1:
-                    continue
-                is_heating = jettisons[j].criterion == HEATING_LIMIT
-                index = unknown
-                if is_heating:
-                    unknown += 1
-                if (dropped >> j) & 1 == 1 or ignited < jettisons[j].stage:
-                    continue
-                if is_heating:
-                    due = heating_times[index]
-                elif jettisons[j].criterion == MISSION_TIME:
-                    due = jettisons[j].value
-                else:
-                    due = ignition + jettisons[j].value
-                if due < end:
-                    end = due
-                    end_column = -1
-                    end_heating = -1
-                    if is_heating and heating <= HEATING_PASSIVE:
-                        end_heating = index
-                        end_column = COLUMN_JETTISON + 2 * index
-            if k == last and cutoff < end:
-                end = cutoff
-                end_column = COLUMN_CUTOFF
-                end_heating = -1
-        if count == MAX_SEGMENTS or not end < math.inf:
-            return 0
-        segment = segments[count]
-        count += 1
-        segment.start = now
-        segment.end = end
-        segment.thrust = thrust
-        segment.thrust_slope = thrust_slope
-        segment.flow = flow
-        segment.flow_slope = flow_slope
-        segment.mass = mass
-        segment.start_column = column
-        segment.end_column = end_column
-        segment.end_heating = end_heating
-        segment.arc = k
-        segment.after_cutoff = 1 if inserted else 0
-        segment.mass_by_start = 0.0
-        segment.thrust_by_start = 0.0
-        segment.flow_by_start = 0.0
-        if inserted:
-            # the tail moves with the cut-off; only the mass that it finds differs
-            segment.mass_by_start = tail_mass_rate
-        elif column >= 0:
-            segment.mass_by_start = -flow
-            segment.thrust_by_start = thrust_slope
-            segment.flow_by_start = flow_slope
-        length = end - now
-        burnt = (flow + 0.5 * flow_slope * length) * length
-        mass -= burnt
-        used += burnt
-        now = end
-        column = end_column
-    return 0
+    # a record does not keep its array alive: who allocates it lends it to another
+    room = np.zeros(1, SEQUENCE)
+    times = Times(heating, heating_times, cutoff)
+    return fill_timetable(start, arcs, jettisons, times, segments, room)
 
 
 @kernel

@@ -5,17 +5,23 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_guidance.arrays import GUIDANCE_STATE
+from ares_guidance.arrays import blank_onboard
 from ares_guidance.law import LawSettings
 from ares_guidance.laws import make_law
-from ares_models.arrays import NAVIGATION, STEERING
 from ares_models.mission import Mission
+from ares_studies.arrays import closed_loop
 from ares_studies.loops import campaign_loop
 from ares_studies.montecarlo.arrays import RESULT
-from ares_vehicle_sim.arrays import PLANT
+from ares_vehicle_sim.arrays import blank_vehicle
 from ares_vehicle_sim.dispersions import Dispersions
 from ares_vehicle_sim.draws import Sampler
-from ares_vehicle_sim.simulator import CAMPAIGN, SimulatorOptions, true_environment
+from ares_vehicle_sim.simulator import (
+    CAMPAIGN,
+    SimulatorOptions,
+    nominal_truth,
+    nominal_vehicle,
+    room_for_truth,
+)
 
 
 @dataclass(frozen=True)
@@ -72,37 +78,19 @@ class Range:
         mission = settings.mission
         self._sampler = Sampler(mission, settings.dispersions, settings.seed)
         self.columns = self._sampler.columns
-        start = mission.start()
-        believed, nominal = mission.arrays(foreseen=True), mission.arrays()
-        plant = np.zeros(1, PLANT)
-        plant["time"] = start.time_s
+        self._nominal = nominal_truth(mission, settings.dispersions)
+        believed = mission.arrays(foreseen=True)
         law = make_law(settings.law, believed, settings.law_settings)
         self._fly_many = campaign_loop(law.kind)
-        self._fixed = (
-            tuple(start.position.tolist()),
-            tuple(start.velocity.tolist()),
-            true_environment(mission, settings.dispersions),
-            nominal.arcs,
-            nominal.jettisons,
-            settings.options.record()[0],
-            settings.options.navigation_period_s,
-            believed.environment[0],
-            believed.atmosphere,
-            believed.arcs,
-            believed.jettisons,
-            believed.target[0],
-            law.settings,
-            plant,
-            np.array([law.state]),
-            law.steering,
-            np.zeros(1, PLANT),
-            nominal.environment.copy(),
-            nominal.arcs.copy(),
-            nominal.jettisons.copy(),
-            np.zeros(1, GUIDANCE_STATE),
-            np.zeros(1, GUIDANCE_STATE),
-            np.zeros(1, NAVIGATION),
-            np.zeros(1, STEERING),
+        # the atmosphere of each flight comes with its draws
+        true = room_for_truth(self._nominal, self._nominal.atmosphere)
+        vehicle = nominal_vehicle(mission, settings.options)
+        self._blank = closed_loop(true, vehicle, believed, law.onboard)
+        self._room = closed_loop(
+            true,
+            blank_vehicle(vehicle.options),
+            believed,
+            blank_onboard(law.onboard.settings),
         )
 
     def fly(self, first: int, count: int) -> Flown:
@@ -128,5 +116,7 @@ class Range:
     def _fly(self, first: int, count: int) -> Flown:
         draws = self._sampler.draw(first, count)
         results = np.zeros(count, RESULT)
-        self._fly_many(draws.variations, draws.atmospheres, *self._fixed, results)
+        self._fly_many(
+            draws.variations, draws.atmospheres, self._nominal, self._blank, self._room, results
+        )
         return Flown(first, draws.inputs, results, {})

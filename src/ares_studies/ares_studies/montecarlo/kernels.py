@@ -5,15 +5,16 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from ares_guidance.kernels.targets import desired_state, project_to_plane
 from ares_models.arrays import (
     HEATING_LIMIT,
     TARGET_KEPLERIAN,
     TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
+    MissionArrays,
     Record,
 )
 from ares_models.jit import kernel
 from ares_models.kernels.states import insertion_quantities
+from ares_models.kernels.targets import desired_state, project_to_plane
 from ares_models.kernels.vectors import Vector, axpy, cross, dot, load, norm, scale, unit
 from ares_models.tolerances import (
     FLIGHT_PATH_ANGLE_DEG,
@@ -21,6 +22,7 @@ from ares_models.tolerances import (
     RADIUS_M,
     SPEED_M_S,
 )
+from ares_studies.arrays import ClosedLoop
 from ares_studies.kernels import fly
 from ares_vehicle_sim.arrays import CUTOFF, DEPLETION, IMPACT, JETTISON_DONE, TIME_LIMIT
 from ares_vehicle_sim.kernels.plant import begin_flight
@@ -94,26 +96,10 @@ def on_target(result: Record) -> bool:
 
 
 @kernel
-def judge(
-    plant: Record,
-    environment: Record,
-    jettisons: NDArray[Any],
-    target: Record,
-    state: Record,
-    steering: Record,
-    result: Record,
-) -> None:
-    """Judge a flight that is over.
-
-    Args:
-        plant: record PLANT at the end.
-        environment: record ENVIRONMENT, the true one.
-        jettisons: dtype JETTISON, the true ones.
-        target: record TARGET.
-        state: record GUIDANCE_STATE at the end.
-        steering: record STEERING, the last command.
-        result: record RESULT. Changed.
-    """
+def judge(loop: ClosedLoop, result: Record) -> None:
+    """Judge a flight that is over; fills a record RESULT."""
+    plant = loop.vehicle.plant[0]
+    jettisons = loop.true.jettisons
     result.end_time = plant.time
     result.mass = plant.mass
     result.propellant_used = plant.propellant_used
@@ -123,8 +109,8 @@ def judge(
     result.jettison_heating = math.nan
     result.jettison_limit = math.nan
     result.ended = CUTOFF if plant.inserted == 1 else DEPLETION
-    result.converged = 0 if math.isnan(steering.cutoff_time) else 1
-    result.iterations = state.total_iterations
+    result.converged = 0 if math.isnan(loop.onboard.steering[0].cutoff_time) else 1
+    result.iterations = loop.onboard.state[0].total_iterations
     result.on_board = (1 << jettisons.shape[0]) - 1
     kept = True
     for i in range(plant.event_count):
@@ -144,7 +130,13 @@ def judge(
                     result.jettison_heating = event.heating_rate
                     result.jettison_limit = part.value
                     result.peak_heating_after = plant.peak_heating_after_jettison
-    judge_insertion(load(plant.position), load(plant.velocity), target, environment.mu, result)
+    judge_insertion(
+        load(plant.position),
+        load(plant.velocity),
+        loop.believed.target[0],
+        loop.true.environment[0].mu,
+        result,
+    )
     result.terminal_accuracy = 1 if plant.inserted == 1 and on_target(result) else 0
     result.fairing_off = 1 if result.on_board == 0 else 0
     result.heating_kept = 1 if kept else 0
@@ -154,30 +146,9 @@ def judge(
 def fly_many(
     variations: NDArray[Any],
     atmospheres: NDArray[Any],
-    position: Vector,
-    velocity: Vector,
-    nominal_environment: NDArray[Any],
-    nominal_arcs: NDArray[Any],
-    nominal_jettisons: NDArray[Any],
-    options: Record,
-    navigation_period: float,
-    believed_environment: Record,
-    believed_atmosphere: NDArray[Any],
-    believed_arcs: NDArray[Any],
-    believed_jettisons: NDArray[Any],
-    target: Record,
-    settings: Record,
-    blank_plant: NDArray[Any],
-    blank_state: NDArray[Any],
-    blank_steering: NDArray[Any],
-    plant: NDArray[Any],
-    environment: NDArray[Any],
-    arcs: NDArray[Any],
-    jettisons: NDArray[Any],
-    state: NDArray[Any],
-    saved: NDArray[Any],
-    nav: NDArray[Any],
-    steering: NDArray[Any],
+    nominal: MissionArrays,
+    blank: ClosedLoop,
+    room: ClosedLoop,
     results: NDArray[Any],
 ) -> None:
     """Fly and judge one flight for every variation.
@@ -185,68 +156,25 @@ def fly_many(
     Args:
         variations: shape (n,), dtype VARIATION.
         atmospheres: shape (n, m, 5), or (1, m, 5) for all.
-        position: nominal start, m.
-        velocity: nominal start, m/s.
-        nominal_environment: of the truth, before it varies; so the next two.
-        nominal_arcs: dtype ARC.
-        nominal_jettisons: dtype JETTISON.
-        options: record OPTIONS.
-        navigation_period: s.
-        believed_environment: what guidance believes; so the next three.
-        believed_atmosphere: table.
-        believed_arcs: dtype ARC.
-        believed_jettisons: dtype JETTISON.
-        target: record TARGET.
-        settings: record GUIDANCE_SETTINGS.
-        blank_plant: shape (1,), at the begin of a flight, all else zero; so the next two.
-        blank_state: shape (1,), dtype GUIDANCE_STATE.
-        blank_steering: shape (1,), dtype STEERING.
-        plant: shape (1,), room for a flight; so the next seven. Changed.
-        environment: dtype ENVIRONMENT.
-        arcs: dtype ARC, as many as there are.
-        jettisons: dtype JETTISON, as many as there are.
-        state: dtype GUIDANCE_STATE.
-        saved: the same.
-        nav: dtype NAVIGATION.
-        steering: dtype STEERING.
+        nominal: the truth before it varies.
+        blank: a loop before its flight, at the nominal start.
+        room: a loop for one flight after the other. Changed.
         results: shape (n,), dtype RESULT. Changed.
     """
     for k in range(variations.shape[0]):
-        plant[0] = blank_plant[0]
-        state[0] = blank_state[0]
-        saved[0] = blank_state[0]
-        steering[0] = blank_steering[0]
-        atmosphere = atmospheres[k % atmospheres.shape[0]]
-        vary(
-            variations[k],
-            position,
-            velocity,
-            nominal_environment,
-            nominal_arcs,
-            nominal_jettisons,
-            environment,
-            arcs,
-            jettisons,
-            plant[0],
+        true = MissionArrays(
+            room.true.environment,
+            atmospheres[k % atmospheres.shape[0]],
+            room.true.arcs,
+            room.true.jettisons,
+            room.true.target,
         )
-        begin_flight(plant[0], environment[0], atmosphere, arcs, jettisons)
-        fly(
-            plant[0],
-            environment[0],
-            atmosphere,
-            arcs,
-            jettisons,
-            options,
-            believed_environment,
-            believed_atmosphere,
-            believed_arcs,
-            believed_jettisons,
-            target,
-            settings,
-            state[0],
-            saved[0],
-            nav[0],
-            steering[0],
-            navigation_period,
-        )
-        judge(plant[0], environment[0], jettisons, target, state[0], steering[0], results[k])
+        loop = ClosedLoop(true, room.vehicle, room.believed, room.onboard)
+        loop.vehicle.plant[0] = blank.vehicle.plant[0]
+        loop.onboard.state[0] = blank.onboard.state[0]
+        loop.onboard.saved[0] = blank.onboard.saved[0]
+        loop.onboard.steering[0] = blank.onboard.steering[0]
+        vary(variations[k], nominal, true, loop.vehicle.plant[0])
+        begin_flight(true, loop.vehicle.plant[0])
+        fly(loop)
+        judge(loop, results[k])

@@ -15,6 +15,7 @@ import numpy as np
 from ares_models.arrays import Record
 from ares_models.jit import kernel
 from ares_models.kernels.vectors import Vector, add, axpy, load, store
+from ares_vehicle_sim.arrays import Vehicle
 
 Word = np.uint64
 Words = tuple[np.uint64, np.uint64, np.uint64, np.uint64]
@@ -119,8 +120,10 @@ def corrupt(errors: Record, state: Word, nav: Record) -> None:
 
 
 @kernel
-def measure(plant: Record, nav: Record) -> None:
-    """Fill a record NAVIGATION with what navigation reports now."""
+def measure(vehicle: Vehicle) -> None:
+    """Fill ``vehicle.navigation`` with what navigation reports now."""
+    plant = vehicle.plant[0]
+    nav = vehicle.navigation[0]
     nav.time = plant.time
     store(nav.position, load(plant.position))
     store(nav.velocity, load(plant.velocity))

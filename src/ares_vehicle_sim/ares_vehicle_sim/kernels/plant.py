@@ -9,7 +9,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from ares_models.arrays import BURN, HEATING_LIMIT, LONGEST_FLIGHT, MISSION_TIME, Record
+from ares_models.arrays import BURN, HEATING_LIMIT, LONGEST_FLIGHT, MissionArrays, Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import (
     altitude,
@@ -18,7 +18,24 @@ from ares_models.kernels.environment import (
     heating_rate,
     relative_velocity,
 )
+from ares_models.kernels.sequence import (
+    SAME_BURNOUT,
+    SAME_TIME,
+    aboard,
+    arc_after_burnout,
+    drop_time,
+    end_thrust,
+    enter_arc,
+    next_knot,
+    tail_end_time,
+)
 from ares_models.kernels.states import insertion_quantities
+from ares_models.kernels.thrust_curve import (
+    curve_area,
+    start_length,
+    start_value,
+    tail_value,
+)
 from ares_models.kernels.vectors import (
     Vector,
     add,
@@ -43,10 +60,9 @@ from ares_vehicle_sim.arrays import (
     MAX_EVENTS,
     STAGING,
     TIME_LIMIT,
+    Vehicle,
 )
 
-SAME_TIME = 1e-9
-SAME_BURNOUT = 1e-6
 SLEW_STEP = 0.02
 #: Most integration steps between two navigation states.
 MOST_STEPS = 1e7
@@ -57,60 +73,18 @@ UNIT_TOLERANCE = 1e-6
 
 
 @kernel
-def curve_fraction(times: NDArray[Any], fractions: NDArray[Any], knots: int, t: float) -> float:
-    """Thrust fraction at ``t`` on a piecewise-linear curve, constant beyond its ends."""
-    if t <= times[0]:
-        return fractions[0]
-    for i in range(1, knots):
-        if t < times[i]:
-            w = (t - times[i - 1]) / (times[i] - times[i - 1])
-            return fractions[i - 1] + w * (fractions[i] - fractions[i - 1])
-    return fractions[knots - 1]
-
-
-@kernel
-def curve_area(times: NDArray[Any], fractions: NDArray[Any], knots: int, t: float) -> float:
-    """Integral of the thrust fraction from 0 to ``t``, s."""
-    area = 0.0
-    at = 0.0
-    level = fractions[0]
-    for i in range(knots):
-        if times[i] <= at:
-            level = fractions[i]
-            continue
-        end = min(t, times[i])
-        value = curve_fraction(times, fractions, knots, end)
-        area += 0.5 * (level + value) * (end - at)
-        at = end
-        level = value
-        if t <= times[i]:
-            return area
-    return area + level * max(0.0, t - at)
-
-
-@kernel
-def start_fraction(arc: Record, t: float) -> float:
-    """Thrust fraction ``t`` seconds after the ignition command."""
-    if arc.start_knots == 0:
-        return 1.0
-    return curve_fraction(arc.start_time, arc.start_fraction, arc.start_knots, t)
-
-
-@kernel
 def thrust_now(plant: Record, arcs: NDArray[Any], t: float) -> tuple[float, float]:
     """Thrust in N and mass flow in kg/s at time ``t`` within the present arc."""
     thrust = 0.0
     flow = 0.0
     arc = arcs[plant.arc]
     if plant.complete == 0 and arc.kind == BURN and plant.inserted == 0:
-        fraction = start_fraction(arc, t - plant.arc_start_time)
+        fraction = start_value(arc, t - plant.arc_start_time)
         thrust += fraction * arc.thrust
         flow += fraction * arc.mass_flow
     if plant.tail_arc >= 0:
         tail = arcs[plant.tail_arc]
-        fraction = curve_fraction(
-            tail.tail_time, tail.tail_fraction, tail.tail_knots, t - plant.tail_start_time
-        )
+        fraction = tail_value(tail, t - plant.tail_start_time)
         thrust += fraction * tail.thrust
         flow += fraction * tail.mass_flow
     return thrust, flow
@@ -121,8 +95,7 @@ def burns_steadily(plant: Record, arc: Record, t: float) -> bool:
     """Whether the present arc, and it alone, gives its full thrust from ``t`` to its end."""
     if plant.tail_arc >= 0 or plant.inserted == 1 or plant.complete == 1 or arc.kind != BURN:
         return False
-    knots = arc.start_knots
-    return knots == 0 or t - plant.arc_start_time >= arc.start_time[knots - 1]
+    return t - plant.arc_start_time >= start_length(arc)
 
 
 @kernel
@@ -135,11 +108,12 @@ def commanded_direction(plant: Record, t: float) -> Vector:
 
 
 @kernel
-def sense(plant: Record, environment: Record, atmosphere: NDArray[Any]) -> None:
+def sense(mission: MissionArrays, plant: Record) -> None:
     """Note what follows from the present place and speed: altitude and heating."""
+    environment = mission.environment[0]
     r = load(plant.position)
     plant.altitude = altitude(r, environment)
-    plant.heating_rate = heating_rate(r, load(plant.velocity), environment, atmosphere)
+    plant.heating_rate = heating_rate(r, load(plant.velocity), environment, mission.atmosphere)
     # from the jettison on; before it this is zero
     if plant.heating_rate > plant.peak_heating_after_jettison > 0.0:
         plant.peak_heating_after_jettison = plant.heating_rate
@@ -171,38 +145,13 @@ def end_by_limit(plant: Record) -> None:
 
 @kernel
 def begin_arc(plant: Record, k: int, arcs: NDArray[Any], jettisons: NDArray[Any]) -> None:
-    """Make arc ``k`` the present one: separation and ignition as it says."""
+    """Make arc ``k`` the present one, with its events."""
     arc = arcs[k]
-    plant.arc = k
-    plant.arc_start_time = plant.time
+    enter_arc(plant, k, arcs, jettisons)
     if arc.begins_stage == 1 and k > 0:
-        plant.tail_arc = -1
-        plant.propellant_used = 0.0
-        plant.mass = arc.stack_mass
-        for j in range(jettisons.shape[0]):
-            if (plant.jettisoned >> j) & 1 == 0 and jettisons[j].stage < arc.stage:
-                plant.mass += jettisons[j].mass
         log_event(plant, STAGING, arc.stage)
     if arc.kind == BURN:
-        if plant.ignited_stage < arc.stage:
-            plant.ignited_stage = arc.stage
-            plant.ignition_time = plant.time
         log_event(plant, IGNITION, k)
-
-
-@kernel
-def end_thrust(plant: Record, arcs: NDArray[Any]) -> None:
-    """Cut-off command to the present arc: its tail-off begins."""
-    if arcs[plant.arc].tail_knots > 0:
-        plant.tail_arc = plant.arc
-        plant.tail_start_time = plant.time
-
-
-@kernel
-def tail_end_time(plant: Record, arcs: NDArray[Any]) -> float:
-    """Time at which the running tail-off is over."""
-    tail = arcs[plant.tail_arc]
-    return plant.tail_start_time + tail.tail_time[tail.tail_knots - 1]
 
 
 @kernel
@@ -213,11 +162,11 @@ def burnout_time(plant: Record, arcs: NDArray[Any]) -> float:
         return math.inf
     left = max(0.0, arc.propellant - plant.propellant_used) / arc.mass_flow
     into = plant.time - plant.arc_start_time
-    if arc.start_knots == 0 or into >= arc.start_time[arc.start_knots - 1]:
+    if into >= start_length(arc):
         return plant.time + left
     wanted = left + curve_area(arc.start_time, arc.start_fraction, arc.start_knots, into)
     low = into
-    high = into + left + arc.start_time[arc.start_knots - 1]
+    high = into + left + start_length(arc)
     for _ in range(60):
         middle = 0.5 * (low + high)
         if curve_area(arc.start_time, arc.start_fraction, arc.start_knots, middle) < wanted:
@@ -230,16 +179,16 @@ def burnout_time(plant: Record, arcs: NDArray[Any]) -> float:
 @kernel
 def jettison_due(plant: Record, jettisons: NDArray[Any], j: int) -> float:
     """Time at which jettison ``j`` is due; inf when done or not decided."""
-    if (plant.jettisoned >> j) & 1 == 1 or plant.ignited_stage < jettisons[j].stage:
+    if not aboard(plant.jettisoned, j):
         return math.inf
-    if jettisons[j].criterion == HEATING_LIMIT:
-        due = plant.jettison_time[j]
-        return due if math.isfinite(due) else math.inf
-    if jettisons[j].criterion == MISSION_TIME:
-        return jettisons[j].value
-    if plant.ignited_stage > jettisons[j].stage:
-        return plant.time
-    return plant.ignition_time + jettisons[j].value
+    commanded = plant.jettison_time[j]
+    return drop_time(
+        jettisons[j],
+        plant.ignited_stage,
+        plant.ignition_time,
+        plant.time,
+        commanded if math.isfinite(commanded) else math.inf,
+    )
 
 
 @kernel
@@ -264,11 +213,17 @@ def put_in_force(plant: Record, command: Record) -> None:
 
 
 @kernel
-def accept_command(plant: Record, steering: Record) -> None:
+def accept_command(vehicle: Vehicle, command: NDArray[Any]) -> None:
     """Take a checked command: in force at once, or after the flight's latency.
 
     While one is under way the guidance computer is busy, and no other is taken.
+
+    Args:
+        vehicle: what flies. Its plant is changed.
+        command: shape (1,), dtype STEERING.
     """
+    plant = vehicle.plant[0]
+    steering = command[0]
     if not plant.latency > 0.0:
         put_in_force(plant, steering)
     elif plant.coming_time == math.inf:
@@ -313,13 +268,7 @@ def process_due_events(plant: Record, arcs: NDArray[Any], jettisons: NDArray[Any
             changed = True
         elif burnout_time(plant, arcs) <= now:
             log_event(plant, DEPLETION, arc.stage)
-            following = plant.arc + 1
-            while (
-                following < arcs.shape[0]
-                and arcs[following].kind == BURN
-                and arcs[following].stage == arc.stage
-            ):
-                following += 1
+            following = arc_after_burnout(plant.arc, arcs)
             if following >= arcs.shape[0]:
                 plant.complete = 1
                 log_event(plant, FLIGHT_COMPLETE, plant.arc)
@@ -355,34 +304,16 @@ def next_event(plant: Record, arcs: NDArray[Any], jettisons: NDArray[Any]) -> fl
 
 
 @kernel
-def next_knot(plant: Record, arcs: NDArray[Any], limit: float) -> float:
-    """Next knot of a running thrust curve; ``limit`` if there is none before it."""
-    floor = plant.time + SAME_TIME
-    at = limit
-    if plant.tail_arc >= 0:
-        tail = arcs[plant.tail_arc]
-        for i in range(tail.tail_knots):
-            knot = plant.tail_start_time + tail.tail_time[i]
-            if floor < knot < at:
-                at = knot
-    arc = arcs[plant.arc]
-    if plant.inserted == 0 and arc.kind == BURN:
-        for i in range(arc.start_knots):
-            knot = plant.arc_start_time + arc.start_time[i]
-            if floor < knot < at:
-                at = knot
-    return at
-
-
-@kernel
-def integrate(
-    plant: Record, environment: Record, arcs: NDArray[Any], options: Record, end: float
-) -> None:
+def integrate(mission: MissionArrays, vehicle: Vehicle, end: float) -> None:
     """One Runge-Kutta-Nystroem step of order 4 to ``end``; the thrust curve is linear in between.
 
     Thrust and mass are known functions of time and gravity is one of place, so three
     accelerations do: at both ends and in the middle.
     """
+    environment = mission.environment[0]
+    arcs = mission.arcs
+    plant = vehicle.plant[0]
+    rate_limit = vehicle.options[0].attitude_rate_limit
     t = plant.time
     h = end - t
     arc = arcs[plant.arc]
@@ -395,11 +326,11 @@ def integrate(
         t1, f1 = thrust_now(plant, arcs, end - inset)
     tm = 0.5 * (t0 + t1)
     fm = 0.5 * (f0 + f1)
-    if math.isfinite(options.attitude_rate_limit):
+    if math.isfinite(rate_limit):
         u0 = load(plant.direction)
         u1 = commanded_direction(plant, end)
         angle = angle_between(u0, u1)
-        reach = options.attitude_rate_limit * h
+        reach = rate_limit * h
         if angle > reach:
             across = unit(axpy(-math.cos(angle), u0, u1))
             u1 = add(scale(math.cos(reach), u0), scale(math.sin(reach), across))
@@ -431,13 +362,7 @@ def integrate(
 
 
 @kernel
-def begin_flight(
-    plant: Record,
-    environment: Record,
-    atmosphere: NDArray[Any],
-    arcs: NDArray[Any],
-    jettisons: NDArray[Any],
-) -> None:
+def begin_flight(mission: MissionArrays, plant: Record) -> None:
     """Start the sequence from the state in ``plant`` (time, position, velocity set).
 
     The mass is that of the first arc's stack unless it is set already.
@@ -447,7 +372,7 @@ def begin_flight(
     plant.arc = 0
     plant.arc_start_time = plant.time
     if not plant.mass > 0.0:
-        plant.mass = arcs[0].stack_mass
+        plant.mass = mission.arcs[0].stack_mass
     for j in range(plant.jettison_time.shape[0]):
         plant.jettison_time[j] = math.nan
     u = unit(load(plant.velocity))
@@ -457,16 +382,17 @@ def begin_flight(
     plant.command.cutoff_time = math.nan
     plant.command.jettison = -1
     plant.coming_time = math.inf
-    sense(plant, environment, atmosphere)
+    sense(mission, plant)
     log_event(plant, FLIGHT_STARTED, 0)
-    begin_arc(plant, 0, arcs, jettisons)
+    begin_arc(plant, 0, mission.arcs, mission.jettisons)
     if not abs(plant.time) <= LATEST_CLOCK:
         end_by_limit(plant)
 
 
 @kernel
-def command_is_sound(steering: Record, jettisons: NDArray[Any]) -> bool:
+def command_is_sound(command: NDArray[Any], jettisons: NDArray[Any]) -> bool:
     """Whether a command can be flown: finite, a unit vector, a jettison that there is."""
+    steering = command[0]
     direction = load(steering.direction)
     return (
         is_finite(direction)
@@ -480,84 +406,78 @@ def command_is_sound(steering: Record, jettisons: NDArray[Any]) -> bool:
 
 
 @kernel
-def flight_step(
-    plant: Record,
-    environment: Record,
-    atmosphere: NDArray[Any],
-    arcs: NDArray[Any],
-    jettisons: NDArray[Any],
-    options: Record,
-    until: float,
-) -> None:
+def integrate_to(mission: MissionArrays, vehicle: Vehicle, end: float, largest: float) -> None:
+    """Fly to ``end``, before which nothing happens, in equal steps of ``largest`` s at most."""
+    plant = vehicle.plant[0]
+    start = plant.time
+    steps = 1
+    if end - start > largest:
+        steps = int(math.ceil((end - start) / largest - 1e-9))
+    for i in range(1, steps + 1):
+        at = end if i == steps else start + (end - start) * i / steps
+        integrate(mission, vehicle, at)
+        if i == steps or plant.peak_heating_after_jettison > 0.0:
+            sense(mission, plant)
+
+
+@kernel
+def flight_step(mission: MissionArrays, vehicle: Vehicle, until: float) -> None:
     """Advance the vehicle to ``until`` or to the end of the flight.
 
     A flight that is not over after LONGEST_FLIGHT, or that would take more than MOST_STEPS
     steps to ``until``, ends with the event TIME_LIMIT.
 
     Args:
-        plant: record PLANT. Changed; events are appended to ``plant.events``.
-        environment: record ENVIRONMENT, the true one.
-        atmosphere: log-density table, the true one.
-        arcs: dtype ARC, with the true thrusts.
-        jettisons: dtype JETTISON.
-        options: record OPTIONS.
+        mission: the true one.
+        vehicle: what flies. Its plant is changed; events are appended to ``plant.events``.
         until: mission elapsed time, s.
     """
+    plant = vehicle.plant[0]
+    options = vehicle.options[0]
     largest = options.max_step
     if math.isfinite(options.attitude_rate_limit):
         largest = min(largest, SLEW_STEP)
     early = plant.time - plant.events[0].time < LONGEST_FLIGHT
     if not (early and until - plant.time < MOST_STEPS * largest):
         end_by_limit(plant)
-    due = next_event(plant, arcs, jettisons)
+    due = next_event(plant, mission.arcs, mission.jettisons)
     rounds = 0
     while plant.complete == 0:
         if due <= plant.time + SAME_TIME:
             rounds += 1
             if rounds > MAX_EVENTS:
                 end_by_limit(plant)
-            process_due_events(plant, arcs, jettisons)
-            due = next_event(plant, arcs, jettisons)
+            process_due_events(plant, mission.arcs, mission.jettisons)
+            due = next_event(plant, mission.arcs, mission.jettisons)
             continue
         if not plant.time < until:
             break
-        end = next_knot(plant, arcs, min(until, due))
-        start = plant.time
-        steps = 1
-        if end - start > largest:
-            steps = int(math.ceil((end - start) / largest - 1e-9))
-        for i in range(1, steps + 1):
-            at = end if i == steps else start + (end - start) * i / steps
-            integrate(plant, environment, arcs, options, at)
-            if i == steps or plant.peak_heating_after_jettison > 0.0:
-                sense(plant, environment, atmosphere)
+        end = next_knot(plant, mission.arcs, min(until, due))
+        integrate_to(mission, vehicle, end, largest)
     if plant.complete == 0 and plant.altitude < 0.0:
         plant.complete = 1
         log_event(plant, IMPACT, plant.arc)
 
 
 @kernel
-def describe(
-    plant: Record,
-    environment: Record,
-    atmosphere: NDArray[Any],
-    arcs: NDArray[Any],
-    truth: Record,
-) -> None:
-    """Fill a record TRUTH with the true state and what follows from it."""
+def describe(mission: MissionArrays, vehicle: Vehicle) -> None:
+    """Fill ``vehicle.truth`` with the true state and what follows from it."""
+    environment = mission.environment[0]
+    plant = vehicle.plant[0]
+    truth = vehicle.truth[0]
     r = load(plant.position)
     v = load(plant.velocity)
     store(truth.position, r)
     store(truth.velocity, v)
     truth.mass = plant.mass
     store(truth.thrust_direction, load(plant.direction))
-    truth.thrust, truth.mass_flow = thrust_now(plant, arcs, plant.time)
+    truth.thrust, truth.mass_flow = thrust_now(plant, mission.arcs, plant.time)
     truth.altitude = altitude(r, environment)
     truth.relative_speed = norm(relative_velocity(r, v, environment))
     _, _, truth.flight_path_angle, truth.inclination, truth.ascending_node = insertion_quantities(
         r, v
     )
-    truth.density = density(r, environment, atmosphere)
-    truth.heating_rate = heating_rate(r, v, environment, atmosphere)
+    truth.density = density(r, environment, mission.atmosphere)
+    truth.heating_rate = heating_rate(r, v, environment, mission.atmosphere)
     truth.arc = plant.arc
     truth.jettisoned = plant.jettisoned

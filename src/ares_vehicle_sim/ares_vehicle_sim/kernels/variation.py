@@ -5,9 +5,9 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from ares_models.arrays import BURN, HEATING_LIMIT, Record
+from ares_models.arrays import BURN, HEATING_LIMIT, MissionArrays, Record
 from ares_models.jit import kernel
-from ares_models.kernels.vectors import Vector, add, load, store
+from ares_models.kernels.vectors import add, load, store
 
 #: Least factor on a thrust, an impulse, a mass: beyond five sigma nothing turns negative.
 LEAST_FACTOR = 0.05
@@ -93,41 +93,27 @@ def vary_arcs(
 
 
 @kernel
-def vary(
-    variation: Record,
-    position: Vector,
-    velocity: Vector,
-    nominal_environment: NDArray[Any],
-    nominal_arcs: NDArray[Any],
-    nominal_jettisons: NDArray[Any],
-    environment: NDArray[Any],
-    arcs: NDArray[Any],
-    jettisons: NDArray[Any],
-    plant: Record,
-) -> None:
+def vary(variation: Record, nominal: MissionArrays, true: MissionArrays, plant: Record) -> None:
     """Make the true vehicle of one flight.
 
     Args:
         variation: record VARIATION.
-        position: nominal start, m.
-        velocity: nominal start, m/s.
-        nominal_environment: shape (1,), dtype ENVIRONMENT; its J2 is that of the truth.
-        nominal_arcs: dtype ARC.
-        nominal_jettisons: dtype JETTISON.
-        environment: shape (1,). Changed.
-        arcs: as many as the nominal ones. Changed.
-        jettisons: as many as the nominal ones. Changed.
-        plant: record PLANT, all zero but for its time. Changed: ready for `begin_flight`.
+        nominal: the mission; its J2 is that of the truth.
+        true: room for what differs: environment, arcs and jettisons. Changed.
+        plant: record PLANT, all zero but for the nominal start: time, position, velocity.
+            Changed: ready for `begin_flight`.
     """
-    environment[0] = nominal_environment[0]
-    environment[0].density_factor *= math.exp(variation.log_density)
-    vary_arcs(variation, nominal_arcs, nominal_jettisons, arcs)
-    for j in range(nominal_jettisons.shape[0]):
-        jettisons[j] = nominal_jettisons[j]
-        jettisons[j].mass *= factor(variation.jettison_mass[j])
-        if jettisons[j].criterion == HEATING_LIMIT:
-            jettisons[j].value *= factor(variation.jettison_limit[j])
-    store(plant.position, add(position, load(variation.position)))
-    store(plant.velocity, add(velocity, load(variation.velocity)))
+    environment = true.environment[0]
+    true.environment[0] = nominal.environment[0]
+    environment.density_factor *= math.exp(variation.log_density)
+    vary_arcs(variation, nominal.arcs, nominal.jettisons, true.arcs)
+    for j in range(nominal.jettisons.shape[0]):
+        true.jettisons[j] = nominal.jettisons[j]
+        jettison = true.jettisons[j]
+        jettison.mass *= factor(variation.jettison_mass[j])
+        if jettison.criterion == HEATING_LIMIT:
+            jettison.value *= factor(variation.jettison_limit[j])
+    store(plant.position, add(load(plant.position), load(variation.position)))
+    store(plant.velocity, add(load(plant.velocity), load(variation.velocity)))
     plant.latency = max(0.0, variation.latency)
     plant.errors = variation.errors
