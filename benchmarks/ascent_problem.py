@@ -73,9 +73,8 @@ class Ascent:
     def terminal_miss(self, variables: Array) -> tuple[float, float]:
         """Misses of radius (m) and speed (m/s) when a peer's answer is flown by our kernels."""
         scratch = make_scratch(self.problem)
-        evaluate(
-            np.ascontiguousarray(variables), self.problem, 0, scratch, make_point(self.problem)
-        )
+        point = make_point(self.problem)
+        evaluate(np.ascontiguousarray(variables), self.problem, scratch, point)
         radius = float(np.linalg.norm(scratch.final[1:4]) - self.target["radius"])
         return radius, float(np.linalg.norm(scratch.final[4:7]) - self.target["speed"])
 

@@ -124,6 +124,7 @@ def test_the_proof_shares_nothing_with_the_solvers():
         ours = {name for name in imported_modules(module) if name.startswith("ares_")}
         assert ours <= {
             "ares_models.arrays",
+            "ares_optimizer.request",
             "ares_optimizer.solution",
             "ares_optimizer.targets",
             *(f"ares_optimizer.proof.{path.stem}" for path in OPTIMIZER.glob("proof/*.py")),

@@ -2,20 +2,56 @@
 
 import math
 from collections.abc import Mapping
-from typing import Literal
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import MISSION_TIME, NAVIGATION, MissionArrays
 from ares_models.mission import Mission
+from ares_optimizer.deadline import Deadline
 from ares_optimizer.solution import OptimizerError
 
 DIRECT_METHODS = ("direct11", "direct14", "direct20", "jump")
 INDIRECT_METHODS = ("indirect", "closed_form")
 ANALYTIC_METHOD = "analytic"
 METHODS = (*DIRECT_METHODS, *INDIRECT_METHODS, ANALYTIC_METHOD)
-HeatingName = Literal["at_jettison", "from_jettison", "ignored"]
+
+
+class Heating(StrEnum):
+    """Where a flight has to keep the heating limit of a jettison."""
+
+    AT_JETTISON = "at_jettison"
+    FROM_JETTISON = "from_jettison"
+    #: nowhere: the drop comes with the ignition of its stage
+    IGNORED = "ignored"
+    #: at the jettison, which waits for it; the steering does not know
+    PASSIVE = "passive"
+
+
+@dataclass(frozen=True)
+class Request:
+    """One request of the optimizer.
+
+    Attributes:
+        arrays: the mission.
+        state: where the flight is, shape (1,), dtype NAVIGATION.
+        method: one of METHODS.
+        guess: where to start, as the method takes it; None: the method's own.
+        heating: where the heating limit holds.
+        deadline: when to give up.
+        verify: fly the solution again.
+    """
+
+    arrays: MissionArrays
+    state: NDArray[np.void]
+    method: str
+    heating: Heating
+    deadline: Deadline
+    guess: Any = None
+    verify: bool = True
 
 
 def start_of(mission: Mission) -> NDArray[np.void]:

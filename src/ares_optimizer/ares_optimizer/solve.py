@@ -10,19 +10,21 @@ from ares_models.arrays import MissionArrays
 from ares_models.mission import Mission
 from ares_optimizer.analytic.solve import solve_analytic
 from ares_optimizer.deadline import TIME_LIMIT_PASSED, Deadline
-from ares_optimizer.direct.search import Guess
-from ares_optimizer.direct.solve import guess_from, solve_direct
-from ares_optimizer.direct.transcription import Heating
+from ares_optimizer.direct.solve import solve_direct
 from ares_optimizer.request import (
     ANALYTIC_METHOD,
     INDIRECT_METHODS,
     METHODS,
-    HeatingName,
+    Heating,
+    Request,
     arrays_and_state,
     hold_jettisons,
 )
 from ares_optimizer.rival import solve_beside_rival
 from ares_optimizer.solution import OptimizerError, Solution, UnfitMethod, failed
+
+#: PASSIVE is no optimum: it is there to set one beside.
+CHOICES = (Heating.AT_JETTISON, Heating.FROM_JETTISON, Heating.IGNORED)
 
 
 def solve(
@@ -31,7 +33,7 @@ def solve(
     *,
     guess: Any = None,
     state: NDArray[np.void] | None = None,
-    heating: HeatingName | None = None,
+    heating: str | None = None,
     jettison_times: Mapping[int, float] | None = None,
     time_limit_s: float | None = None,
     verify: bool = True,
@@ -67,7 +69,7 @@ def solve(
         raise OptimizerError(f"method is {method!r}; expected one of {', '.join(METHODS)}")
     if heating is None:
         heating = mission.heating_limit_holds if isinstance(mission, Mission) else "at_jettison"
-    if heating not in [choice.value for choice in Heating]:
+    if heating not in CHOICES:
         raise OptimizerError(
             f"heating is {heating!r}; expected at_jettison, from_jettison or ignored"
         )
@@ -77,33 +79,21 @@ def solve(
     if jettison_times:
         arrays = hold_jettisons(arrays, jettison_times)
     with Deadline(time_limit_s) as deadline:
+        request = Request(arrays, state, method, Heating(heating), deadline, guess, verify)
         if method == ANALYTIC_METHOD:
-            return _solve_analytic(arrays, state, guess, heating, deadline, verify)
+            return _solve_analytic(request)
         if method in INDIRECT_METHODS:
-            return solve_beside_rival(arrays, state, method, guess, heating, deadline, verify)
-        if isinstance(guess, Solution):
-            guess = guess_from(guess)
-        if guess is not None and not isinstance(guess, Guess):
-            raise OptimizerError(
-                f"guess is a {type(guess).__name__}; expected a Guess or a Solution for {method}"
-            )
-        return solve_direct(arrays, state, method, guess, Heating(heating), deadline, verify)
+            return solve_beside_rival(request)
+        return solve_direct(request)
 
 
-def _solve_analytic(
-    arrays: MissionArrays,
-    state: NDArray[np.void],
-    guess: Any,
-    heating: HeatingName,
-    deadline: Deadline,
-    verify: bool,
-) -> Solution:
-    # it asks for an optimum itself
-
-    if guess is not None:
-        raise OptimizerError(f"guess is a {type(guess).__name__}; analytic takes none")
-    if heating != "at_jettison":
-        raise UnfitMethod(f"heating is {heating!r}; analytic takes at_jettison")
-    if deadline.passed:
+def _solve_analytic(request: Request) -> Solution:
+    if request.guess is not None:
+        raise OptimizerError(f"guess is a {type(request.guess).__name__}; analytic takes none")
+    if request.heating is not Heating.AT_JETTISON:
+        raise UnfitMethod(f"heating is {str(request.heating)!r}; analytic takes at_jettison")
+    if request.deadline.passed:
         return failed(ANALYTIC_METHOD, TIME_LIMIT_PASSED)
-    return solve_analytic(arrays, state=state, verify=verify, deadline=deadline).solution
+    return solve_analytic(
+        request.arrays, state=request.state, verify=request.verify, deadline=request.deadline
+    ).solution

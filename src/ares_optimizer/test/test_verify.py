@@ -14,7 +14,7 @@ from ares_optimizer.proof.checks import constraint_table
 from ares_optimizer.proof.flight import fly, steering_of
 from ares_optimizer.proof.physics import elements, gravity, heating
 from ares_optimizer.proof.sequence import plan_flight, running, thrust_and_flow
-from ares_optimizer.request import start_of
+from ares_optimizer.request import Heating, start_of
 from ares_optimizer.solve import solve
 
 
@@ -144,7 +144,7 @@ def test_a_wrong_solution_is_caught(ares_v, change, name):
         cutoff,
         [arc.start_s for arc in solution.arcs],
     )
-    table = constraint_table(arrays, start, flight, False, True)
+    table = constraint_table(arrays, start, flight, Heating.AT_JETTISON)
     broken = [check.name for check in table if not check.satisfied]
     assert name in broken
 
@@ -153,7 +153,7 @@ def test_a_jettison_left_out_is_caught(ares_v):
     solution = solve(ares_v)
     arrays, start = ares_v.arrays(), start_of(ares_v)[0]
     flight = fly(arrays, start, steering_of(solution.arcs), [math.nan], solution.t_meco_s)
-    table = constraint_table(arrays, start, flight, False, True)
+    table = constraint_table(arrays, start, flight, Heating.AT_JETTISON)
     assert "jettison 0 before cut-off" in [c.name for c in table if not c.satisfied]
     assert flight.at_jettison == (None,)
     assert math.isnan(flight.peak_w_m2)

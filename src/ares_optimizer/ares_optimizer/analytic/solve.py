@@ -20,7 +20,7 @@ from ares_models.arrays import MissionArrays
 from ares_models.mission import Mission
 from ares_optimizer.analytic.flight import PlanarFlight
 from ares_optimizer.analytic.kernels.burn import sample_burn
-from ares_optimizer.analytic.kernels.plane import Plane, place_samples
+from ares_optimizer.analytic.kernels.plane import Plane, Track, place_samples
 from ares_optimizer.analytic.options import AnalyticOptions
 from ares_optimizer.analytic.parts import (
     Ascent,
@@ -36,12 +36,11 @@ from ares_optimizer.analytic.parts import (
 from ares_optimizer.analytic.plane import plane_to_target
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.solve import solve_direct
-from ares_optimizer.direct.transcription import Heating
 from ares_optimizer.kernels.timetable import propellant_used
 from ares_optimizer.obstacles import target_obstacle
 from ares_optimizer.proof.checks import constraint_table, verification
 from ares_optimizer.proof.flight import fly, steering_of
-from ares_optimizer.request import ANALYTIC_METHOD, arrays_and_state
+from ares_optimizer.request import ANALYTIC_METHOD, Heating, Request, arrays_and_state
 from ares_optimizer.solution import (
     OptimizerError,
     Solution,
@@ -239,7 +238,7 @@ def solve_analytic(
     elif optimum is None and not reason:
         with Deadline() as unlimited:
             optimum = solve_direct(
-                arrays, state, "direct11", None, Heating.AT_JETTISON, unlimited, True
+                Request(arrays, state, "direct11", Heating.AT_JETTISON, unlimited)
             )
     began = time.perf_counter()
     try:
@@ -442,24 +441,12 @@ def _plane(ascent: Ascent, pieces: Sequence[_Piece]) -> Plane:
     )
 
 
-def _in_space(
-    ascent: Ascent, plane: Plane, time_s: Array, samples: Array
-) -> tuple[Array, Array, Array, Array]:
-    """Position, velocity, thrust direction, shape (n, 3), and heating, shape (n,)."""
+def _in_space(ascent: Ascent, plane: Plane, time_s: Array, samples: Array) -> Track:
+    """Planar samples, shape (n, 6), in space."""
     position, velocity, direction = (np.empty((len(samples), 3)) for _ in range(3))
-    rate = np.empty(len(samples))
-    place_samples(
-        samples,
-        time_s - ascent.start_s,
-        plane,
-        ascent.arrays.environment,
-        ascent.arrays.atmosphere,
-        position,
-        velocity,
-        direction,
-        rate,
-    )
-    return position, velocity, direction, rate
+    track = Track(position, velocity, direction, np.empty(len(samples)))
+    place_samples(samples, time_s - ascent.start_s, plane, ascent.arrays, track)
+    return track
 
 
 def _sampled(
@@ -478,15 +465,17 @@ def _sampled(
     gamma = np.arcsin(np.clip(samples[:, 2], -1.0, 1.0))
     theta = np.arctan2(samples[:, 5], samples[:, 4])
     planar = PlanarFlight(times, samples[:, 0], samples[:, 1], gamma, theta, mass)
-    position, velocity, direction, rate = _in_space(ascent, plane, times, samples)
-    return planar, Trajectory(times, position, velocity, mass, direction, rate, thrust)
+    track = _in_space(ascent, plane, times, samples)
+    return planar, Trajectory(
+        times, track.position, track.velocity, mass, track.direction, track.rate, thrust
+    )
 
 
 def _steering_arc(ascent: Ascent, plane: Plane, piece: _Piece) -> SteeringArc:
     """Linear law through the directions at start, middle and end of a burn."""
     x = np.array([0.0, 0.5, 1.0])
     times = piece.start_s + piece.duration * x
-    _, _, (start, middle, end), _ = _in_space(ascent, plane, times, piece.samples(x))
+    start, middle, end = _in_space(ascent, plane, times, piece.samples(x)).direction
     left = float(np.linalg.norm(np.cross(start, middle)))
     right = float(np.linalg.norm(np.cross(middle, end)))
     # start + size end has to point along the middle
@@ -559,5 +548,5 @@ def _verified(ascent: Ascent, solution: Solution, trajectory: Trajectory) -> Sol
     return replace(
         solution,
         verification=verification(arrays, flight, nodes),
-        constraints=constraint_table(arrays, start, flight, path=False, judged=True),
+        constraints=constraint_table(arrays, start, flight, Heating.AT_JETTISON),
     )

@@ -10,14 +10,15 @@ from ares_models.arrays import MissionArrays, Record
 from ares_models.kernels.environment import altitude, heating_rate
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.kernels.evaluate import evaluate, make_point, make_scratch
-from ares_optimizer.direct.kernels.flight import N_POSITION, drop_column
+from ares_optimizer.direct.kernels.flight import N_POSITION, STORED, drop_column
 from ares_optimizer.direct.kernels.problem import (
     D_LOG_LIMIT,
     HEATING_FROM_JETTISON,
     MINIMISE_HEATING,
 )
 from ares_optimizer.direct.search import LIFTED, Found, eased, run, solve_base, tighten
-from ares_optimizer.direct.transcription import Heating, Transcription, transcribe
+from ares_optimizer.direct.transcription import Transcription, transcribe
+from ares_optimizer.request import Heating
 from ares_optimizer.targets import figures_of, half_turn, target_rows
 
 Array = NDArray[np.float64]
@@ -74,8 +75,8 @@ def ground_obstacle(found: Found) -> str:
     """A line when the flight goes through the ground, by the ends of the solver's steps."""
     problem = found.transcription.problem
     scratch = make_scratch(problem)
-    evaluate(found.variables, problem, 0, scratch, make_point(problem))
-    nodes = scratch.nodes[: scratch.counts[1], N_POSITION : N_POSITION + 3]
+    evaluate(found.variables, problem, scratch, make_point(problem))
+    nodes = scratch.nodes[: scratch.counts[STORED], N_POSITION : N_POSITION + 3]
     environment = problem.environment[0]
     lowest = min(altitude((float(x), float(y), float(z)), environment) for x, y, z in nodes)
     if lowest >= 0.0:
@@ -87,7 +88,7 @@ def terminal_miss(found: Found) -> float:
     """Largest scaled residual of the terminal equations."""
     problem = found.transcription.problem
     point = make_point(problem)
-    evaluate(found.variables, problem, 0, make_scratch(problem), point)
+    evaluate(found.variables, problem, make_scratch(problem), point)
     return float(np.abs(point.equations).max())
 
 
@@ -217,13 +218,6 @@ def least_heating(transcription: Transcription, variables: Array, deadline: Dead
 
 def heating_level(found: Found) -> float:
     """Log of the heating in W/m2 at the last free drop; inf when not finite."""
-    problem = found.transcription.problem
-    scratch = make_scratch(problem)
-    level = evaluate(
-        found.variables,
-        problem._replace(objective=MINIMISE_HEATING),
-        0,
-        scratch,
-        make_point(problem),
-    )
+    problem = found.transcription.problem._replace(objective=MINIMISE_HEATING)
+    level = evaluate(found.variables, problem, make_scratch(problem), make_point(problem))
     return level if math.isfinite(level) else math.inf

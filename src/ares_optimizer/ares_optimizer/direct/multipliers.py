@@ -17,7 +17,11 @@ from scipy.integrate import solve_ivp
 from ares_models.arrays import MissionArrays
 from ares_models.kernels.environment import heating_rate, log_heating_gradient
 from ares_models.kernels.vectors import Vector
-from ares_optimizer.direct.kernels.evaluate import evaluate, make_point, make_scratch
+from ares_optimizer.direct.kernels.evaluate import (
+    evaluate_with_gradients,
+    make_point,
+    make_scratch,
+)
 from ares_optimizer.direct.kernels.flight import gravity_gradient
 from ares_optimizer.direct.kernels.problem import (
     D_LOG_LIMIT,
@@ -26,7 +30,13 @@ from ares_optimizer.direct.kernels.problem import (
     TIME_SCALE,
     Problem,
 )
-from ares_optimizer.direct.kernels.sqp import lagrangian_gradient, reduced_hessian
+from ares_optimizer.direct.kernels.sqp import (
+    Frame,
+    Prices,
+    Room,
+    lagrangian_gradient,
+    reduced_hessian,
+)
 from ares_optimizer.direct.search import Found, path_peaks
 from ares_optimizer.kernels.terminal import MAX_ROWS, terminal_rows
 from ares_optimizer.proof.flight import Direction, Flight, Piece, Steering
@@ -253,30 +263,17 @@ def least_curvature(found: Found) -> float:
     """
     problem = found.transcription.problem
     n = problem.variables
-    scratch = make_scratch(problem)
-    point = make_point(problem)
-    other = make_point(problem)
-    evaluate(found.variables, problem, n, scratch, point)
+    room = Room(make_scratch(problem), make_point(problem), make_point(problem))
+    point = room.point
+    evaluate_with_gradients(found.variables, problem, room.scratch, point)
     active = found.inequalities > 0.0
     rows = np.concatenate((point.equation_rows, point.inequality_rows[active]))
     basis = np.linalg.svd(rows)[2][len(rows) :].T
     if basis.shape[1] == 0:
         return math.inf
     base = np.empty(n)
-    lagrangian_gradient(point, found.equations, found.inequalities, base)
-    free = basis.shape[1]
-    hessian = np.empty((free, free))
-    reduced_hessian(
-        found.variables,
-        problem,
-        scratch,
-        other,
-        found.equations,
-        found.inequalities,
-        base,
-        np.ascontiguousarray(basis),
-        np.zeros(n),
-        hessian,
-        np.empty(free),
-    )
+    multipliers = Prices(found.equations, found.inequalities)
+    lagrangian_gradient(point, multipliers, base)
+    frame = Frame(np.ascontiguousarray(basis), np.zeros(n), base)
+    hessian, _ = reduced_hessian(found.variables, problem, room, multipliers, frame)
     return float(np.linalg.eigvalsh(hessian)[0])

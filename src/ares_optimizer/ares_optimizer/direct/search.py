@@ -18,7 +18,14 @@ from numpy.typing import NDArray
 from ares_models.arrays import MissionArrays, Record
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.kernels.evaluate import evaluate, make_point, make_scratch
-from ares_optimizer.direct.kernels.flight import N_MASS, N_POSITION, N_TIME, drop_column
+from ares_optimizer.direct.kernels.flight import (
+    LATER_PEAKS,
+    N_MASS,
+    N_POSITION,
+    N_TIME,
+    STORED,
+    drop_column,
+)
 from ares_optimizer.direct.kernels.problem import (
     AT_DROP,
     D_LOG_LIMIT,
@@ -41,7 +48,8 @@ from ares_optimizer.direct.kernels.problem import (
 )
 from ares_optimizer.direct.kernels.sqp import CONVERGED, NO_PROGRESS, NOT_FEASIBLE, search
 from ares_optimizer.direct.kernels.start import place_drops, set_law, sweep
-from ares_optimizer.direct.transcription import Heating, Transcription, transcribe
+from ares_optimizer.direct.transcription import Transcription, transcribe
+from ares_optimizer.request import Heating
 from ares_optimizer.solution import OptimizerError, SteeringArc
 
 Array = NDArray[np.float64]
@@ -193,7 +201,7 @@ def guess_variables(problem: Problem, guess: Guess) -> Array:
             variables[law[L_RATE] : law[L_RATE] + 3] = after / RATE_SCALE
     if len(problem.drops) and guess.t_plf_s is None:
         scratch = make_scratch(problem)
-        evaluate(variables, problem, 0, scratch, make_point(problem))
+        evaluate(variables, problem, scratch, make_point(problem))
         place_drops(variables, problem, scratch)
     return variables
 
@@ -247,7 +255,7 @@ def steering_laws(transcription: Transcription, variables: Array) -> list[Law]:
 def _jump_laws(problem: Problem, variables: Array) -> dict[int, tuple[Array, Array]]:
     """Steering vector and rate after each jettison by the jump condition."""
     scratch = make_scratch(problem)
-    evaluate(variables, problem, 0, scratch, make_point(problem))
+    evaluate(variables, problem, scratch, make_point(problem))
     return {d: (row[8:11].copy(), row[11:14].copy()) for d, row in enumerate(scratch.drops[:-1])}
 
 
@@ -314,7 +322,7 @@ def _first_crossing(found: Found) -> Array | None:
     if not len(problem.drops):
         return None
     scratch = make_scratch(problem)
-    evaluate(found.variables, problem, 0, scratch, make_point(problem))
+    evaluate(found.variables, problem, scratch, make_point(problem))
     moved = found.variables.copy()
     place_drops(moved, problem, scratch)
     for d in range(len(problem.drops)):
@@ -349,7 +357,7 @@ def heating_excess(variables: Array, problem: Problem) -> float:
     """Greatest log of heating over limit that a flight has where the limits hold."""
     scratch = make_scratch(problem)
     point = make_point(problem)
-    evaluate(variables, problem, 0, scratch, point)
+    evaluate(variables, problem, scratch, point)
     drops = len(problem.drops)
     levels = [float(point.inequalities[3 * d]) for d in range(drops)]
     if problem.heating == HEATING_FROM_JETTISON and drops:
@@ -508,11 +516,11 @@ def path_peaks(found: Found) -> list[tuple[float, float]]:
     if problem.heating != HEATING_FROM_JETTISON or not len(problem.drops):
         return []
     scratch = make_scratch(problem)
-    evaluate(found.variables, problem, 0, scratch, make_point(problem))
+    evaluate(found.variables, problem, scratch, make_point(problem))
     rows = found.inequalities[-PEAKS:]
     return [
         (problem.start_time + float(scratch.peaks[k]), float(rows[k]))
-        for k in range(int(scratch.counts[2]))
+        for k in range(int(scratch.counts[LATER_PEAKS]))
     ]
 
 
@@ -568,8 +576,8 @@ def solver_nodes(found: Found) -> Array:
     """States at the ends of the solver's own steps, shape (k, 8): s, m, m/s, kg."""
     problem = found.transcription.problem
     scratch = make_scratch(problem)
-    evaluate(found.variables, problem, 0, scratch, make_point(problem))
-    used = scratch.nodes[: int(scratch.counts[1])]
+    evaluate(found.variables, problem, scratch, make_point(problem))
+    used = scratch.nodes[: int(scratch.counts[STORED])]
     nodes = np.empty((len(used), 8))
     nodes[:, 0] = used[:, N_TIME] + problem.start_time
     nodes[:, 1:7] = used[:, N_POSITION : N_POSITION + 6]

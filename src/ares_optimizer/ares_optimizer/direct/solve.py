@@ -6,10 +6,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ares_models.arrays import MissionArrays
-from ares_optimizer.deadline import TIME_LIMIT_PASSED, Deadline
+from ares_optimizer.deadline import TIME_LIMIT_PASSED
 from ares_optimizer.direct.diagnose import (
     held_by_heating,
     no_flight_line,
@@ -31,10 +30,10 @@ from ares_optimizer.direct.search import (
     solver_nodes,
     steering_arcs,
 )
-from ares_optimizer.direct.transcription import Heating
 from ares_optimizer.obstacles import check_obstacle, target_obstacle
 from ares_optimizer.proof.checks import constraint_table, verification
 from ares_optimizer.proof.flight import fly, steering_of
+from ares_optimizer.request import Request
 from ares_optimizer.solution import ConstraintCheck, OptimizerError, Solution, failed
 from ares_optimizer.targets import target_rows
 
@@ -76,32 +75,25 @@ def guess_from(solution: Solution) -> Guess:
     )
 
 
-def solve_direct(
-    arrays: MissionArrays,
-    state: NDArray[np.void],
-    method: str,
-    guess: Guess | None,
-    heating: Heating,
-    deadline: Deadline,
-    verify: bool,
-) -> Solution:
+def solve_direct(request: Request) -> Solution:
     """The optimal ascent by a direct method.
 
-    Args:
-        arrays: the mission.
-        state: shape (1,), dtype NAVIGATION.
-        method: one of DIRECT_METHODS.
-        guess: None for the solver's own start.
-        heating: what the heating limit asks.
-        deadline: when to give up.
-        verify: see :func:`ares_optimizer.solve.solve`.
+    Raises:
+        OptimizerError: a guess that is none for a direct method.
     """
+    arrays, method, deadline = request.arrays, request.method, request.deadline
+    guess = guess_from(request.guess) if isinstance(request.guess, Solution) else request.guess
+    if guess is not None and not isinstance(guess, Guess):
+        raise OptimizerError(
+            f"guess is a {type(guess).__name__}; expected a Guess or a Solution for {method}"
+        )
     obstacle = target_obstacle(arrays)
     if obstacle:
         return failed(method, obstacle)
     if deadline.passed:
         return failed(method, TIME_LIMIT_PASSED)
-    start = state[0]
+    start = request.state[0]
+    heating = request.heating
     began = time.perf_counter()
     found = find_direct(arrays, start, method, heating, guess, deadline)
     reason = ""
@@ -134,31 +126,20 @@ def solve_direct(
         parameters=found.variables,
         restarts=found.restarts,
     )
-    if not verify or reason == TIME_LIMIT_PASSED:
+    if not request.verify or reason == TIME_LIMIT_PASSED:
         return solution
-    return _prove_direct(arrays, state, found, solution, heating)
+    return _prove_direct(request, found, solution)
 
 
-def _prove_direct(
-    arrays: MissionArrays,
-    state: NDArray[np.void],
-    found: Found,
-    solution: Solution,
-    heating: Heating,
-) -> Solution:
+def _prove_direct(request: Request, found: Found, solution: Solution) -> Solution:
     """Verification, constraints with their prices, trajectory and costates."""
+    arrays = request.arrays
     steering = steering_of(solution.arcs)
     boundaries = [arc.start_s for arc in solution.arcs]
     boundaries += [jump.time_s for jump in heating_jumps(found)]
-    start = state[0]
+    start = request.state[0]
     flight = fly(arrays, start, steering, solution.jettison_times_s, solution.t_meco_s, boundaries)
-    checks = constraint_table(
-        arrays,
-        start,
-        flight,
-        heating is Heating.FROM_JETTISON,
-        heating is not Heating.IGNORED,
-    )
+    checks = constraint_table(arrays, start, flight, request.heating)
     proof = verification(arrays, flight, solver_nodes(found))
     solution = replace(solution, verification=proof, trajectory=flight.trajectory)
     if found.converged:

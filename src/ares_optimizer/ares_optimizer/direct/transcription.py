@@ -8,7 +8,6 @@ and 20 parameters.
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +43,7 @@ from ares_optimizer.kernels.timetable import (
     propellant_used,
 )
 from ares_optimizer.pieces import first_ignitions
+from ares_optimizer.request import Heating
 from ares_optimizer.solution import OptimizerError
 
 Array = NDArray[np.float64]
@@ -55,14 +55,6 @@ SHORTEST_LAW = 40.0
 _FAR = 1.0e7  # a cut-off beyond every event, s
 _SHORTEST_BURN = 0.05  # of the last arc, s
 _USABLE = 0.97  # of the last stack, where the search ends; propellant is judged afterwards
-
-
-class Heating(Enum):
-    """What is asked of the heating limit of a jettison."""
-
-    AT_JETTISON = "at_jettison"
-    FROM_JETTISON = "from_jettison"
-    IGNORED = "ignored"
 
 
 @dataclass(frozen=True)
@@ -116,6 +108,44 @@ def _profile(main: NDArray[np.void]) -> Array:
     profile[:, P_FLOW_SLOPE] = main["flow_slope"]
     profile[:, P_MASS] = main["mass"]
     return profile
+
+
+def _tail(after: NDArray[np.void]) -> Array:
+    """Pieces after cut-off, as ``Problem.tail``; the last row is the end of thrust."""
+    tail = np.zeros((len(after) + 1 if len(after) else 0, 5))
+    tail[:-1, P_TIME] = after["start"] - _FAR
+    tail[:-1, P_THRUST] = after["thrust"]
+    tail[:-1, P_THRUST_SLOPE] = after["thrust_slope"]
+    tail[:-1, P_FLOW] = after["flow"]
+    tail[:-1, P_FLOW_SLOPE] = after["flow_slope"]
+    if len(after):
+        tail[-1, P_TIME] = after[-1]["end"] - _FAR
+    return tail
+
+
+def _jettisons(
+    arrays: MissionArrays, start: Record, heating: Heating, ignitions: Sequence[float]
+) -> tuple[list[int], list[tuple[int, float]]]:
+    """Drops whose time is free, that of the greatest limit first, and (index, time s) of others."""
+    now = float(start["time"])
+    free = []
+    fixed = []
+    for j, jettison in enumerate(arrays.jettisons):
+        if (int(start["jettisoned"]) >> j) & 1:
+            continue
+        ignition = ignitions[int(jettison["stage"])]
+        value = float(jettison["value"])
+        if jettison["criterion"] == MISSION_TIME:
+            fixed.append((j, max(now, ignition, value)))
+        elif jettison["criterion"] == TIME_AFTER_IGNITION:
+            fixed.append((j, max(now, ignition + value)))
+        elif heating is Heating.IGNORED:
+            fixed.append((j, max(now, ignition)))
+        else:
+            free.append(j)
+    # the greater limit is met first
+    free.sort(key=lambda j: -float(arrays.jettisons[j]["value"]))
+    return free, fixed
 
 
 def _depletion(arrays: MissionArrays, start: Record, main: NDArray[np.void]) -> float:
@@ -197,44 +227,17 @@ def transcribe(
     Raises:
         OptimizerError: no flight can be laid out from this start.
     """
-    jettisons = arrays.jettisons
     arcs = arrays.arcs
     main, after = _sequence(arrays, start, heating)
     ignitions = first_ignitions(start, main, arcs)
     now = float(start["time"])
-    # its last row is the end of thrust
-    tail = np.zeros((len(after) + 1 if len(after) else 0, 5))
-    tail[:-1, P_TIME] = after["start"] - _FAR
-    tail[:-1, P_THRUST] = after["thrust"]
-    tail[:-1, P_THRUST_SLOPE] = after["thrust_slope"]
-    tail[:-1, P_FLOW] = after["flow"]
-    tail[:-1, P_FLOW_SLOPE] = after["flow_slope"]
-    if len(after):
-        tail[-1, P_TIME] = after[-1]["end"] - _FAR
-
-    free = []
-    fixed = []
-    for j, jettison in enumerate(jettisons):
-        if (int(start["jettisoned"]) >> j) & 1:
-            continue
-        ignition = ignitions[int(jettison["stage"])]
-        value = float(jettison["value"])
-        if jettison["criterion"] == MISSION_TIME:
-            fixed.append((j, max(now, ignition, value)))
-        elif jettison["criterion"] == TIME_AFTER_IGNITION:
-            fixed.append((j, max(now, ignition + value)))
-        elif heating is Heating.IGNORED:
-            fixed.append((j, max(now, ignition)))
-        else:
-            free.append(j)
-    # the greater limit is met first
-    free.sort(key=lambda j: -float(jettisons[j]["value"]))
+    free, fixed = _jettisons(arrays, start, heating, ignitions)
     drops = np.array(
         [
             (
-                jettisons[j]["mass"],
-                math.log(jettisons[j]["value"]),
-                max(now, ignitions[int(jettisons[j]["stage"])]),
+                arrays.jettisons[j]["mass"],
+                math.log(arrays.jettisons[j]["value"]),
+                max(now, ignitions[int(arrays.jettisons[j]["stage"])]),
             )
             for j in free
         ]
@@ -263,7 +266,7 @@ def transcribe(
         state=np.concatenate((start["position"], start["velocity"])),
         start_time=now,
         profile=_profile(main),
-        tail=tail,
+        tail=_tail(after),
         drops=drops,
         laws=laws,
         law_time=law_times,

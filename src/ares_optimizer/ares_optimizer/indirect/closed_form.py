@@ -7,29 +7,24 @@ and what shorter arcs buy, is in :func:`error_table`.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import MissionArrays
 from ares_models.kernels.environment import log_heating_gradient
-from ares_optimizer.kernels.timetable import (
-    HEATING_OPTIMAL,
-    MAX_SEGMENTS,
-    SEGMENT,
-    build_timetable,
-    heating_count,
-)
+from ares_optimizer.indirect.kernels.beside import exact_beside
+from ares_optimizer.indirect.solver import Rule, TwoPointOptions
+from ares_optimizer.kernels.timetable import SEGMENT
+from ares_optimizer.request import Heating
 from ares_optimizer.solution import OptimizerError
-from ares_optimizer.two_point.arrays import MAX_COLUMNS, OPTIONS, WORK
-from ares_optimizer.two_point.kernels import closed_form as kernels
-from ares_optimizer.two_point.kernels.shooting import fly_segment
+from ares_optimizer.two_point.arrays import LINEAR, MAX_UNKNOWNS, PIS, WORK, Gravity
+from ares_optimizer.two_point.kernels.closed_form import closed_form_segment
+from ares_optimizer.two_point.kernels.shooting import begin_flight, fly_segment
 
 Array = NDArray[np.float64]
 
-RULES = {"simpson": kernels.SIMPSON, "milne": kernels.MILNE}
 ARC_LENGTHS_S = (430.0, 100.0, 50.0, 20.0, 10.0, 5.0)
 _SUBSTEP_S = 1.0
 
@@ -86,11 +81,9 @@ def thrust_integrals(
     lambda_v: Sequence[float],
     lambda_r: Sequence[float],
     omega: float,
-    thrust: float,
-    mass: float,
-    flow: float,
+    engine: tuple[float, float, float],
     duration: float,
-    rule: Literal["simpson", "milne"] = "milne",
+    rule: Rule = "milne",
 ) -> tuple[Array, Array]:
     """Ic and Is of Eqs. 3.22, 3.23 over one arc, the primer by Eq. 3.21.
 
@@ -98,9 +91,7 @@ def thrust_integrals(
         lambda_v: at the arc's start, shape (3,).
         lambda_r: at the arc's start, shape (3,), 1/s.
         omega: 1/s.
-        thrust: N, constant.
-        mass: kg at the start.
-        flow: kg/s, constant.
+        engine: thrust N and mass flow kg/s, constant, and mass kg at the start.
         duration: s.
         rule: ``simpson`` or ``milne``.
 
@@ -109,30 +100,18 @@ def thrust_integrals(
     """
     segment = np.zeros(1, SEGMENT)
     segment["end"] = duration
-    segment["thrust"] = thrust
-    segment["mass"] = mass
-    segment["flow"] = flow
+    segment["thrust"], segment["flow"], segment["mass"] = engine
     segment["start_column"] = -1
     segment["end_column"] = -1
-    state = np.zeros(12)
+    options = TwoPointOptions(propagator="closed_form", rule=rule, correction=False)
+    work = np.zeros(1, WORK)
+    state = work["state"][0]
     state[0] = 1.0
     state[6:9] = lambda_v
     state[9:] = -np.asarray(lambda_r)
-    integrals = np.zeros(6)
-    kernels.closed_form_segment(
-        segment[0],
-        1,
-        1.0,
-        omega**2,
-        _rule(rule),
-        False,
-        0,
-        state,
-        np.zeros((MAX_COLUMNS, 12)),
-        integrals,
-        np.zeros((MAX_COLUMNS, 6)),
-        np.zeros((4, MAX_COLUMNS)),
-    )
+    field = Gravity(1.0, omega**2, LINEAR)
+    closed_form_segment(segment[0], 1, field, options.record()[0], work[0])
+    integrals = work["stage"][0, 0]
     return integrals[:3].copy(), integrals[3:].copy()
 
 
@@ -140,11 +119,7 @@ def flight_errors(
     arrays: MissionArrays,
     start: NDArray[np.void],
     unknowns: Array,
-    *,
-    arc_length_s: float,
-    rule: str = "milne",
-    correction: bool = False,
-    heating: int = HEATING_OPTIMAL,
+    options: TwoPointOptions,
     burn: int | None = None,
 ) -> ArcError:
     """Fly a two-point problem's unknowns in closed form, and its steering exactly beside it.
@@ -152,76 +127,46 @@ def flight_errors(
     Args:
         arrays: the mission.
         start: shape (1,), dtype NAVIGATION.
-        unknowns: shape (7 + 2 drops,), see ``indirect.Root``.
-        arc_length_s: longest arc.
-        rule: ``simpson`` or ``milne``.
-        correction: see ``indirect.TwoPointSolver``.
-        heating: ``kernels.timetable.HEATING_*`` of the unknowns.
+        unknowns: shape (7 + 2 drops,), see ``solver.Root``.
+        options: arcs and rule of the closed form; where the heating limit holds.
         burn: arc of the mission to compare on, both flights from the same state at its start;
             None: the whole flight.
 
     Raises:
-        OptimizerError: the times make no flight, or the rule is not there.
+        OptimizerError: the times make no flight.
     """
-    code = _rule(rule)
-    if not arc_length_s > 0.0:
-        raise OptimizerError(f"arc_length_s is {arc_length_s:g}; expected more than 0")
-    segments = np.zeros(MAX_SEGMENTS + 1, SEGMENT)
-    drops = heating_count(start[0], arrays.jettisons, heating)
-    times = np.zeros(8)
-    times[:drops] = unknowns[7::2]
-    count = build_timetable(
-        start[0], arrays.arcs, arrays.jettisons, heating, times, unknowns[6], segments[:-1]
-    )
+    closed = replace(options, propagator="closed_form").record()
+    closed["step"] = _SUBSTEP_S
+    exactly = replace(options, propagator="runge_kutta", step_s=_SUBSTEP_S).record()
+    work = np.zeros(1, WORK)
+    room = np.zeros(MAX_UNKNOWNS)
+    room[: unknowns.size] = unknowns
+    field = begin_flight(start[0], arrays, exactly[0], room, work[0])
+    state = work["state"][0]
+    exact = state[:6].copy()
+    count = int(work["segment_count"][0])
     if count == 0:
         raise OptimizerError("the times make no flight")
-    environment = arrays.environment[0]
-    mu = float(environment["mu"])
-    state = np.concatenate((start["position"][0], start["velocity"][0], unknowns[:6]))
-    state[9:] *= -1.0
-    exact = state[:6].copy()
-    options = np.zeros(1, OPTIONS)
-    options["step"] = _SUBSTEP_S
-    work = np.zeros(1, WORK)
-    scratch = (
-        np.zeros((MAX_COLUMNS, 12)),
-        np.zeros(6),
-        np.zeros((MAX_COLUMNS, 6)),
-        np.zeros((4, MAX_COLUMNS)),
-    )
-    for segment in segments[:count]:
+    for segment in work["segments"][0, :count]:
         length = float(segment["end"] - segment["start"])
         if burn is None or segment["arc"] == burn:
-            pieces = max(1, math.ceil(length / arc_length_s - 1e-9))
-            kernels.exact_beside(
-                segment,
-                pieces,
-                mu,
-                code,
-                correction,
-                _SUBSTEP_S,
-                segments[-1],
-                state,
-                exact,
-                *scratch,
-            )
+            parts = max(1, math.ceil(length / options.arc_length_s - 1e-9))
+            exact_beside(segment, parts, field, closed[0], exact, work[0])
         elif segment["arc"] < burn:
             # on the way there, the two-point problem's own flight
-            work[0]["state"][:] = state
-            fly_segment(segment, max(1, math.ceil(length)), mu, 0.0, options[0], 0, work[0])
-            state[:] = work[0]["state"]
+            fly_segment(segment, max(1, math.ceil(length)), field, exactly[0], work[0])
             exact[:] = state[:6]
-        if segment["end_heating"] >= 0 and heating == HEATING_OPTIMAL:
-            pi = unknowns[8 + 2 * segment["end_heating"]]
+        if segment["end_heating"] >= 0 and options.heating is Heating.AT_JETTISON:
+            pi = unknowns[PIS][segment["end_heating"]]
             _, by_r, by_v = log_heating_gradient(
-                tuple(state[:3]), tuple(state[3:6]), environment, arrays.atmosphere
+                tuple(state[:3]), tuple(state[3:6]), arrays.environment[0], arrays.atmosphere
             )
             state[6:9] -= pi * np.array(by_v)
             state[9:] += pi * np.array(by_r)
     return ArcError(
-        arc_length_s,
-        rule,
-        correction,
+        options.arc_length_s,
+        options.rule,
+        options.correction,
         float(np.linalg.norm(state[:3] - exact[:3])),
         float(np.linalg.norm(state[3:6] - exact[3:])),
     )
@@ -233,7 +178,7 @@ def error_table(
     unknowns: Array,
     *,
     arc_lengths_s: Sequence[float] = ARC_LENGTHS_S,
-    heating: int = HEATING_OPTIMAL,
+    heating: Heating = Heating.AT_JETTISON,
     burn: int | None = None,
 ) -> tuple[ArcError, ...]:
     """Errors of the closed form for every arc length, by both rules, with correction and without.
@@ -243,27 +188,14 @@ def error_table(
         start: shape (1,), dtype NAVIGATION.
         unknowns: shape (7 + 2 drops,).
         arc_lengths_s: s.
-        heating: see :func:`flight_errors`.
+        heating: where the limit holds.
         burn: see :func:`flight_errors`.
     """
-    return tuple(
-        flight_errors(
-            arrays,
-            start,
-            unknowns,
-            arc_length_s=length,
-            rule=rule,
-            correction=correction,
-            heating=heating,
-            burn=burn,
-        )
+    rules: tuple[Rule, ...] = ("simpson", "milne")
+    choices = [
+        TwoPointOptions(heating=heating, arc_length_s=length, rule=rule, correction=correction)
         for correction in (False, True)
-        for rule in RULES
+        for rule in rules
         for length in arc_lengths_s
-    )
-
-
-def _rule(rule: str) -> int:
-    if rule not in RULES:
-        raise OptimizerError(f"rule is {rule!r}; expected " + " or ".join(RULES))
-    return RULES[rule]
+    ]
+    return tuple(flight_errors(arrays, start, unknowns, chosen, burn) for chosen in choices)

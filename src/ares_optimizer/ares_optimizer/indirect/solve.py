@@ -9,30 +9,36 @@ transversality for what the target leaves free. The kernels do the work
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any, Literal, Protocol
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
 from ares_models.arrays import (
-    BURN,
     HEATING_LIMIT,
     LONGEST_FLIGHT,
     MISSION_TIME,
-    NAVIGATION,
     TARGET_KEPLERIAN,
     MissionArrays,
 )
 from ares_optimizer.deadline import TIME_LIMIT_PASSED, Deadline
 from ares_optimizer.indirect.closed_form import flight_errors
 from ares_optimizer.indirect.kernels import sample
+from ares_optimizer.indirect.solver import (
+    Guess,
+    IndirectGuess,
+    Root,
+    TwoPointOptions,
+    TwoPointSolver,
+)
 from ares_optimizer.kernels import timetable
+from ares_optimizer.kernels.timetable import COLUMN_JETTISON
 from ares_optimizer.obstacles import check_obstacle, target_obstacle
 from ares_optimizer.pieces import first_ignitions
 from ares_optimizer.proof.checks import constraint_table, verification
 from ares_optimizer.proof.flight import Direction, Steering, fly
+from ares_optimizer.request import Heating
 from ares_optimizer.solution import (
     ConstraintCheck,
     Costates,
@@ -43,39 +49,12 @@ from ares_optimizer.solution import (
     failed,
 )
 from ares_optimizer.targets import figures_of, half_turn, target_rows
-from ares_optimizer.two_point.arrays import (
-    INVERSE_SQUARE,
-    LINEAR,
-    MAX_UNKNOWNS,
-    OPTIONS,
-    RUNGE_KUTTA,
-    WORK,
-)
-from ares_optimizer.two_point.kernels import closed_form, newton, search
-from ares_optimizer.two_point.kernels.shooting import shoot
+from ares_optimizer.two_point.arrays import INVERSE_SQUARE, LINEAR, PIS, RUNGE_KUTTA, TIMES
+from ares_optimizer.two_point.kernels import newton
 
 Array = NDArray[np.float64]
-Gravity = Literal["inverse_square", "linear"]
-Propagator = Literal["runge_kutta", "closed_form"]
-Rule = Literal["simpson", "milne"]
-Heating = Literal["at_jettison", "passive", "ignored"]
 
-_GRAVITY = {"inverse_square": INVERSE_SQUARE, "linear": LINEAR}
-_RULES = {"simpson": closed_form.SIMPSON, "milne": closed_form.MILNE}
-_HEATING = {
-    "at_jettison": timetable.HEATING_OPTIMAL,
-    "passive": timetable.HEATING_PASSIVE,
-    "ignored": timetable.HEATING_IGNORED,
-}
-_PROPAGATORS = ("runge_kutta", "closed_form")
 
-#: Longest Runge-Kutta step, s: 0.05 mm and 0.2 um/s on the default mission.
-STEP_S = 10.0
-#: Arc of the closed form, s.
-ARC_LENGTH_S = 5.0
-_TOLERANCE = 1e-9
-_MAX_ITERATIONS = 50
-_SAMPLE_S = 2.0
 _NODE_STRIDE = 10  # of the samples that the verification compares
 _SHORT_KG = 0.1  # of propellant, to count
 _SEARCH_STEP_S = 40.0
@@ -85,91 +64,6 @@ _FIRST_PART = 0.1
 _MOST_PARTS = 60
 _HIGHEST_LIMIT = 1e4
 
-
-@dataclass(frozen=True)
-class IndirectGuess:
-    """Where the solver starts.
-
-    Attributes:
-        lambda_v: primer at the start, any length, shape (3,). The thesis' B.
-        lambda_r: shape (3,), 1/s for a primer of length 1. The thesis' -A.
-        t_meco_s: cut-off time.
-        jettison_times_s: per heating jettison still to come, in the order of the file.
-        pi: jump of Eq. 3.44 per unit of log heating, for each of them; zeros if empty.
-    """
-
-    lambda_v: tuple[float, float, float]
-    lambda_r: tuple[float, float, float]
-    t_meco_s: float
-    jettison_times_s: tuple[float, ...] = ()
-    pi: tuple[float, ...] = ()
-
-    def unknowns(self, drops: int) -> Array:
-        """The solver's own variables, shape (7 + 2 drops,).
-
-        Raises:
-            OptimizerError: the guess does not fit the mission.
-        """
-        primer = np.asarray(self.lambda_v, dtype=np.float64)
-        rate = np.asarray(self.lambda_r, dtype=np.float64)
-        if primer.shape != (3,) or rate.shape != (3,):
-            raise OptimizerError("guess: lambda_v and lambda_r must have three components each")
-        size = float(np.linalg.norm(primer))
-        if not (size > 0.0 and math.isfinite(size) and np.isfinite(rate).all()):
-            raise OptimizerError(f"guess: lambda_v is {self.lambda_v}; expected a finite direction")
-        if len(self.jettison_times_s) != drops:
-            raise OptimizerError(
-                f"guess: jettison_times_s has {len(self.jettison_times_s)} times; the mission has "
-                f"{drops} heating jettisons to come"
-            )
-        if self.pi and len(self.pi) != drops:
-            raise OptimizerError(f"guess: pi has {len(self.pi)} values; expected {drops}")
-        unknowns = np.zeros(7 + 2 * drops)
-        unknowns[:3] = primer / size
-        unknowns[3:6] = rate / size
-        unknowns[6] = self.t_meco_s
-        unknowns[7::2] = self.jettison_times_s
-        unknowns[8::2] = self.pi if self.pi else 0.0
-        if not np.isfinite(unknowns).all():
-            raise OptimizerError("guess: times and pi must be finite")
-        return unknowns
-
-
-@dataclass(frozen=True)
-class Root:
-    """What the compiled solver came to.
-
-    Attributes:
-        unknowns: shape (n,): lambda_v (3), lambda_r (3, 1/s), cut-off time (s), then time (s)
-            and pi (per unit of log heating) of every heating jettison to come.
-        iterations: Newton iterations, restarts included.
-        residual_norm: norm of the last residuals, without unit.
-        status: ``two_point.kernels.newton``: CONVERGED or what went wrong.
-        restarts: starts after the first.
-    """
-
-    unknowns: Array
-    iterations: int
-    residual_norm: float
-    status: int
-    restarts: int
-
-    @property
-    def converged(self) -> bool:
-        """True for a root that is sound."""
-        return self.status == newton.CONVERGED
-
-
-class HasParameters(Protocol):
-    """A solution that can be a guess."""
-
-    @property
-    def parameters(self) -> Array | None:
-        """The solver's own variables."""
-        ...
-
-
-Guess = IndirectGuess | HasParameters | Array | None
 
 _TEXTS = {
     newton.ITERATION_LIMIT: "Newton's method did not end within its iterations",
@@ -182,282 +76,12 @@ _TEXTS = {
 }
 
 
-def navigation(
-    time_s: float,
-    position: Any,
-    velocity: Any,
-    mass_kg: float = 0.0,
-    *,
-    arc: int = 0,
-    arc_start_time_s: float | None = None,
-    jettisoned: int = 0,
-) -> NDArray[np.void]:
-    """A start of the optimizer, shape (1,), dtype NAVIGATION.
-
-    Args:
-        time_s: mission elapsed time.
-        position: m, shape (3,), frame ares_eci.
-        velocity: m/s, shape (3,).
-        mass_kg: 0 for that of the arc's stack.
-        arc: present arc of the mission.
-        arc_start_time_s: when it began; now if None.
-        jettisoned: bit k set: jettison k is done.
-    """
-    record = np.zeros(1, NAVIGATION)
-    record["time"] = time_s
-    record["position"] = position
-    record["velocity"] = velocity
-    record["mass"] = mass_kg
-    record["heating_rate"] = math.nan
-    record["arc"] = arc
-    record["arc_start_time"] = time_s if arc_start_time_s is None else arc_start_time_s
-    record["jettisoned"] = jettisoned
-    return record
-
-
-class TwoPointSolver:
-    """Solver of one mission's two-point problem, with its memory laid out once.
-
-    Attributes:
-        arrays: the mission.
-        deadline: at which a search ends, and after which no continuation begins.
-        options: shape (1,), dtype OPTIONS.
-        work: shape (1,), dtype WORK.
-    """
-
-    def __init__(
-        self,
-        arrays: MissionArrays,
-        *,
-        gravity: Gravity = "inverse_square",
-        propagator: Propagator = "runge_kutta",
-        heating: Heating = "at_jettison",
-        step_s: float = STEP_S,
-        arc_length_s: float = ARC_LENGTH_S,
-        rule: Rule = "milne",
-        correction: bool = True,
-        tolerance: float = _TOLERANCE,
-        max_iterations: int = _MAX_ITERATIONS,
-        deadline: Deadline | None = None,
-    ) -> None:
-        """Check the choices and lay out the memory.
-
-        Args:
-            arrays: the mission.
-            gravity: ``inverse_square`` (Eq. 2.13) or ``linear`` (Eq. 3.4, omega0 from the
-                radius at the start, held).
-            propagator: ``runge_kutta`` or ``closed_form`` (Eqs. 3.20-3.23, 3.27-3.29).
-            heating: ``at_jettison`` (the limit holds at the drop, which is placed at best),
-                ``passive`` (the drop waits for the limit, the steering does not know) or
-                ``ignored`` (the drop comes with the ignition of its stage).
-            step_s: longest Runge-Kutta step.
-            arc_length_s: longest arc of the closed form.
-            rule: of the thrust integrals: ``simpson`` or ``milne``.
-            correction: under inverse-square gravity in closed form, give the rest of gravity
-                and of its gradient as impulses at the ends of the arcs; else the field is
-                linear within each arc, and Eqs. 3.20, 3.21 leave out part of its gradient.
-            tolerance: of the last Newton step, in scaled unknowns.
-            max_iterations: of one start.
-            deadline: at which a search ends; None: no limit.
-
-        Raises:
-            OptimizerError: a choice that is not there, or a mission that the method cannot take.
-        """
-        _choose("gravity", gravity, _GRAVITY)
-        _choose("propagator", propagator, _PROPAGATORS)
-        _choose("heating", heating, _HEATING)
-        _choose("rule", rule, _RULES)
-        for name, value in (("step_s", step_s), ("arc_length_s", arc_length_s)):
-            if not value > 0.0:
-                raise OptimizerError(f"{name} is {value:g}; expected more than 0")
-        environment = arrays.environment[0]
-        if environment["j2"] != 0.0:
-            raise OptimizerError(
-                f"environment.j2 is {environment['j2']:g}; the two-point problem takes a "
-                "spherical Earth, 0"
-            )
-        if arrays.arcs[-1]["kind"] != BURN:
-            raise OptimizerError("the last arc is a coast; the two-point problem ends with a burn")
-        self.arrays = arrays
-        self.deadline = deadline or Deadline()
-        self.options = np.zeros(1, OPTIONS)
-        self.options["gravity"] = _GRAVITY[gravity]
-        closed = propagator == "closed_form"
-        self.options["propagator"] = _RULES[rule] if closed else RUNGE_KUTTA
-        self.options["corrected"] = int(closed and correction and gravity == "inverse_square")
-        self.options["heating"] = _HEATING[heating]
-        self.options["step"] = arc_length_s if closed else step_s
-        self.options["max_iterations"] = max_iterations
-        self.options["tolerance"] = tolerance
-        self.work = np.zeros(1, WORK)
-        self.deadline.watch(self.work["stop"])
-
-    def drops(self, start: NDArray[np.void]) -> int:
-        """Number of heating jettisons whose time is unknown."""
-        return int(
-            timetable.heating_count(
-                start[0], self.arrays.jettisons, int(self.options["heating"][0])
-            )
-        )
-
-    def solve(
-        self,
-        start: NDArray[np.void],
-        guess: Array | None = None,
-        *,
-        restart: bool = True,
-        thorough: bool = False,
-    ) -> Root:
-        """The optimum, from a guess or from nothing but the start.
-
-        Args:
-            start: shape (1,), dtype NAVIGATION, see :func:`navigation`.
-            guess: shape (n,), see :attr:`Root.unknowns`; None for the solver's own.
-            restart: go on with own guesses when ``guess`` leads nowhere.
-            thorough: seek further roots, see the kernel, and keep the best.
-        """
-        a = self.arrays
-        unknowns = np.zeros(MAX_UNKNOWNS)
-        n = 7 + 2 * self.drops(start)
-        if guess is not None:
-            unknowns[:n] = guess[:n]
-        iterations, residual, status, restarts = search.find_optimum(
-            start[0],
-            a.environment[0],
-            a.atmosphere,
-            a.arcs,
-            a.jettisons,
-            a.target[0],
-            self.options[0],
-            guess is not None,
-            restart,
-            thorough,
-            unknowns,
-            self.work[0],
-        )
-        return Root(unknowns[:n].copy(), iterations, residual, status, restarts)
-
-    def newton(self, start: NDArray[np.void], unknowns: Array) -> Root:
-        """Newton's method from a guess and nothing else: what a guidance cycle calls."""
-        a = self.arrays
-        trial = np.zeros(MAX_UNKNOWNS)
-        n = 7 + 2 * self.drops(start)
-        trial[:n] = unknowns[:n]
-        self.work["pinned"] = 0
-        iterations, residual, status = newton.solve_two_point(
-            start[0],
-            a.environment[0],
-            a.atmosphere,
-            a.arcs,
-            a.jettisons,
-            a.target[0],
-            self.options[0],
-            trial,
-            self.work[0],
-        )
-        return Root(trial[:n].copy(), iterations, residual, status, 0)
-
-    def shoot(self, start: NDArray[np.void], unknowns: Array) -> tuple[Array, Array, Array]:
-        """Fly the unknowns.
-
-        Returns:
-            residuals, shape (n,); Jacobian, shape (n, n); state at the end, shape (12,): r, V,
-            lambda_v, lambda_v'.
-
-        Raises:
-            OptimizerError: the times make no flight.
-        """
-        a = self.arrays
-        n = 7 + 2 * self.drops(start)
-        trial = np.zeros(MAX_UNKNOWNS)
-        trial[:n] = unknowns[:n]
-        self.work["steps"] = 0
-        self.work["pinned"] = 0
-        good = shoot(
-            start[0],
-            a.environment[0],
-            a.atmosphere,
-            a.arcs,
-            a.jettisons,
-            a.target[0],
-            self.options[0],
-            trial,
-            True,
-            self.work[0],
-        )
-        if not good:
-            raise OptimizerError("the times make no flight")
-        work = self.work[0]
-        return (
-            work["residual"][:n].copy(),
-            work["jacobian"][:n, :n].copy(),
-            work["state"].copy(),
-        )
-
-    def sample(
-        self, start: NDArray[np.void], unknowns: Array, interval_s: float = _SAMPLE_S
-    ) -> Array:
-        """The flight, sampled: shape (k, ``indirect.kernels.sample.SAMPLE_COLUMNS``)."""
-        a = self.arrays
-        trial = np.zeros(MAX_UNKNOWNS)
-        trial[: unknowns.size] = unknowns
-        out = np.zeros((1024, sample.SAMPLE_COLUMNS))
-        while True:
-            rows = int(
-                sample.sample_flight(
-                    start[0],
-                    a.environment[0],
-                    a.atmosphere,
-                    a.arcs,
-                    a.jettisons,
-                    self.options[0],
-                    trial,
-                    interval_s,
-                    out,
-                    self.work[0],
-                )
-            )
-            if rows >= 0:
-                return out[:rows].copy()
-            out = np.zeros((-rows, sample.SAMPLE_COLUMNS))
-
-    def final_hamiltonian(self, start: NDArray[np.void], unknowns: Array) -> float:
-        """lambda_r . V + lambda_v . g + |lambda_v| T/m at cut-off, m/s2: see the kernel."""
-        a = self.arrays
-        trial = np.zeros(MAX_UNKNOWNS)
-        trial[: unknowns.size] = unknowns
-        return float(
-            search.final_hamiltonian(
-                start[0],
-                a.environment[0],
-                a.atmosphere,
-                a.arcs,
-                a.jettisons,
-                a.target[0],
-                self.options[0],
-                trial,
-                self.work[0],
-            )
-        )
-
-
-def _choose(name: str, value: str, choices: Any) -> None:
-    if value not in choices:
-        raise OptimizerError(f"{name} is {value!r}; expected " + " or ".join(choices))
-
-
 def solve_indirect(
     arrays: MissionArrays,
     start: NDArray[np.void],
+    options: TwoPointOptions | None = None,
     *,
-    gravity: Gravity = "inverse_square",
-    propagator: Propagator = "runge_kutta",
     guess: Guess = None,
-    heating: Heating = "at_jettison",
-    step_s: float = STEP_S,
-    arc_length_s: float = ARC_LENGTH_S,
-    rule: Rule = "milne",
-    correction: bool = True,
     finish: bool = True,
     deadline: Deadline | None = None,
     verify: bool = True,
@@ -467,16 +91,10 @@ def solve_indirect(
     Args:
         arrays: the mission.
         start: shape (1,), dtype NAVIGATION, see :func:`navigation`.
-        gravity: see :class:`TwoPointSolver`.
-        propagator: see :class:`TwoPointSolver`.
+        options: what is solved, and how finely.
         guess: an :class:`IndirectGuess`, an earlier solution of this method, or its parameters,
             shape (7 + 2 drops,); None for the solver's own. When a guess leads to a root, the
             solver's own start is tried too and the better of both is kept.
-        heating: see :class:`TwoPointSolver`.
-        step_s: longest Runge-Kutta step.
-        arc_length_s: longest arc of the closed form.
-        rule: of the closed form's thrust integrals.
-        correction: see :class:`TwoPointSolver`.
         finish: under inverse-square gravity, lead the closed form's root to the exact one by
             Runge-Kutta; what the closed form came to is in ``notes``.
         deadline: at which the search ends; None: no limit.
@@ -488,21 +106,12 @@ def solve_indirect(
         piece of constant thrust, with the mass costate's part in the Hamiltonian.
 
     Raises:
-        OptimizerError: a choice, guess or mission that the method cannot take.
+        OptimizerError: a guess or mission that the method cannot take.
     """
-    method = "closed_form" if propagator == "closed_form" else "indirect"
-    solver = TwoPointSolver(
-        arrays,
-        gravity=gravity,
-        propagator=propagator,
-        heating=heating,
-        step_s=step_s,
-        arc_length_s=arc_length_s,
-        rule=rule,
-        correction=correction,
-        deadline=deadline,
-    )
-    unknowns = _as_unknowns(guess, solver.drops(start))
+    options = options or TwoPointOptions()
+    method = "closed_form" if options.in_closed_form else "indirect"
+    solver = TwoPointSolver(arrays, options, deadline)
+    unknowns = _as_unknowns(guess, solver.size(start))
     began = time.perf_counter()
     obstacle = target_obstacle(arrays)
     if obstacle:
@@ -511,17 +120,12 @@ def solve_indirect(
         return failed(method, TIME_LIMIT_PASSED, solve_ms=_since(began))
     root = _find(solver, start, unknowns)
     notes: dict[str, float] = {}
-    if root.converged and propagator == "closed_form" and gravity == "inverse_square":
-        exact = TwoPointSolver(
-            arrays,
-            heating=heating,
-            step_s=_fine(step_s, start, root),
-            deadline=solver.deadline,
-        )
-        notes = _closed_form_notes(solver, start, root, arc_length_s, rule)
+    if root.converged and options.in_closed_form and options.gravity == "inverse_square":
+        fine = TwoPointOptions(heating=options.heating, step_s=_fine(options.step_s, start, root))
+        notes = _closed_form_notes(solver, start, root, options)
         if finish:
-            solver = exact
-            root = _added(exact.solve(start, root.unknowns), root, 0)
+            solver = TwoPointSolver(arrays, fine, solver.deadline)
+            root = _added(solver.solve(start, root.unknowns), root, 0)
     elapsed = _since(began)
     if not root.converged:
         late = solver.deadline.passed
@@ -541,18 +145,18 @@ def _since(began: float) -> float:
     return 1e3 * (time.perf_counter() - began)
 
 
-def _as_unknowns(guess: Guess, drops: int) -> Array | None:
+def _as_unknowns(guess: Guess, size: int) -> Array | None:
     if guess is None:
         return None
     if isinstance(guess, IndirectGuess):
-        return guess.unknowns(drops)
+        return guess.unknowns((size - COLUMN_JETTISON) // 2)
     values = guess if isinstance(guess, np.ndarray) else guess.parameters
     if values is None:
         raise OptimizerError("guess: the solution has no parameters")
     values = np.asarray(values, dtype=np.float64)
-    if values.shape != (7 + 2 * drops,) or not np.isfinite(values).all():
+    if values.shape != (size,) or not np.isfinite(values).all():
         raise OptimizerError(
-            f"guess: parameters have shape {values.shape}; expected ({7 + 2 * drops},), finite"
+            f"guess: parameters have shape {values.shape}; expected ({size},), finite"
         )
     return values
 
@@ -584,7 +188,7 @@ def _find(solver: TwoPointSolver, start: NDArray[np.void], guess: Array | None) 
 
 def _fine(step_s: float, start: NDArray[np.void], root: Root) -> float:
     """Step of the final grid, s: a short flight may turn as much as a long one."""
-    return min(step_s, float(root.unknowns[6] - start["time"][0]) / _LEAST_STEPS)
+    return min(step_s, float(root.cutoff_s - start["time"][0]) / _LEAST_STEPS)
 
 
 def _added(root: Root, before: Root, starts: int) -> Root:
@@ -763,23 +367,16 @@ def _arc_of(solver: TwoPointSolver, flight: Array) -> NDArray[np.int64]:
 
 
 def _closed_form_notes(
-    solver: TwoPointSolver, start: NDArray[np.void], root: Root, arc_length_s: float, rule: Rule
+    solver: TwoPointSolver, start: NDArray[np.void], root: Root, options: TwoPointOptions
 ) -> dict[str, float]:
     """What the closed form came to, and how far from its end the exact flight of its steering."""
     flight = solver.sample(start, root.unknowns)
-    error = flight_errors(
-        solver.arrays,
-        start,
-        root.unknowns,
-        arc_length_s=arc_length_s,
-        rule=rule,
-        correction=bool(solver.options["corrected"][0]),
-        heating=int(solver.options["heating"][0]),
-    )
+    error = flight_errors(solver.arrays, start, root.unknowns, options)
+    times = root.unknowns[TIMES]
     return {
         "closed_form_m_f_kg": float(flight[-1, sample.MASS]),
-        "closed_form_t_meco_s": float(root.unknowns[6]),
-        "closed_form_t_plf_s": float(root.unknowns[-2]) if root.unknowns.size > 7 else math.nan,
+        "closed_form_t_meco_s": root.cutoff_s,
+        "closed_form_t_plf_s": float(times[-1]) if times.size else math.nan,
         "closed_form_position_error_m": error.position_m,
         "closed_form_velocity_error_m_s": error.velocity_m_s,
     }
@@ -793,7 +390,7 @@ def _jettison_times(
     ignitions = first_ignitions(start[0], _pieces(solver), arrays.arcs)
     now = float(start["time"][0])
     times = []
-    heated = 0
+    heated = iter(root.unknowns[TIMES])
     for j, jettison in enumerate(arrays.jettisons):
         if (int(start["jettisoned"][0]) >> j) & 1:
             times.append(math.nan)
@@ -803,13 +400,12 @@ def _jettison_times(
             if solver.options["heating"][0] == timetable.HEATING_IGNORED:
                 at = earliest
             else:
-                at = float(root.unknowns[7 + 2 * heated])
-                heated += 1
+                at = float(next(heated))
         elif jettison["criterion"] == MISSION_TIME:
             at = max(earliest, float(jettison["value"]))
         else:
             at = max(now, ignitions[int(jettison["stage"])] + float(jettison["value"]))
-        times.append(at if at <= root.unknowns[6] else math.nan)
+        times.append(at if at <= root.cutoff_s else math.nan)
     return tuple(times)
 
 
@@ -928,7 +524,7 @@ def _multipliers(
         if jettison["criterion"] == HEATING_LIMIT and not (int(start["jettisoned"][0]) >> j) & 1
     ]
     if solver.options["heating"][0] == timetable.HEATING_OPTIMAL:
-        for j, pi in zip(heated, root.unknowns[8::2], strict=True):
+        for j, pi in zip(heated, root.unknowns[PIS], strict=True):
             per_unit[f"heating at jettison {j}"] = (
                 flow * float(pi) / float(arrays.jettisons[j]["value"])
             )
@@ -956,7 +552,7 @@ def _solution(
         not obstacle,
         obstacle or "optimal",
         times,
-        float(root.unknowns[6]),
+        root.cutoff_s,
         float(flight[-1, sample.MASS]),
         root.iterations,
         elapsed,
@@ -998,8 +594,9 @@ def _proven(
         solution.t_meco_s,
         [float(piece["start"]) for piece in pieces],
     )
-    judged = bool(solver.options["heating"][0] != timetable.HEATING_IGNORED)
-    checks = constraint_table(arrays, start[0], flown, False, judged)
+    ignored = solver.options["heating"][0] == timetable.HEATING_IGNORED
+    held = Heating.IGNORED if ignored else Heating.AT_JETTISON
+    checks = constraint_table(arrays, start[0], flown, held)
     nodes = np.column_stack(
         (
             flight[:, sample.TIME],
@@ -1042,9 +639,7 @@ def _proven(
             flight[:, sample.LAMBDA_V : sample.LAMBDA_V + 3].copy(),
             flight[:, sample.HAMILTONIAN].copy(),
             _hamiltonian_spread(pieces, flight),
-            tuple(
-                float(pi) / limit for pi, limit in zip(root.unknowns[8::2], limits, strict=False)
-            ),
+            tuple(float(pi) / limit for pi, limit in zip(root.unknowns[PIS], limits, strict=False)),
         ),
         notes={
             **solution.notes,

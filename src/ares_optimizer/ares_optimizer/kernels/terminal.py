@@ -26,24 +26,22 @@ _EQUATORIAL = 1e-6  # sine of the inclination below which the node has no meanin
 
 
 @kernel
-def put_row(gradient: Array, row: int, by_position: Vector, by_velocity: Vector) -> None:
+def put_row(row: Array, by_position: Vector, by_velocity: Vector) -> None:
     """Write one row of the gradient by position and velocity."""
     for c in range(3):
-        gradient[row, c] = by_position[c]
-        gradient[row, 3 + c] = by_velocity[c]
+        row[c] = by_position[c]
+        row[3 + c] = by_velocity[c]
 
 
 @kernel
-def normal_component(
-    r: Vector, v: Vector, axis: Vector, level: float, row: int, c: Array, gradient: Array
-) -> None:
-    """Row that asks for a component of the orbit's unit normal."""
+def normal_component(r: Vector, v: Vector, axis: Vector, row: Array) -> float:
+    """A component of the orbit's unit normal; its gradient into ``row``."""
     h = cross(r, v)
     size = norm(h)
     value = dot(h, axis) / size
     w = scale(SCALE / size, axpy(-value / size, h, axis))
-    c[row] = SCALE * (value - level)
-    put_row(gradient, row, cross(v, w), cross(w, r))
+    put_row(row, cross(v, w), cross(w, r))
+    return value
 
 
 @kernel
@@ -72,35 +70,33 @@ def terminal_rows(
         a = target.semi_major_axis
         s = SCALE * a / mu
         c[0] = s * (0.5 * speed * speed - mu / radius + 0.5 * mu / a)
-        put_row(gradient, 0, scale(s * mu / (radius * radius * radius), r), scale(s, v))
+        put_row(gradient[0], scale(s * mu / (radius * radius * radius), r), scale(s, v))
     else:
         s = SCALE / target.radius
         c[0] = s * (radius - target.radius)
-        put_row(gradient, 0, scale(s / radius, r), zero)
+        put_row(gradient[0], scale(s / radius, r), zero)
         s = SCALE / target.speed
         c[1] = s * (speed - target.speed)
-        put_row(gradient, 1, zero, scale(s / speed, v))
+        put_row(gradient[1], zero, scale(s / speed, v))
         sine = dot(r, v) / (radius * speed)
         c[2] = SCALE * (sine - math.sin(target.flight_path_angle))
         s = SCALE / (radius * speed)
         put_row(
-            gradient,
-            2,
+            gradient[2],
             scale(s, axpy(-sine * speed / radius, r, v)),
             scale(s, axpy(-sine * radius / speed, v, r)),
         )
     si = math.sin(target.inclination)
     ci = math.cos(target.inclination)
     if target.kind == TARGET_RADIUS_SPEED_ANGLE_INCLINATION and abs(si) > _EQUATORIAL:
-        normal_component(r, v, (0.0, 0.0, 1.0), ci, 3, c, gradient)
+        c[3] = SCALE * (normal_component(r, v, (0.0, 0.0, 1.0), gradient[3]) - ci)
         return 4
     node = (math.cos(target.ascending_node), math.sin(target.ascending_node), 0.0)
     if target.kind == TARGET_RADIUS_SPEED_ANGLE_INCLINATION:
         node = (1.0, 0.0, 0.0)
     across = (-ci * node[1], ci * node[0], si)
-    row = 3
-    normal_component(r, v, node, 0.0, row, c, gradient)
-    normal_component(r, v, across, 0.0, row + 1, c, gradient)
+    c[3] = SCALE * normal_component(r, v, node, gradient[3])
+    c[4] = SCALE * normal_component(r, v, across, gradient[4])
     if target.kind != TARGET_KEPLERIAN:
         return 5
     cw = math.cos(target.argument_of_perigee)
@@ -120,7 +116,7 @@ def terminal_rows(
         c[1 + k] = SCALE * (q * x - along * y / mu - level)
         by_position = axpy(q, axis, axpy(x / (radius * radius * radius), r, scale(-y / mu, v)))
         by_velocity = axpy(2.0 * x / mu, v, axpy(-y / mu, r, scale(-along / mu, axis)))
-        put_row(gradient, 1 + k, scale(SCALE, by_position), scale(SCALE, by_velocity))
+        put_row(gradient[1 + k], scale(SCALE, by_position), scale(SCALE, by_velocity))
     return 5
 
 

@@ -12,6 +12,7 @@ from ares_models.arrays import (
 )
 from ares_optimizer.proof.flight import Flight
 from ares_optimizer.proof.physics import elements, surface_radius
+from ares_optimizer.request import Heating
 from ares_optimizer.solution import ConstraintCheck, Verification
 from ares_optimizer.targets import half_turn, target_rows
 
@@ -25,7 +26,7 @@ _ACTIVE = 1e-3  # an inequality this close to its limit, relatively, is active
 
 
 def constraint_table(
-    arrays: MissionArrays, start: Record, flight: Flight, path: bool, judged: bool
+    arrays: MissionArrays, start: Record, flight: Flight, heating: Heating
 ) -> tuple[ConstraintCheck, ...]:
     """Constraint by constraint: value, limit, active, met.
 
@@ -33,9 +34,9 @@ def constraint_table(
         arrays: the mission.
         start: record NAVIGATION.
         flight: from :func:`fly`.
-        path: whether the heating limit holds from the jettison on.
-        judged: whether the heating limit counts at all.
+        heating: where the heating limit holds.
     """
+    judged = heating is not Heating.IGNORED
     target = arrays.target[0]
     figures = elements(flight.final[:3], flight.final[3:6], float(arrays.environment[0]["mu"]))
     table = []
@@ -68,7 +69,7 @@ def constraint_table(
             continue
         if judged:
             table.append(_at_most(f"heating at jettison {j}", at[0], limit, "W/m2"))
-    if path and math.isfinite(flight.peak_w_m2):
+    if heating is Heating.FROM_JETTISON and math.isfinite(flight.peak_w_m2):
         limits = [
             float(arrays.jettisons[j]["value"])
             for j, at in enumerate(flight.at_jettison)

@@ -6,11 +6,12 @@ inclination that the tilt of the plane decides.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ares_models.arrays import MissionArrays
 from ares_models.jit import kernel
 from ares_models.kernels.environment import heating_rate
 from ares_models.kernels.vectors import Vector, add, axpy, norm, scale, store
@@ -62,36 +63,41 @@ def place(
     return scale(radius / norm(r), r), scale(speed / norm(v), v)
 
 
+class Track(NamedTuple):
+    """Samples of a flight in space.
+
+    Attributes:
+        position, velocity, direction: shape (n, 3): m, m/s, unit vectors of the thrust.
+        rate: shape (n,): free molecular heating, W/m2.
+    """
+
+    position: Array
+    velocity: Array
+    direction: Array
+    rate: Array
+
+
 @kernel
 def place_samples(
-    samples: Array,
-    since: Array,
-    plane: Plane,
-    environment: NDArray[Any],
-    atmosphere: Array,
-    position: Array,
-    velocity: Array,
-    direction: Array,
-    rate: Array,
+    samples: Array, since: Array, plane: Plane, mission: MissionArrays, track: Track
 ) -> None:
     """Planar samples in space.
 
     Args:
-        samples: shape (n, 6), see ``analytic.sample_burn``; range angles from the start.
+        samples: shape (n, 6), see ``burn.sample_burn``; range angles from the start.
         since: shape (n,), s after the start.
         plane: where.
-        environment: shape (1,), dtype ENVIRONMENT.
-        atmosphere: shape (k, 5).
-        position, velocity, direction: shape (n, 3), written: m, m/s, unit vectors of the thrust.
-        rate: shape (n,), written: free molecular heating, W/m2.
+        mission: what is flown.
+        track: written.
     """
+    environment = mission.environment[0]
     for i in range(samples.shape[0]):
         r, v = place(samples[i, 0], samples[i, 1], samples[i, 2], samples[i, 3], since[i], plane)
         cos = math.cos(samples[i, 3])
         sin = math.sin(samples[i, 3])
         along = samples[i, 4] * cos + samples[i, 5] * sin
         above = samples[i, 5] * cos - samples[i, 4] * sin
-        store(position[i], r)
-        store(velocity[i], v)
-        store(direction[i], axpy(above, plane.up, scale(along, plane.ahead)))
-        rate[i] = heating_rate(r, v, environment[0], atmosphere)
+        store(track.position[i], r)
+        store(track.velocity[i], v)
+        store(track.direction[i], axpy(above, plane.up, scale(along, plane.ahead)))
+        track.rate[i] = heating_rate(r, v, environment, mission.atmosphere)

@@ -52,6 +52,8 @@ _FIRST_STEP = 0.1  # of the time to the jettison
 _GREATEST_STEP = 0.3
 _TIME_FOUND = 0.02  # s
 _TIME_ROUNDING = 1e-6  # s
+#: bool() of it is no literal, for which numba would compile the flight once more.
+_BOTH_PARTS = True
 
 
 class Heating(NamedTuple):
@@ -70,6 +72,24 @@ class Heating(NamedTuple):
     plane: Plane
     limit: float
     drop_s: float
+
+
+class TwoParts(NamedTuple):
+    """A flight in two parts.
+
+    Attributes:
+        parts: shape (2,), dtype PART.
+        before: dtype BURN: burns of part one.
+        after: shape (1,), dtype BURN: that of part two.
+        heating: limit and plane.
+        moments: shape (POWERS,), scratch.
+    """
+
+    parts: NDArray[Any]
+    before: NDArray[Any]
+    after: NDArray[Any]
+    heating: Heating
+    moments: Array
 
 
 @kernel
@@ -134,18 +154,9 @@ def first_within_limit(burn: Record, heating: Heating) -> tuple[float, float]:
 
 
 @kernel
-def _fly(
-    parts: NDArray[Any],
-    before: NDArray[Any],
-    after: NDArray[Any],
-    heating: Heating,
-    x: Array,
-    time: float,
-    changed_before: bool,
-    moments: Array,
-    f: Array,
-) -> bool:
+def _fly(flight: TwoParts, x: Array, time: float, changed_before: bool, f: Array) -> bool:
     """Both parts for given unknowns, and what they miss: heating, radius, speed, gamma."""
+    parts, before, after, heating, moments = flight
     first = parts[0]
     second = parts[1]
     last = before[first.burns - 1]
@@ -182,17 +193,7 @@ def _size(f: Array) -> float:
 
 
 @kernel
-def _differences(
-    parts: NDArray[Any],
-    before: NDArray[Any],
-    after: NDArray[Any],
-    heating: Heating,
-    x: Array,
-    time: float,
-    moments: Array,
-    f: Array,
-    jacobian: Array,
-) -> bool:
+def _differences(flight: TwoParts, x: Array, time: float, f: Array, jacobian: Array) -> bool:
     """Columns of the unknowns and, the last one, of the time to the jettison."""
     shifted = np.empty(_UNKNOWNS)
     trial = np.empty(_UNKNOWNS)
@@ -202,13 +203,13 @@ def _differences(
     for j in (3, 2, 1, 0):
         shift = _TIME_SHIFT if j == 3 else _SHIFT
         trial[j] = x[j] + shift
-        if not _fly(parts, before, after, heating, trial, time, j < 2, moments, shifted):
+        if not _fly(flight, trial, time, j < 2, shifted):
             return False
         trial[j] = x[j]
         for i in range(_UNKNOWNS):
             jacobian[i, j] = (shifted[i] - f[i]) / shift
     later = time + _TIME_SHIFT
-    if not _fly(parts, before, after, heating, x, later, True, moments, shifted):
+    if not _fly(flight, x, later, bool(_BOTH_PARTS), shifted):
         return False
     for i in range(_UNKNOWNS):
         jacobian[i, _UNKNOWNS] = (shifted[i] - f[i]) / _TIME_SHIFT
@@ -216,42 +217,33 @@ def _differences(
 
 
 @kernel
-def _meet(
-    parts: NDArray[Any],
-    before: NDArray[Any],
-    after: NDArray[Any],
-    heating: Heating,
-    x: Array,
-    time: float,
-    slope: Array,
-) -> bool:
+def _meet(flight: TwoParts, x: Array, time: float, slope: Array) -> bool:
     """Newton on the flight with its jettison at a given time; dx/dtime into ``slope``."""
-    moments = np.empty(POWERS)
     f = np.empty(_UNKNOWNS)
     step = np.empty(_UNKNOWNS)
     jacobian = np.empty((_UNKNOWNS, _UNKNOWNS + 1))
     pivots = np.empty(_UNKNOWNS, np.int64)
-    if not _fly(parts, before, after, heating, x, time, True, moments, f):
+    if not _fly(flight, x, time, bool(_BOTH_PARTS), f):
         return False
     size = _size(f)
     factored = False
     for _ in range(_NEWTON_STEPS):
         if not factored:
-            if not _differences(
-                parts, before, after, heating, x, time, moments, f, jacobian
-            ) or not factor(_UNKNOWNS, jacobian, pivots):
+            if not _differences(flight, x, time, f, jacobian):
+                return False
+            if not factor(int(_UNKNOWNS), jacobian, pivots):
                 return False
             for i in range(_UNKNOWNS):
                 slope[i] = -jacobian[i, _UNKNOWNS]
-            back_substitute(_UNKNOWNS, jacobian, pivots, slope)
+            back_substitute(int(_UNKNOWNS), jacobian, pivots, slope)
         for i in range(_UNKNOWNS):
             step[i] = f[i]
-        back_substitute(_UNKNOWNS, jacobian, pivots, step)
+        back_substitute(int(_UNKNOWNS), jacobian, pivots, step)
         longest = max(abs(step[0]), abs(step[1]), abs(step[2]))
         shorter = min(1.0, _LONGEST_STEP / longest)
         for i in range(_UNKNOWNS):
             x[i] -= shorter * step[i]
-        if not _fly(parts, before, after, heating, x, time, True, moments, f):
+        if not _fly(flight, x, time, bool(_BOTH_PARTS), f):
             return False
         old = size
         size = _size(f)
@@ -289,15 +281,7 @@ def _take_over(
 
 
 @kernel
-def _shortest(
-    parts: NDArray[Any],
-    before: NDArray[Any],
-    after: NDArray[Any],
-    heating: Heating,
-    x: Array,
-    time: float,
-    slope: Array,
-) -> tuple[float, int]:
+def _shortest(flight: TwoParts, x: Array, time: float, slope: Array) -> tuple[float, int]:
     """Secant on d(cut-off time)/d(time to the jettison) = 0, never to a later cut-off.
 
     Returns:
@@ -313,11 +297,11 @@ def _shortest(
         for i in range(_UNKNOWNS):
             trial[i] = x[i] + slope[i] * (later - time)
         kept = slope[3]
-        met = _meet(parts, before, after, heating, trial, later, slope)
+        met = _meet(flight, trial, later, slope)
         if not met or later + trial[3] > time + x[3] + _TIME_ROUNDING:
             halvings += 1
             step *= 0.5
-            _meet(parts, before, after, heating, x, time, slope)
+            _meet(flight, x, time, slope)
             continue
         count += 1
         moved = later - time
@@ -378,14 +362,14 @@ def find_target(
     single = np.empty(_UNKNOWNS)
     for i in range(_UNKNOWNS):
         single[i] = x[i]
-    if _meet(parts, before, after, heating, x, time, slope):
-        time, count = _shortest(parts, before, after, heating, x, time, slope)
+    flight = TwoParts(parts, before, after, heating, np.empty(POWERS))
+    if _meet(flight, x, time, slope):
+        time, count = _shortest(flight, x, time, slope)
     elif level > 0.0:
         return TOO_HOT, 0, level
     else:
         f = np.empty(_UNKNOWNS)
-        moments = np.empty(POWERS)
-        if not _fly(parts, before, after, heating, single, time, True, moments, f):
+        if not _fly(flight, single, time, bool(_BOTH_PARTS), f):
             return NO_FLIGHT, 0, level
     first.time_to_go = time
     first.target_radius = parts[1].radius

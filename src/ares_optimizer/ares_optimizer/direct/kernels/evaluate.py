@@ -9,9 +9,13 @@ from ares_models.jit import kernel
 from ares_models.kernels.environment import log_heating_gradient
 from ares_models.kernels.vectors import load
 from ares_optimizer.direct.kernels.flight import (
+    COLUMNS,
+    LATER_PEAKS,
     MOST_STEPS,
     N_COLUMNS,
+    STORED,
     WORK_ROWS,
+    Scratch,
     drop_column,
     fly,
     lay_out,
@@ -27,41 +31,13 @@ from ares_optimizer.direct.kernels.problem import (
     TIME_SCALE,
     Problem,
 )
-from ares_optimizer.kernels.algebra import Array, Index
+from ares_optimizer.kernels.algebra import Array
+from ares_optimizer.kernels.nystroem import STAGES
 from ares_optimizer.kernels.terminal import MAX_ROWS, terminal_rows
 
 _INACTIVE = -1.0
 # a jettison comes at least this long before the cut-off, s
 _MARGIN = 0.1
-
-
-class Scratch(NamedTuple):
-    """What :func:`evaluate` writes: room for one problem.
-
-    Attributes:
-        times, breaks: order of events.
-        work: scratch of the integration.
-        nodes: shape (k, N_COLUMNS), room for every step of every break.
-        drops: shape (d + PEAKS, 14), states at the free drops and at later heating peaks.
-        drop_tangents: shape (d + PEAKS, 6, n).
-        final: shape (8,).
-        final_tangents: shape (6, n).
-        rows: shape (MAX_ROWS, 6), terminal gradients by the state.
-        counts: shape (3,): breaks, nodes, peaks of the heating after the last free drop.
-        peaks: shape (PEAKS,), their times, s after the start; found only where they count.
-    """
-
-    times: Array
-    breaks: Index
-    work: Array
-    nodes: Array
-    drops: Array
-    drop_tangents: Array
-    final: Array
-    final_tangents: Array
-    rows: Array
-    counts: Index
-    peaks: Array
 
 
 class Point(NamedTuple):
@@ -105,7 +81,9 @@ def make_scratch(problem: Problem) -> Scratch:
         np.zeros(8),
         np.zeros((6, n)),
         np.zeros((MAX_ROWS, 6)),
-        np.zeros(3, np.int64),
+        np.zeros(6),
+        np.zeros((STAGES, 3)),
+        np.zeros(4, np.int64),
         np.full(PEAKS, math.nan),
     )
 
@@ -166,77 +144,21 @@ def heating_row(state: Array, tangents: Array, problem: Problem, row: Array, col
 
 
 @kernel
-def evaluate(p: Array, problem: Problem, columns: int, scratch: Scratch, point: Point) -> float:
-    """Fly and evaluate.
-
-    Args:
-        p: shape (n,).
-        problem: the flight.
-        columns: n for gradients, 0 for values only.
-        scratch: from :func:`make_scratch`, written.
-        point: from :func:`make_point`, written.
-
-    Returns:
-        objective: cut-off time after the start in TIME_SCALE s, or log heating at the last
-        free drop.
-    """
-    gradient, equations, equation_rows, inequalities, inequality_rows = point
-    n = problem.variables
-    drops = problem.drops.shape[0]
-    environment = problem.environment[0]
-    path = problem.heating == HEATING_FROM_JETTISON and drops > 0
-    scratch.counts[2] = 0
-    if path:
-        count = lay_out(p, problem, scratch.peaks[:0], scratch.times, scratch.breaks)
-        stored = fly(
-            p,
-            problem,
-            scratch.times,
-            scratch.breaks,
-            count,
-            0,
-            scratch.work,
-            scratch.nodes,
-            scratch.drops,
-            scratch.drop_tangents,
-            scratch.final,
-            scratch.final_tangents,
-        )
-        scratch.counts[2] = heating_peaks(
-            scratch.nodes,
-            stored,
-            scratch.drops[drops - 1, 0],
-            environment,
-            problem.atmosphere,
-            scratch.peaks,
-        )
-    peaks = scratch.counts[2]
-    count = lay_out(p, problem, scratch.peaks[:peaks], scratch.times, scratch.breaks)
-    scratch.counts[0] = count
-    scratch.counts[1] = fly(
-        p,
-        problem,
-        scratch.times,
-        scratch.breaks,
-        count,
-        columns,
-        scratch.work,
-        scratch.nodes,
-        scratch.drops,
-        scratch.drop_tangents,
-        scratch.final,
-        scratch.final_tangents,
-    )
+def terminal_equations(p: Array, problem: Problem, scratch: Scratch, point: Point) -> None:
+    """The equations: terminal rows, then |B| = 1 (Eq. 3.42) per free direction."""
+    columns = scratch.counts[COLUMNS]
+    equations = point.equations
+    equation_rows = point.equation_rows
     r = load(scratch.final[1:])
     v = load(scratch.final[4:])
-    rows = terminal_rows(problem.target[0], environment.mu, r, v, equations, scratch.rows)
-    for i in range(rows):
+    mu = problem.environment[0].mu
+    e = terminal_rows(problem.target[0], mu, r, v, equations, scratch.rows)
+    for i in range(e):
         for j in range(columns):
             s = 0.0
             for c in range(6):
                 s += scratch.rows[i, c] * scratch.final_tangents[c, j]
             equation_rows[i, j] = s
-    e = rows
     for k in range(problem.laws.shape[0]):
         column = problem.laws[k, L_DIRECTION]
         if column < 0:
@@ -247,74 +169,137 @@ def evaluate(p: Array, problem: Problem, columns: int, scratch: Scratch, point: 
         equations[e] = 0.5 * (square - 1.0)
         for j in range(columns):
             equation_rows[e, j] = 0.0
-        for c in range(3):
-            if columns > 0:
+        if columns > 0:
+            for c in range(3):
                 equation_rows[e, column + c] = p[column + c]
         e += 1
 
-    for i in range(inequalities.shape[0]):
-        for j in range(columns):
-            inequality_rows[i, j] = 0.0
+
+@kernel
+def drop_inequalities(p: Array, problem: Problem, scratch: Scratch, point: Point) -> int:
+    """Limits of the free drops and of the cut-off; number of rows written."""
+    columns = scratch.counts[COLUMNS]
+    inequalities = point.inequalities
+    rows = point.inequality_rows
+    drops = problem.drops.shape[0]
+    last = problem.variables - 1
     i = 0
-    last = n - 1
     for d in range(drops):
         column = drop_column(problem, d)
-        level = heating_row(
-            scratch.drops[d], scratch.drop_tangents[d], problem, inequality_rows[i], columns
-        )
+        level = heating_row(scratch.drops[d], scratch.drop_tangents[d], problem, rows[i], columns)
         inequalities[i] = level - problem.drops[d, D_LOG_LIMIT]
-        inequalities[i + 1] = (problem.drops[d, D_EARLIEST] - problem.start_time) / TIME_SCALE - p[
-            column
-        ]
+        earliest = (problem.drops[d, D_EARLIEST] - problem.start_time) / TIME_SCALE
+        inequalities[i + 1] = earliest - p[column]
         inequalities[i + 2] = p[column] - p[last] + _MARGIN / TIME_SCALE
         if columns > 0:
-            inequality_rows[i + 1, column] = -1.0
-            inequality_rows[i + 2, column] = 1.0
-            inequality_rows[i + 2, last] = -1.0
+            rows[i + 1, column] = -1.0
+            rows[i + 2, column] = 1.0
+            rows[i + 2, last] = -1.0
         i += 3
     for d in range(drops - 1):
         column = drop_column(problem, d)
         inequalities[i] = p[column] - p[column + 1]
         if columns > 0:
-            inequality_rows[i, column] = 1.0
-            inequality_rows[i, column + 1] = -1.0
+            rows[i, column] = 1.0
+            rows[i, column + 1] = -1.0
         i += 1
     inequalities[i] = (problem.earliest_cutoff - problem.start_time) / TIME_SCALE - p[last]
     inequalities[i + 1] = p[last] - (problem.latest_cutoff - problem.start_time) / TIME_SCALE
     if columns > 0:
-        inequality_rows[i, last] = -1.0
-        inequality_rows[i + 1, last] = 1.0
-    i += 2
+        rows[i, last] = -1.0
+        rows[i + 1, last] = 1.0
+    return i + 2
+
+
+@kernel
+def peak_inequalities(
+    first: int, p: Array, problem: Problem, scratch: Scratch, point: Point
+) -> None:
+    """The heating at later peaks, from row ``first`` on; the last may be the end of thrust."""
+    columns = scratch.counts[COLUMNS]
+    peaks = scratch.counts[LATER_PEAKS]
+    drops = problem.drops.shape[0]
+    limit = problem.drops[drops - 1, D_LOG_LIMIT]
+    for k in range(PEAKS):
+        row = point.inequality_rows[first + k]
+        point.inequalities[first + k] = _INACTIVE
+        if k >= peaks:
+            continue
+        state = scratch.final
+        tangents = scratch.final_tangents
+        if scratch.peaks[k] < p[problem.variables - 1] * TIME_SCALE:
+            state = scratch.drops[drops + k]
+            tangents = scratch.drop_tangents[drops + k]
+        level = heating_row(state, tangents, problem, row, columns)
+        point.inequalities[first + k] = level - limit
+
+
+@kernel
+def _evaluate(p: Array, problem: Problem, scratch: Scratch, point: Point) -> float:
+    """Values, and the gradients that the COLUMNS of ``scratch`` ask for."""
+    columns = scratch.counts[COLUMNS]
+    drops = problem.drops.shape[0]
+    path = problem.heating == HEATING_FROM_JETTISON and drops > 0
+    scratch.counts[LATER_PEAKS] = 0
     if path:
-        limit = problem.drops[drops - 1, D_LOG_LIMIT]
-        for k in range(PEAKS):
-            inequalities[i] = _INACTIVE
-            if k < peaks and scratch.peaks[k] < p[last] * TIME_SCALE:
-                level = heating_row(
-                    scratch.drops[drops + k],
-                    scratch.drop_tangents[drops + k],
-                    problem,
-                    inequality_rows[i],
-                    columns,
-                )
-                inequalities[i] = level - limit
-            elif k < peaks:
-                level = heating_row(
-                    scratch.final, scratch.final_tangents, problem, inequality_rows[i], columns
-                )
-                inequalities[i] = level - limit
-            i += 1
+        scratch.counts[COLUMNS] = 0
+        lay_out(p, problem, scratch)
+        fly(p, problem, scratch)
+        scratch.counts[LATER_PEAKS] = heating_peaks(
+            scratch.nodes,
+            scratch.counts[STORED],
+            scratch.drops[drops - 1, 0],
+            problem.environment[0],
+            problem.atmosphere,
+            scratch.peaks,
+        )
+    scratch.counts[COLUMNS] = columns
+    lay_out(p, problem, scratch)
+    fly(p, problem, scratch)
+    terminal_equations(p, problem, scratch, point)
+    for i in range(point.inequalities.shape[0]):
+        for j in range(columns):
+            point.inequality_rows[i, j] = 0.0
+    i = drop_inequalities(p, problem, scratch, point)
+    if path:
+        peak_inequalities(i, p, problem, scratch, point)
     for j in range(columns):
-        gradient[j] = 0.0
+        point.gradient[j] = 0.0
+    last = problem.variables - 1
     if problem.objective == MINIMISE_HEATING and drops > 0:
         # the limit of the last drop is what is being pushed down
         row = 3 * (drops - 1)
-        value = inequalities[row] + problem.drops[drops - 1, D_LOG_LIMIT]
-        inequalities[row] = _INACTIVE
+        value = point.inequalities[row] + problem.drops[drops - 1, D_LOG_LIMIT]
+        point.inequalities[row] = _INACTIVE
         for j in range(columns):
-            gradient[j] = inequality_rows[row, j]
-            inequality_rows[row, j] = 0.0
+            point.gradient[j] = point.inequality_rows[row, j]
+            point.inequality_rows[row, j] = 0.0
         return value
     if columns > 0:
-        gradient[last] = 1.0
+        point.gradient[last] = 1.0
     return p[last]
+
+
+@kernel
+def evaluate(p: Array, problem: Problem, scratch: Scratch, point: Point) -> float:
+    """Fly and evaluate: values only.
+
+    Args:
+        p: shape (n,).
+        problem: the flight.
+        scratch: from :func:`make_scratch`, written.
+        point: from :func:`make_point`, written.
+
+    Returns:
+        objective: cut-off time after the start in TIME_SCALE s, or log heating at the last
+        free drop.
+    """
+    scratch.counts[COLUMNS] = 0
+    return _evaluate(p, problem, scratch, point)
+
+
+@kernel
+def evaluate_with_gradients(p: Array, problem: Problem, scratch: Scratch, point: Point) -> float:
+    """As :func:`evaluate`; gradients are written too."""
+    scratch.counts[COLUMNS] = problem.variables
+    return _evaluate(p, problem, scratch, point)

@@ -1,14 +1,15 @@
 """The flight as a function of the steering parameters, with exact first derivatives.
 
 Thrust enters Eq. 2.1 as a known function of time, so the motion is r'' = g(r) + q(t): a
-Nystroem method needs no velocity in its stages. Method: RKN6(4)6FM of Dormand,
-El-Mikkawy, Prince (IMA J. Numer. Anal. 7, 1987), order 6, five gravities per step.
+Nystroem method needs no velocity in its stages (``kernels/nystroem.py``): five gravities per
+step.
 Derivatives are those of the discrete method itself: every stage carries the tangents of
 its position, including those of the step length where an end of a leg is free in time.
 Where a leg begins or ends at a free time, tangents are total ones, of the moving node.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,21 +36,7 @@ from ares_optimizer.direct.kernels.problem import (
     Problem,
 )
 from ares_optimizer.kernels.algebra import Array, Index
-
-STAGES = 6
-NODES = (0.0, 0.1, 0.3, 0.7, 0.68, 1.0)
-# rows of the tableau for positions, flat: stage i uses the first i entries of row i
-WEIGHTS = np.array(
-    [
-        [0.0, 0.0, 0.0, 0.0, 0.0],
-        [1 / 200, 0.0, 0.0, 0.0, 0.0],
-        [-1 / 2200, 1 / 22, 0.0, 0.0, 0.0],
-        [637 / 6600, -7 / 110, 7 / 33, 0.0, 0.0],
-        [225437 / 1968750, -30073 / 281250, 65569 / 281250, -9367 / 984375, 0.0],
-        [151 / 2142, 5 / 116, 385 / 1368, 55 / 168, -6250 / 28101],
-    ]
-)
-VELOCITY_WEIGHTS = np.array([151 / 2142, 25 / 522, 275 / 684, 275 / 252, -78125 / 112404, 1 / 12])
+from ares_optimizer.kernels.nystroem import NODES, STAGES, VELOCITY_WEIGHTS, WEIGHTS
 
 # what a break is
 PIECE = 0
@@ -117,65 +104,80 @@ def drop_column(problem: Problem, j: int) -> int:
     return problem.variables - 1 - problem.drops.shape[0] + j
 
 
-@kernel
-def lay_out(p: Array, problem: Problem, probes: Array, times: Array, breaks: Index) -> int:
-    """Put everything that happens in order of time.
+#: What ``Scratch.counts`` counts.
+BREAKS = 0
+STORED = 1
+LATER_PEAKS = 2
+COLUMNS = 3
 
-    Args:
-        p: shape (n,), variables.
-        problem: the flight.
-        probes: shape (k,), s after the start, where states are wanted.
-        times: shape (k,), written: time of each break, s after the start.
-        breaks: shape (k, 4), written: what it is, its index, the column of its time (or
-            FIXED), and the number of integration steps from here to the next break.
 
-    Returns:
-        number of breaks. The last one is the end of thrust.
+class Scratch(NamedTuple):
+    """What a flight and its evaluation write: room for one problem.
+
+    Attributes:
+        times, breaks: order of events.
+        work: scratch of the integration.
+        nodes: shape (k, N_COLUMNS), room for every step of every break.
+        drops: shape (d + PEAKS, 14), states at the free drops and at later heating peaks.
+        drop_tangents: shape (d + PEAKS, 6, n).
+        final: shape (8,).
+        final_tangents: shape (6, n).
+        rows: shape (MAX_ROWS, 6), terminal gradients by the state.
+        state: shape (6,), position and velocity of the flight as it is flown.
+        forces: shape (STAGES, 3), accelerations at the stages of a step.
+        counts: shape (4,): how many BREAKS, STORED nodes, LATER_PEAKS of the heating after the
+            last free drop, and COLUMNS of tangents there are.
+        peaks: shape (PEAKS,), their times, s after the start; found only where they count.
     """
-    n = problem.variables
-    cutoff = p[n - 1] * TIME_SCALE
-    count = 0
-    for k in range(problem.profile.shape[0]):
-        at = problem.profile[k, P_TIME] - problem.start_time
-        if k == 0 or at < cutoff:
-            times[count] = at
-            breaks[count, 0] = PIECE
-            breaks[count, 1] = k
-            breaks[count, 2] = FIXED
-            count += 1
-    for k in range(problem.laws.shape[0]):
-        if problem.laws[k, L_BEGINS] == AT_DROP:
-            continue
-        at = problem.law_time[k] - problem.start_time
-        if problem.laws[k, L_BEGINS] == AT_START or at < cutoff:
-            times[count] = at
-            breaks[count, 0] = LAW
-            breaks[count, 1] = k
-            breaks[count, 2] = FIXED
-            count += 1
-    for j in range(problem.drops.shape[0]):
-        column = drop_column(problem, j)
-        times[count] = min(p[column] * TIME_SCALE, cutoff)
-        breaks[count, 0] = DROP
-        breaks[count, 1] = j
-        breaks[count, 2] = column
-        count += 1
-    for k in range(probes.size):
-        if probes[k] < cutoff:
-            times[count] = probes[k]
-            breaks[count, 0] = PROBE
-            breaks[count, 1] = k
-            breaks[count, 2] = FIXED
-            count += 1
-    times[count] = cutoff
-    breaks[count, 0] = CUTOFF
-    breaks[count, 1] = 0
-    breaks[count, 2] = n - 1
-    count += 1
-    # insertion sort, stable: at one instant the piece comes before law, drop and cut-off
+
+    times: Array
+    breaks: Index
+    work: Array
+    nodes: Array
+    drops: Array
+    drop_tangents: Array
+    final: Array
+    final_tangents: Array
+    rows: Array
+    state: Array
+    forces: Array
+    counts: Index
+    peaks: Array
+
+
+class Break(NamedTuple):
+    """An event of the flight.
+
+    Attributes:
+        what: PIECE, LAW, DROP, CUTOFF, TAIL or PROBE.
+        which: of these.
+        column: variable that moves it; FIXED: none.
+        time: s after the start.
+    """
+
+    what: int
+    which: int
+    column: int
+    time: float
+
+
+@kernel
+def add_break(at: Break, scratch: Scratch) -> None:
+    """Note an event."""
+    count = scratch.counts[BREAKS]
+    scratch.times[count] = at.time
+    scratch.breaks[count, 0] = at.what
+    scratch.breaks[count, 1] = at.which
+    scratch.breaks[count, 2] = at.column
+    scratch.counts[BREAKS] = count + 1
+
+
+@kernel
+def sort_breaks(count: int, times: Array, breaks: Index) -> None:
+    """Insertion sort, stable: at one instant the piece comes before law, drop and cut-off."""
     for i in range(1, count):
         time = times[i]
-        what, index, column = breaks[i, 0], breaks[i, 1], breaks[i, 2]
+        what, which, column = breaks[i, 0], breaks[i, 1], breaks[i, 2]
         k = i
         while k > 0 and times[k - 1] > time:
             times[k] = times[k - 1]
@@ -185,38 +187,74 @@ def lay_out(p: Array, problem: Problem, probes: Array, times: Array, breaks: Ind
             k -= 1
         times[k] = time
         breaks[k, 0] = what
-        breaks[k, 1] = index
+        breaks[k, 1] = which
         breaks[k, 2] = column
-    for k in range(problem.tail.shape[0]):
-        times[count] = cutoff + problem.tail[k, P_TIME]
-        breaks[count, 0] = TAIL
-        breaks[count, 1] = k
-        breaks[count, 2] = n - 1
-        count += 1
+
+
+@kernel
+def count_steps(count: int, longest: float, times: Array, breaks: Index) -> None:
+    """Number of integration steps from each break to the next."""
     for i in range(count - 1):
         duration = times[i + 1] - times[i]
         same = breaks[i, 2] == breaks[i + 1, 2]
         if same and duration <= 0.0:
             breaks[i, 3] = 0
-        elif duration < MOST_STEPS * problem.longest_step:
-            breaks[i, 3] = max(1, int(math.ceil(duration / problem.longest_step)))
+        elif duration < MOST_STEPS * longest:
+            breaks[i, 3] = max(1, int(math.ceil(duration / longest)))
         else:
             # nothing that a search should come to, nor wait for
             breaks[i, 3] = MOST_STEPS
     breaks[count - 1, 3] = 0
-    return count
 
 
 @kernel
-def break_time(
-    p: Array, problem: Problem, time: float, column: int, what: int, index: int
-) -> float:
-    """Time of a break for other values of the variables, in the same order of breaks."""
-    if column == FIXED:
-        return time
+def lay_out(p: Array, problem: Problem, scratch: Scratch) -> None:
+    """Put everything that happens in order of time.
+
+    Args:
+        p: shape (n,), variables.
+        problem: the flight.
+        scratch: states are wanted at its LATER_PEAKS ``peaks``. Written: ``times`` of each
+            break, s after the start; ``breaks``: what it is, its index, the column of its time
+            (or FIXED), and the number of integration steps from here to the next break; and
+            their number. The last one is the end of thrust.
+    """
+    last = problem.variables - 1
+    cutoff = p[last] * TIME_SCALE
+    scratch.counts[BREAKS] = 0
+    for k in range(problem.profile.shape[0]):
+        at = problem.profile[k, P_TIME] - problem.start_time
+        if k == 0 or at < cutoff:
+            add_break(Break(PIECE, k, FIXED, at), scratch)
+    for k in range(problem.laws.shape[0]):
+        if problem.laws[k, L_BEGINS] == AT_DROP:
+            continue
+        at = problem.law_time[k] - problem.start_time
+        if problem.laws[k, L_BEGINS] == AT_START or at < cutoff:
+            add_break(Break(LAW, k, FIXED, at), scratch)
+    for j in range(problem.drops.shape[0]):
+        column = drop_column(problem, j)
+        add_break(Break(DROP, j, column, min(p[column] * TIME_SCALE, cutoff)), scratch)
+    for k in range(scratch.counts[LATER_PEAKS]):
+        if scratch.peaks[k] < cutoff:
+            add_break(Break(PROBE, k, FIXED, scratch.peaks[k]), scratch)
+    add_break(Break(CUTOFF, 0, last, cutoff), scratch)
+    sort_breaks(scratch.counts[BREAKS], scratch.times, scratch.breaks)
+    for k in range(problem.tail.shape[0]):
+        add_break(Break(TAIL, k, last, cutoff + problem.tail[k, P_TIME]), scratch)
+    count_steps(scratch.counts[BREAKS], problem.longest_step, scratch.times, scratch.breaks)
+
+
+@kernel
+def break_at(b: int, p: Array, problem: Problem, scratch: Scratch) -> Break:
+    """A break; its time is that of ``p``, also where another ``p`` has set the order."""
+    what, which, column = scratch.breaks[b, 0], scratch.breaks[b, 1], scratch.breaks[b, 2]
+    time = scratch.times[b]
+    if column != FIXED:
+        time = p[column] * TIME_SCALE
     if what == TAIL:
-        return p[column] * TIME_SCALE + problem.tail[index, P_TIME]
-    return p[column] * TIME_SCALE
+        time += problem.tail[which, P_TIME]
+    return Break(what, which, column, time)
 
 
 # rows of the scratch array
@@ -269,27 +307,30 @@ def stage_tangents(work: Array, n: int, m: int, h: float) -> None:
 
 @kernel
 def force_tangents(
-    work: Array,
-    n: int,
     m: int,
-    first: Vector,
-    second: Vector,
-    turn_first: Vector,
-    turn_second: Vector,
+    gradient: tuple[Vector, Vector],
+    turn: tuple[Vector, Vector],
     dt: float,
+    scratch: Scratch,
 ) -> None:
     """Tangents of the acceleration of stage ``m``: gravity gradient and steering.
 
-    ``turn_*`` hold the symmetric matrix of the thrust acceleration by the steering vector.
+    Args:
+        m: stage.
+        gradient: of gravity, 1/s2: (xx, xy, xz), (yy, yz, zz).
+        turn: thrust acceleration by the steering vector, m/s2, the same way.
+        dt: s since the law began.
+        scratch: of the flight.
     """
-    stage = work[W_STAGE]
-    base = work[W_BASE]
-    slope = work[W_RATE]
-    kt = work[W_FORCE + m]
-    gxx, gxy, gxz = first
-    gyy, gyz, gzz = second
-    qxx, qxy, qxz = turn_first
-    qyy, qyz, qzz = turn_second
+    n = scratch.counts[COLUMNS]
+    stage = scratch.work[W_STAGE]
+    base = scratch.work[W_BASE]
+    slope = scratch.work[W_RATE]
+    kt = scratch.work[W_FORCE + m]
+    gxx, gxy, gxz = gradient[0]
+    gyy, gyz, gzz = gradient[1]
+    qxx, qxy, qxz = turn[0]
+    qyy, qyz, qzz = turn[1]
     for j in range(n):
         x = stage[j]
         y = stage[n + j]
@@ -304,33 +345,29 @@ def force_tangents(
 
 @kernel
 def jump_law(
-    work: Array,
-    n: int,
-    column: int,
-    x: Array,
-    slopes: tuple[float, float],
-    environment: Record,
-    atmosphere: Array,
+    x: Array, slopes: tuple[float, float], column: int, problem: Problem, scratch: Scratch
 ) -> tuple[Vector, Vector]:
-    """The law after a jettison by the jump condition, tangents in ``work`` included.
+    """The law after a jettison by the jump condition, tangents included.
 
     Args:
-        work: scratch of :func:`fly`; base and rate rows are those before, moved to the
-            instant, and become those after.
-        n: columns.
-        column: of the instant.
         x: shape (JUMP_INPUTS,), see ``jump``.
         slopes: time derivatives of T/m before and after, m/s3.
-        environment, atmosphere: of the mission.
+        column: of the instant.
+        problem: the flight.
+        scratch: of :func:`fly`; base and rate rows are those before, moved to the instant, and
+            become those after.
 
     Returns:
         steering vector and its rate after the jettison.
     """
+    n = scratch.counts[COLUMNS]
+    work = scratch.work
+    environment = problem.environment[0]
     y = np.empty(JUMP_OUTPUTS)
-    jump(x, environment, atmosphere, y)
+    jump(x, environment, problem.atmosphere, y)
     if n > 0:
         jacobian = np.empty((JUMP_OUTPUTS, JUMP_INPUTS))
-        jump_jacobian(x, environment, atmosphere, jacobian)
+        jump_jacobian(x, environment, problem.atmosphere, jacobian)
         inputs = np.empty(JUMP_INPUTS)
         for j in range(n):
             for c in range(3):
@@ -348,267 +385,439 @@ def jump_law(
     return (y[0], y[1], y[2]), (y[3], y[4], y[5])
 
 
-@kernel
-def put_node(
-    node: Array, t: float, r: Vector, v: Vector, force: Array, mass: float, steering: Vector
-) -> None:
-    """Write one end of a step."""
-    node[N_TIME] = t
-    store(node[N_POSITION:], r)
-    store(node[N_VELOCITY:], v)
-    store(node[N_ACCELERATION:], load(force))
-    node[N_MASS] = mass
-    store(node[N_DIRECTION:], scale(1.0 / norm(steering), steering))
+class Engine(NamedTuple):
+    """Thrust and mass from a break on.
+
+    Attributes:
+        anchor: s after the start, where the numbers hold.
+        thrust, thrust_slope: N, N/s.
+        flow, flow_slope: kg/s, kg/s2.
+        mass: kg, free drops aboard.
+        dropped: kg.
+        in_tail: after the cut-off.
+        cutoff_flow: kg/s, just before the cut-off.
+    """
+
+    anchor: float
+    thrust: float
+    thrust_slope: float
+    flow: float
+    flow_slope: float
+    mass: float
+    dropped: float
+    in_tail: bool
+    cutoff_flow: float
+
+
+class Law(NamedTuple):
+    """The steering in force: direction + rate (t - time).
+
+    Attributes:
+        time: s after the start.
+        column: variable that moves it; FIXED: none.
+        direction: no unit.
+        rate: 1/s.
+    """
+
+    time: float
+    column: int
+    direction: Vector
+    rate: Vector
+
+
+class Leg(NamedTuple):
+    """What lies between two breaks.
+
+    Attributes:
+        begin: s after the start.
+        h: length of its steps, s.
+        steps: how many.
+        column, end_column: variables that move its ends; FIXED: none.
+    """
+
+    begin: float
+    h: float
+    steps: int
+    column: int
+    end_column: int
+
+
+class Push(NamedTuple):
+    """The thrust at a stage of a step.
+
+    Attributes:
+        time: s after the start.
+        thrust: N.
+        mass: kg.
+        steering: vector, and its size.
+        size: of the steering vector.
+        u: unit vector along it.
+    """
+
+    time: float
+    thrust: float
+    mass: float
+    steering: Vector
+    size: float
+    u: Vector
 
 
 @kernel
-def store_state(row: Array, t: float, r: Vector, v: Vector, mass: float) -> None:
-    """Write time, position, velocity and mass, shape (8,)."""
+def mass_at(engine: Engine, t: float) -> float:
+    """Mass, kg, at ``t`` s after the start."""
+    tau = t - engine.anchor
+    burnt = tau * (engine.flow + 0.5 * tau * engine.flow_slope)
+    return engine.mass - burnt - engine.dropped
+
+
+@kernel
+def pass_break(at: Break, engine: Engine, problem: Problem) -> Engine:
+    """The engine after a break."""
+    if at.what == PIECE:
+        row = problem.profile[at.which]
+        return Engine(
+            at.time,
+            row[P_THRUST],
+            row[P_THRUST_SLOPE],
+            row[P_FLOW],
+            row[P_FLOW_SLOPE],
+            row[P_MASS],
+            engine.dropped,
+            engine.in_tail,
+            engine.cutoff_flow,
+        )
+    if at.what == TAIL:
+        # the tail is anchored to the cut-off and takes the mass as it is
+        row = problem.tail[at.which]
+        return Engine(
+            at.time,
+            row[P_THRUST],
+            row[P_THRUST_SLOPE],
+            row[P_FLOW],
+            row[P_FLOW_SLOPE],
+            mass_at(engine, at.time) + engine.dropped,
+            engine.dropped,
+            True,
+            engine.cutoff_flow,
+        )
+    dropped = engine.dropped
+    cutoff_flow = engine.cutoff_flow
+    if at.what == DROP:
+        dropped += problem.drops[at.which, D_MASS]
+    elif at.what == CUTOFF:
+        cutoff_flow = engine.flow + (at.time - engine.anchor) * engine.flow_slope
+    return Engine(
+        engine.anchor,
+        engine.thrust,
+        engine.thrust_slope,
+        engine.flow,
+        engine.flow_slope,
+        engine.mass,
+        dropped,
+        engine.in_tail,
+        cutoff_flow,
+    )
+
+
+@kernel
+def law_at(at: Break, problem: Problem) -> int:
+    """Law that begins at a break; -1: none."""
+    if at.what == LAW:
+        return at.which
+    found = -1
+    if at.what == DROP:
+        for k in range(problem.laws.shape[0]):
+            if problem.laws[k, L_BEGINS] == AT_DROP and problem.laws[k, L_DROP] == at.which:
+                found = k
+    return found
+
+
+@kernel
+def free_law(k: int, p: Array, problem: Problem, direction: Vector, scratch: Scratch) -> Law:
+    """A law whose rate is free, and its direction too if it is not continuous."""
+    n = scratch.counts[COLUMNS]
+    work = scratch.work
+    direction_column = problem.laws[k, L_DIRECTION]
+    rate_column = problem.laws[k, L_RATE]
+    if direction_column >= 0:
+        direction = load(p[direction_column:])
+    if n > 0:
+        if direction_column >= 0:
+            work[W_BASE, : 3 * n] = 0.0
+        work[W_RATE, : 3 * n] = 0.0
+        for c in range(3):
+            if direction_column >= 0:
+                work[W_BASE, c * n + direction_column + c] = 1.0
+            work[W_RATE, c * n + rate_column + c] = RATE_SCALE
+    return Law(0.0, int(FIXED), direction, scale(RATE_SCALE, load(p[rate_column:])))
+
+
+@kernel
+def law_of_jump(
+    at: Break, law: Law, direction: Vector, engine: Engine, problem: Problem, scratch: Scratch
+) -> Law:
+    """The law after a jettison by the jump condition; ``engine`` is that before."""
+    tau = at.time - engine.anchor
+    thrust = engine.thrust + tau * engine.thrust_slope
+    flow = engine.flow + tau * engine.flow_slope
+    mass = mass_at(engine, at.time)
+    rest = mass - problem.drops[at.which, D_MASS]
+    x = np.empty(JUMP_INPUTS)
+    for c in range(6):
+        x[c] = scratch.state[c]
+    store(x[6:], direction)
+    store(x[9:], law.rate)
+    x[12] = thrust / mass
+    x[13] = thrust / rest
+    slopes = (
+        (engine.thrust_slope + thrust * flow / mass) / mass,
+        (engine.thrust_slope + thrust * flow / rest) / rest,
+    )
+    after, rate = jump_law(x, slopes, at.column, problem, scratch)
+    return Law(0.0, int(FIXED), after, rate)
+
+
+@kernel
+def change_law(
+    at: Break, law: Law, engine: Engine, p: Array, problem: Problem, scratch: Scratch
+) -> Law:
+    """The law after a break, tangents included; ``engine`` is that before."""
+    k = law_at(at, problem)
+    if k < 0:
+        return law
+    n = scratch.counts[COLUMNS]
+    work = scratch.work
+    dt = at.time - law.time
+    direction = axpy(dt, law.rate, law.direction)
+    if n > 0:
+        # tangents of the direction at this moving instant
+        for c in range(3 * n):
+            work[W_BASE, c] += dt * work[W_RATE, c]
+        if law.column != FIXED:
+            add_column(work[W_BASE], n, law.column, -TIME_SCALE, law.rate)
+        if at.column != FIXED:
+            add_column(work[W_BASE], n, at.column, TIME_SCALE, law.rate)
+    if problem.laws[k, L_RATE] < 0:
+        new = law_of_jump(at, law, direction, engine, problem, scratch)
+    else:
+        new = free_law(k, p, problem, direction, scratch)
+    return Law(at.time, at.column, new.direction, new.rate)
+
+
+@kernel
+def store_state(row: Array, tangents: Array, t: float, mass: float, scratch: Scratch) -> None:
+    """Write time, position, velocity and mass, shape (8,), and the tangents, shape (6, n)."""
+    n = scratch.counts[COLUMNS]
     row[0] = t
-    store(row[1:], r)
-    store(row[4:], v)
+    for c in range(6):
+        row[1 + c] = scratch.state[c]
     row[7] = mass
-
-
-@kernel
-def put_tangents(tangents: Array, work: Array, n: int) -> None:
-    """Copy the tangents of position and velocity, shape (6, n)."""
     for c in range(3):
         for j in range(n):
-            tangents[c, j] = work[W_POSITION, c * n + j]
-            tangents[3 + c, j] = work[W_VELOCITY, c * n + j]
+            tangents[c, j] = scratch.work[W_POSITION, c * n + j]
+            tangents[3 + c, j] = scratch.work[W_VELOCITY, c * n + j]
 
 
 @kernel
-def fly(
-    p: Array,
-    problem: Problem,
-    times: Array,
-    breaks: Index,
-    count: int,
-    n: int,
-    work: Array,
-    nodes: Array,
-    drop_state: Array,
-    drop_tangents: Array,
-    final: Array,
-    final_tangents: Array,
-) -> int:
-    """Integrate the flight, with its tangents if asked.
+def store_break(at: Break, engine: Engine, problem: Problem, scratch: Scratch) -> None:
+    """Write the state at a drop or at a probe."""
+    row = -1
+    if at.what == DROP:
+        row = at.which
+    elif at.what == PROBE:
+        row = problem.drops.shape[0] + at.which
+    if row >= 0:
+        mass = mass_at(engine, at.time)
+        store_state(scratch.drops[row], scratch.drop_tangents[row], at.time, mass, scratch)
+
+
+@kernel
+def store_node(t: float, stage: int, push: Push, scratch: Scratch) -> None:
+    """Write one end of a step, as long as there is room."""
+    stored = scratch.counts[STORED]
+    if stored == scratch.nodes.shape[0]:
+        return
+    node = scratch.nodes[stored]
+    node[N_TIME] = t
+    store(node[N_POSITION:], load(scratch.state))
+    store(node[N_VELOCITY:], load(scratch.state[3:]))
+    store(node[N_ACCELERATION:], load(scratch.forces[stage]))
+    node[N_MASS] = push.mass
+    store(node[N_DIRECTION:], push.u)
+    scratch.counts[STORED] = stored + 1
+
+
+@kernel
+def push_at(t: float, engine: Engine, law: Law) -> Push:
+    """The thrust at ``t`` s after the start."""
+    thrust = engine.thrust + (t - engine.anchor) * engine.thrust_slope
+    steering = axpy(t - law.time, law.rate, law.direction)
+    size = norm(steering)
+    return Push(t, thrust, mass_at(engine, t), steering, size, scale(1.0 / size, steering))
+
+
+@kernel
+def turn_of(push: Push) -> tuple[Vector, Vector]:
+    """Thrust acceleration by the steering vector: (xx, xy, xz), (yy, yz, zz), m/s2."""
+    u = push.u
+    e = push.thrust / (push.mass * push.size)
+    return (
+        (e * (1.0 - u[0] * u[0]), -e * u[0] * u[1], -e * u[0] * u[2]),
+        (e * (1.0 - u[1] * u[1]), -e * u[1] * u[2], e * (1.0 - u[2] * u[2])),
+    )
+
+
+@kernel
+def add_moving_times(
+    m: int, into: float, push: Push, leg: Leg, engine: Engine, law: Law, scratch: Scratch
+) -> None:
+    """What moving law, leg and cut-off do to the acceleration of a stage.
+
+    Args:
+        m: stage; its tangents in ``scratch`` are added to.
+        into: steps from the leg's begin.
+        push: the thrust there.
+        leg, engine, law: in force.
+        scratch: of the flight.
+    """
+    n = scratch.counts[COLUMNS]
+    kt = scratch.work[W_FORCE + m]
+    qa, qb = turn_of(push)
+    rate = law.rate
+    turn = (
+        qa[0] * rate[0] + qa[1] * rate[1] + qa[2] * rate[2],
+        qa[1] * rate[0] + qb[0] * rate[1] + qb[1] * rate[2],
+        qa[2] * rate[0] + qb[1] * rate[1] + qb[2] * rate[2],
+    )
+    if law.column != FIXED:
+        add_column(kt, n, law.column, -TIME_SCALE, turn)
+    if engine.in_tail:
+        # the thrust moves with the leg, the mass falls with the cut-off
+        s = push.thrust * engine.cutoff_flow / (push.mass * push.mass)
+        add_column(kt, n, n - 1, TIME_SCALE, axpy(s, push.u, turn))
+        return
+    flow = engine.flow + (push.time - engine.anchor) * engine.flow_slope
+    along = (engine.thrust_slope + push.thrust * flow / push.mass) / push.mass
+    moved = axpy(along, push.u, turn)
+    theta = into / leg.steps
+    if leg.column != FIXED:
+        add_column(kt, n, leg.column, (1.0 - theta) * TIME_SCALE, moved)
+    if leg.end_column != FIXED:
+        add_column(kt, n, leg.end_column, theta * TIME_SCALE, moved)
+
+
+@kernel
+def stretch(row: Array, leg: Leg, grow: Vector, scratch: Scratch) -> None:
+    """The steps of a leg grow by 1/steps of what its ends move: add that to a flat tangent."""
+    n = scratch.counts[COLUMNS]
+    if leg.end_column == leg.column:
+        return
+    if leg.column != FIXED:
+        add_column(row, n, leg.column, -TIME_SCALE / leg.steps, grow)
+    if leg.end_column != FIXED:
+        add_column(row, n, leg.end_column, TIME_SCALE / leg.steps, grow)
+
+
+@kernel
+def end_tangents(leg: Leg, gain: Vector, scratch: Scratch) -> None:
+    """Tangents at the end of a step: the last stage stands there."""
+    n = scratch.counts[COLUMNS]
+    work = scratch.work
+    for k in range(3 * n):
+        work[W_POSITION, k] = work[W_STAGE, k]
+    for q in range(STAGES):
+        w = leg.h * VELOCITY_WEIGHTS[q]
+        for k in range(3 * n):
+            work[W_VELOCITY, k] += w * work[W_FORCE + q, k]
+    if n > 0:
+        stretch(work[W_VELOCITY], leg, gain, scratch)
+
+
+@kernel
+def fly_step(
+    i: int, leg: Leg, engine: Engine, law: Law, environment: Record, scratch: Scratch
+) -> None:
+    """One step of a leg, the ``i``-th, with its tangents; its ends are nodes."""
+    n = scratch.counts[COLUMNS]
+    work = scratch.work
+    forces = scratch.forces
+    h = leg.h
+    t0 = leg.begin + i * h
+    r = load(scratch.state)
+    v = load(scratch.state[3:])
+    first = 0
+    if i > 0:
+        # first same as last
+        first = 1
+        store(forces[0], load(forces[STAGES - 1]))
+        for k in range(3 * n):
+            work[W_FORCE, k] = work[W_FORCE + STAGES - 1, k]
+    for m in range(first, STAGES):
+        node = NODES[m]
+        shift = combine(WEIGHTS[m], forces, m)
+        rs = axpy(h * h, shift, axpy(node * h, v, r))
+        g, gradient, gradient_rest = gravity_gradient(rs, environment)
+        push = push_at(t0 + node * h, engine, law)
+        store(forces[m], axpy(push.thrust / push.mass, push.u, g))
+        if n > 0:
+            stage_tangents(work, n, m, h)
+            stretch(work[W_STAGE], leg, axpy(2.0 * h, shift, scale(node, v)), scratch)
+            force_tangents(
+                m, (gradient, gradient_rest), turn_of(push), push.time - law.time, scratch
+            )
+            add_moving_times(m, i + node, push, leg, engine, law, scratch)
+        if m == 0:
+            store_node(t0, m, push, scratch)
+        if m == STAGES - 1:
+            gain = combine(VELOCITY_WEIGHTS, forces, int(STAGES))
+            # the last stage stands at the new position
+            store(scratch.state, rs)
+            store(scratch.state[3:], axpy(h, gain, v))
+            end_tangents(leg, gain, scratch)
+            store_node(t0 + h, m, push, scratch)
+
+
+@kernel
+def fly(p: Array, problem: Problem, scratch: Scratch) -> None:
+    """Integrate the flight.
 
     Args:
         p: shape (variables,), see :class:`Problem`.
         problem: the flight.
-        times, breaks, count: the order of events, from :func:`lay_out`; it may be that of
-            a neighbouring ``p``.
-        n: ``problem.variables`` for tangents by every variable, 0 for none.
-        work: shape (WORK_ROWS, 3 n): scratch.
-        nodes: shape (k, N_COLUMNS), written: the ends of the integration steps as far as
-            there are rows.
-        drop_state: shape (d + k, 14), written: time s after the start, position, velocity
-            and the mass before, at each free drop and at each probe; of a drop, also the
-            steering vector and its rate after it.
-        drop_tangents: shape (d + k, 6, n): of position and velocity there.
-        final: shape (8,): time s after the start, position, velocity, mass at the end.
-        final_tangents: shape (6, n).
-
-    Returns:
-        number of nodes written.
+        scratch: its COLUMNS are ``problem.variables`` for tangents by every variable, 0 for
+            none; its order of events, from :func:`lay_out`, may be that of a neighbouring
+            ``p``. Written: ``nodes``, the ends of the integration steps as far as there are
+            rows, and how many are STORED; ``drops`` and ``drop_tangents``: time s after the
+            start, position, velocity and the mass before, at each free drop and at each
+            probe, of a drop also the steering vector and its rate after it; ``final`` and
+            ``final_tangents``: time, position, velocity, mass at the end.
     """
-    environment = problem.environment[0]
-    pole = problem.variables - 1
+    n = scratch.counts[COLUMNS]
+    count = scratch.counts[BREAKS]
+    scratch.counts[STORED] = 0
     for row in range(W_STAGE):
         for k in range(3 * n):
-            work[row, k] = 0.0
-    forces = np.empty((STAGES, 3))
-    r = load(problem.state)
-    v = load(problem.state[3:])
-    direction = (1.0, 0.0, 0.0)
-    rate = (0.0, 0.0, 0.0)
-    law_time = 0.0
-    law_column = FIXED
-    in_tail = False
-    dropped = 0.0
-    thrust0 = 0.0
-    thrust1 = 0.0
-    flow0 = 0.0
-    flow1 = 0.0
-    mass0 = problem.profile[0, P_MASS]
-    anchor = 0.0
-    cutoff_flow = 0.0
-    stored = 0
+            scratch.work[row, k] = 0.0
+    for c in range(6):
+        scratch.state[c] = problem.state[c]
+    law = Law(0.0, FIXED, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    engine = Engine(0.0, 0.0, 0.0, 0.0, 0.0, problem.profile[0, P_MASS], 0.0, False, 0.0)
     for b in range(count):
-        what = breaks[b, 0]
-        index = breaks[b, 1]
-        column = breaks[b, 2]
-        t = break_time(p, problem, times[b], column, what, index)
-        tau = t - anchor
-        mass = mass0 - tau * (flow0 + 0.5 * tau * flow1) - dropped
-        thrust = thrust0 + tau * thrust1
-        flow = flow0 + tau * flow1
-        new_law = -1
-        if what == PIECE:
-            thrust0 = problem.profile[index, P_THRUST]
-            thrust1 = problem.profile[index, P_THRUST_SLOPE]
-            flow0 = problem.profile[index, P_FLOW]
-            flow1 = problem.profile[index, P_FLOW_SLOPE]
-            mass0 = problem.profile[index, P_MASS]
-            anchor = t
-        elif what == LAW:
-            new_law = index
-        elif what == DROP:
-            store_state(drop_state[index], t, r, v, mass)
-            put_tangents(drop_tangents[index], work, n)
-            for k in range(problem.laws.shape[0]):
-                if problem.laws[k, L_BEGINS] == AT_DROP and problem.laws[k, L_DROP] == index:
-                    new_law = k
-            dropped += problem.drops[index, D_MASS]
-        elif what == PROBE:
-            store_state(drop_state[problem.drops.shape[0] + index], t, r, v, mass)
-            put_tangents(drop_tangents[problem.drops.shape[0] + index], work, n)
-        elif what == CUTOFF:
-            cutoff_flow = flow
-        else:
-            # the tail is anchored to the cut-off and takes the mass as it is
-            in_tail = True
-            thrust0 = problem.tail[index, P_THRUST]
-            thrust1 = problem.tail[index, P_THRUST_SLOPE]
-            flow0 = problem.tail[index, P_FLOW]
-            flow1 = problem.tail[index, P_FLOW_SLOPE]
-            mass0 = mass + dropped
-            anchor = t
-        if new_law >= 0:
-            dt = t - law_time
-            direction = axpy(dt, rate, direction)
-            direction_column = problem.laws[new_law, L_DIRECTION]
-            rate_column = problem.laws[new_law, L_RATE]
-            if n > 0:
-                # tangents of the direction at this moving instant
-                for k in range(3 * n):
-                    work[W_BASE, k] += dt * work[W_RATE, k]
-                if law_column != FIXED:
-                    add_column(work[W_BASE], n, law_column, -TIME_SCALE, rate)
-                if column != FIXED:
-                    add_column(work[W_BASE], n, column, TIME_SCALE, rate)
-            if rate_column < 0:
-                rest = mass - problem.drops[index, D_MASS]
-                x = np.empty(JUMP_INPUTS)
-                store(x, r)
-                store(x[3:], v)
-                store(x[6:], direction)
-                store(x[9:], rate)
-                x[12] = thrust / mass
-                x[13] = thrust / rest
-                slopes = (
-                    (thrust1 + thrust * flow / mass) / mass,
-                    (thrust1 + thrust * flow / rest) / rest,
-                )
-                direction, rate = jump_law(
-                    work, n, column, x, slopes, environment, problem.atmosphere
-                )
-            else:
-                if direction_column >= 0:
-                    direction = load(p[direction_column:])
-                rate = scale(RATE_SCALE, load(p[rate_column:]))
-                if n > 0:
-                    if direction_column >= 0:
-                        work[W_BASE, : 3 * n] = 0.0
-                    work[W_RATE, : 3 * n] = 0.0
-                    for c in range(3):
-                        if direction_column >= 0:
-                            work[W_BASE, c * n + direction_column + c] = 1.0
-                        work[W_RATE, c * n + rate_column + c] = RATE_SCALE
-            law_time = t
-            law_column = column
-        if what == DROP:
-            store(drop_state[index, 8:], axpy(t - law_time, rate, direction))
-            store(drop_state[index, 11:], rate)
-        steps = breaks[b, 3]
-        if steps == 0:
-            continue
-        end_column = breaks[b + 1, 2]
-        end = break_time(p, problem, times[b + 1], end_column, breaks[b + 1, 0], breaks[b + 1, 1])
-        h = (end - t) / steps
-        stretches = n > 0 and end_column != column
-        for i in range(steps):
-            t0 = t + i * h
-            for m in range(STAGES):
-                if m == 0 and i > 0:
-                    # first same as last
-                    store(forces[0], load(forces[STAGES - 1]))
-                    for k in range(3 * n):
-                        work[W_FORCE, k] = work[W_FORCE + STAGES - 1, k]
-                    continue
-                node = NODES[m]
-                shift = combine(WEIGHTS[m], forces, m)
-                rs = axpy(h * h, shift, axpy(node * h, v, r))
-                g, first, second = gravity_gradient(rs, environment)
-                ts = t0 + node * h
-                tau = ts - anchor
-                mass = mass0 - tau * (flow0 + 0.5 * tau * flow1) - dropped
-                thrust = thrust0 + tau * thrust1
-                steering = axpy(ts - law_time, rate, direction)
-                size = norm(steering)
-                u = scale(1.0 / size, steering)
-                store(forces[m], axpy(thrust / mass, u, g))
-                if n > 0:
-                    stage_tangents(work, n, m, h)
-                    if stretches:
-                        # the step grows by 1/steps of what the ends move
-                        grow = axpy(2.0 * h, shift, scale(node, v))
-                        if column != FIXED:
-                            add_column(work[W_STAGE], n, column, -TIME_SCALE / steps, grow)
-                        if end_column != FIXED:
-                            add_column(work[W_STAGE], n, end_column, TIME_SCALE / steps, grow)
-                    e = thrust / (mass * size)
-                    qa = (e * (1.0 - u[0] * u[0]), -e * u[0] * u[1], -e * u[0] * u[2])
-                    qb = (e * (1.0 - u[1] * u[1]), -e * u[1] * u[2], e * (1.0 - u[2] * u[2]))
-                    force_tangents(work, n, m, first, second, qa, qb, ts - law_time)
-                    kt = work[W_FORCE + m]
-                    turn = (
-                        qa[0] * rate[0] + qa[1] * rate[1] + qa[2] * rate[2],
-                        qa[1] * rate[0] + qb[0] * rate[1] + qb[1] * rate[2],
-                        qa[2] * rate[0] + qb[1] * rate[1] + qb[2] * rate[2],
-                    )
-                    if law_column != FIXED:
-                        add_column(kt, n, law_column, -TIME_SCALE, turn)
-                    if in_tail:
-                        # the thrust moves with the leg, the mass falls with the cut-off
-                        s = thrust * cutoff_flow / (mass * mass)
-                        add_column(kt, n, pole, TIME_SCALE, axpy(s, u, turn))
-                    else:
-                        flow = flow0 + tau * flow1
-                        moved = axpy((thrust1 + thrust * flow / mass) / mass, u, turn)
-                        theta = (i + node) / steps
-                        if column != FIXED:
-                            add_column(kt, n, column, (1.0 - theta) * TIME_SCALE, moved)
-                        if end_column != FIXED:
-                            add_column(kt, n, end_column, theta * TIME_SCALE, moved)
-                if m == 0 and stored < nodes.shape[0]:
-                    put_node(nodes[stored], t0, r, v, forces[0], mass, steering)
-                    stored += 1
-            gain = combine(VELOCITY_WEIGHTS, forces, STAGES)
-            # the last stage stands at the new position
-            r = rs
-            v = axpy(h, gain, v)
-            if n > 0:
-                for k in range(3 * n):
-                    work[W_POSITION, k] = work[W_STAGE, k]
-                for q in range(STAGES):
-                    w = h * VELOCITY_WEIGHTS[q]
-                    for k in range(3 * n):
-                        work[W_VELOCITY, k] += w * work[W_FORCE + q, k]
-                if stretches:
-                    if column != FIXED:
-                        add_column(work[W_VELOCITY], n, column, -TIME_SCALE / steps, gain)
-                    if end_column != FIXED:
-                        add_column(work[W_VELOCITY], n, end_column, TIME_SCALE / steps, gain)
-            if stored < nodes.shape[0]:
-                put_node(nodes[stored], t0 + h, r, v, forces[STAGES - 1], mass, steering)
-                stored += 1
-    b = count - 1
-    t = break_time(p, problem, times[b], breaks[b, 2], breaks[b, 0], breaks[b, 1])
-    tau = t - anchor
-    store_state(final, t, r, v, mass0 - tau * (flow0 + 0.5 * tau * flow1) - dropped)
-    put_tangents(final_tangents, work, n)
-    return stored
+        at = break_at(b, p, problem, scratch)
+        store_break(at, engine, problem, scratch)
+        law = change_law(at, law, engine, p, problem, scratch)
+        engine = pass_break(at, engine, problem)
+        if at.what == DROP:
+            steering = axpy(at.time - law.time, law.rate, law.direction)
+            store(scratch.drops[at.which, 8:], steering)
+            store(scratch.drops[at.which, 11:], law.rate)
+        steps = scratch.breaks[b, 3]
+        if steps > 0:
+            end = break_at(b + 1, p, problem, scratch)
+            h = (end.time - at.time) / steps
+            leg = Leg(at.time, h, steps, at.column, end.column)
+            for i in range(steps):
+                fly_step(i, leg, engine, law, problem.environment[0], scratch)
+    end = break_at(count - 1, p, problem, scratch)
+    mass = mass_at(engine, end.time)
+    store_state(scratch.final, scratch.final_tangents, end.time, mass, scratch)

@@ -12,8 +12,8 @@ import numpy as np
 from ares_models.arrays import TARGET_RADIUS_SPEED_ANGLE_INCLINATION
 from ares_models.jit import kernel
 from ares_models.kernels.vectors import Vector, add, axpy, cross, load, norm, scale, unit
-from ares_optimizer.direct.kernels.evaluate import Point, Scratch, evaluate
-from ares_optimizer.direct.kernels.flight import N_TIME, drop_column
+from ares_optimizer.direct.kernels.evaluate import Point, evaluate
+from ares_optimizer.direct.kernels.flight import N_TIME, STORED, Scratch, drop_column
 from ares_optimizer.direct.kernels.heating import heating_at_node
 from ares_optimizer.direct.kernels.problem import (
     AT_DROP,
@@ -110,7 +110,7 @@ def place_drops(p: Array, problem: Problem, scratch: Scratch) -> None:
         limit = problem.drops[d, D_LOG_LIMIT]
         before = math.nan
         least = math.inf
-        for i in range(scratch.counts[1]):
+        for i in range(scratch.counts[STORED]):
             t = scratch.nodes[i, N_TIME]
             if t < earliest:
                 continue
@@ -183,7 +183,7 @@ def sweep(problem: Problem, scratch: Scratch, point: Point, starts: Array, misse
                     p[drop_column(problem, d)] = 0.5 * time / TIME_SCALE
                 set_law(p, problem, direction, rate, cutoff)
                 into_bounds(p, problem)
-                evaluate(p, problem, 0, scratch, point)
+                evaluate(p, problem, scratch, point)
                 s = 0.0
                 for e in point.equations:
                     s += e * e
@@ -202,6 +202,6 @@ def sweep(problem: Problem, scratch: Scratch, point: Point, starts: Array, misse
                     found += 1
     for k in range(found):
         for _ in range(_PASSES):
-            evaluate(starts[k], problem, 0, scratch, point)
+            evaluate(starts[k], problem, scratch, point)
             place_drops(starts[k], problem, scratch)
     return found

@@ -1,27 +1,20 @@
 """The flight of a solved two-point problem, sampled."""
 
-import math
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import Record
+from ares_models.arrays import MissionArrays, Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import log_heating_gradient
 from ares_models.kernels.vectors import Vector, axpy, dot, norm, scale
-from ares_optimizer.kernels.timetable import (
-    COLUMN_CUTOFF,
-    COLUMN_JETTISON,
-    HEATING_OPTIMAL,
-    build_timetable,
-)
-from ares_optimizer.two_point.arrays import RUNGE_KUTTA
+from ares_optimizer.kernels.timetable import COLUMN_JETTISON, HEATING_OPTIMAL
+from ares_optimizer.two_point.arrays import RUNGE_KUTTA, Gravity
 from ares_optimizer.two_point.kernels.shooting import (
-    begin_state,
+    begin_flight,
     fly_segment,
     gravity_terms,
-    unknown_count,
+    part_of,
+    step_count,
 )
 
 TIME = 0
@@ -52,15 +45,14 @@ def _put(
     row: NDArray[np.float64],
     time: float,
     piece: int,
-    segment: Record,
-    omega_square: float,
     costate: float,
-    environment: Record,
-    atmosphere: NDArray[np.float64],
-    options: Record,
-    state: NDArray[np.float64],
+    mission: MissionArrays,
+    gravity: Gravity,
+    work: Record,
 ) -> None:
-    """Write one sample."""
+    """Write one sample: ``work.state`` at a time within a segment."""
+    state = work.state
+    segment = work.segments[piece]
     s = time - segment.start
     thrust = segment.thrust + segment.thrust_slope * s
     mass = segment.mass - s * (segment.flow + 0.5 * s * segment.flow_slope)
@@ -68,8 +60,8 @@ def _put(
     v = (state[3], state[4], state[5])
     p = (state[6], state[7], state[8])
     q = (state[9], state[10], state[11])
-    g, _ = gravity_terms(r, environment.mu, omega_square, options.gravity, p)
-    rate, _, _ = log_heating_gradient(r, v, environment, atmosphere)
+    g, _ = gravity_terms(r, gravity, p)
+    rate, _, _ = log_heating_gradient(r, v, mission.environment[0], mission.atmosphere)
     row[TIME] = time
     for i in range(3):
         row[POSITION + i] = r[i]
@@ -86,12 +78,32 @@ def _put(
 
 
 @kernel
+def _fly_part(part: Record, gravity: Gravity, options: Record, work: Record) -> float:
+    """Fly one step; by how much the mass costate falls on it, by Simpson's rule."""
+    state = work.state
+    h = part.end - part.start
+    p0 = (state[6], state[7], state[8])
+    q0 = (state[9], state[10], state[11])
+    # one step
+    fly_segment(part, step_count(part, h), gravity, options, work)
+    p1 = (state[6], state[7], state[8])
+    q1 = (state[9], state[10], state[11])
+    middle = norm(_primer_between(p0, q0, p1, q1, h))
+    thrust = part.thrust + 0.5 * h * part.thrust_slope
+    mass = part.mass - 0.5 * h * (part.flow + 0.25 * h * part.flow_slope)
+    mass_end = part.mass - h * (part.flow + 0.5 * h * part.flow_slope)
+    thrust_end = part.thrust + h * part.thrust_slope
+    return (h / 6.0) * (
+        norm(p0) * part.thrust / part.mass**2
+        + 4.0 * middle * thrust / mass**2
+        + norm(p1) * thrust_end / mass_end**2
+    )
+
+
+@kernel
 def sample_flight(
     start: Record,
-    environment: Record,
-    atmosphere: NDArray[np.float64],
-    arcs: NDArray[Any],
-    jettisons: NDArray[Any],
+    mission: MissionArrays,
     options: Record,
     unknowns: NDArray[np.float64],
     interval: float,
@@ -102,12 +114,9 @@ def sample_flight(
 
     Args:
         start: record NAVIGATION.
-        environment: record ENVIRONMENT.
-        atmosphere: log-density table.
-        arcs: dtype ARC.
-        jettisons: dtype JETTISON.
+        mission: what is flown.
         options: record OPTIONS. In closed form samples stand at the ends of its arcs only.
-        unknowns: see :func:`two_point.shoot`; a drop at its earliest time makes no jump.
+        unknowns: see :func:`shooting.shoot`; a drop at its earliest time makes no jump.
         interval: s, longest between samples.
         out: shape (k, SAMPLE_COLUMNS), written.
         work: record WORK.
@@ -115,100 +124,36 @@ def sample_flight(
     Returns:
         number of rows; negative: that many rows are needed.
     """
-    n = unknown_count(start, jettisons, options)
-    for i in range((n - COLUMN_JETTISON) // 2):
-        work.heating_times[i] = unknowns[COLUMN_JETTISON + 2 * i]
-    count = build_timetable(
-        start,
-        arcs,
-        jettisons,
-        options.heating,
-        work.heating_times,
-        unknowns[COLUMN_CUTOFF],
-        work.segments,
-    )
+    gravity = begin_flight(start, mission, options, unknowns, work)
+    work.columns = 0
+    longest = options.step
+    if options.propagator == RUNGE_KUTTA:
+        longest = min(longest, interval)
     rows = 0
-    for i in range(count):
-        length = work.segments[i].end - work.segments[i].start
-        longest = options.step
-        if options.propagator == RUNGE_KUTTA:
-            longest = min(longest, interval)
-        rows += max(1, int(math.ceil(length / longest - 1e-9))) + 1
+    for i in range(work.segment_count):
+        rows += step_count(work.segments[i], longest) + 1
     if rows > out.shape[0]:
         return -rows
-    mu = environment.mu
-    omega_square = begin_state(start, mu, options, unknowns, work)
     state = work.state
     # the spare segment carries the steps
-    step = work.segments[work.segments.shape[0] - 1]
+    part = work.segments[work.segments.shape[0] - 1]
     rows = 0
     costate = 0.0
-    for i in range(count):
+    for i in range(work.segment_count):
         segment = work.segments[i]
-        length = segment.end - segment.start
-        longest = options.step
-        if options.propagator == RUNGE_KUTTA:
-            longest = min(longest, interval)
-        steps = max(1, int(math.ceil(length / longest - 1e-9)))
-        _put(
-            out[rows],
-            segment.start,
-            i,
-            segment,
-            omega_square,
-            costate,
-            environment,
-            atmosphere,
-            options,
-            state,
-        )
+        steps = step_count(segment, longest)
+        _put(out[rows], segment.start, i, costate, mission, gravity, work)
         rows += 1
-        step.start_column = -1
-        step.end_column = -1
-        step.thrust_slope = segment.thrust_slope
-        step.flow_slope = segment.flow_slope
         for k in range(steps):
-            s = length * k / steps
-            h = length / steps
-            step.start = segment.start + s
-            step.end = segment.end if k == steps - 1 else step.start + h
-            step.thrust = segment.thrust + segment.thrust_slope * s
-            step.flow = segment.flow + segment.flow_slope * s
-            step.mass = segment.mass - s * (segment.flow + 0.5 * s * segment.flow_slope)
-            p0 = (state[6], state[7], state[8])
-            q0 = (state[9], state[10], state[11])
-            fly_segment(step, 1, mu, omega_square, options, 0, work)
-            p1 = (state[6], state[7], state[8])
-            q1 = (state[9], state[10], state[11])
-            middle = norm(_primer_between(p0, q0, p1, q1, h))
-            thrust = step.thrust + 0.5 * h * step.thrust_slope
-            mass = step.mass - 0.5 * h * (step.flow + 0.25 * h * step.flow_slope)
-            mass_end = step.mass - h * (step.flow + 0.5 * h * step.flow_slope)
-            thrust_end = step.thrust + h * step.thrust_slope
-            # Simpson's rule
-            costate += (h / 6.0) * (
-                norm(p0) * step.thrust / step.mass**2
-                + 4.0 * middle * thrust / mass**2
-                + norm(p1) * thrust_end / mass_end**2
-            )
-            _put(
-                out[rows],
-                step.end,
-                i,
-                segment,
-                omega_square,
-                costate,
-                environment,
-                atmosphere,
-                options,
-                state,
-            )
+            part_of(segment, k, steps, part)
+            costate += _fly_part(part, gravity, options, work)
+            _put(out[rows], part.end, i, costate, mission, gravity, work)
             rows += 1
         if segment.end_heating >= 0 and options.heating == HEATING_OPTIMAL:
             pi = unknowns[COLUMN_JETTISON + 2 * segment.end_heating + 1]
             r = (state[0], state[1], state[2])
             v = (state[3], state[4], state[5])
-            _, by_r, by_v = log_heating_gradient(r, v, environment, atmosphere)
+            _, by_r, by_v = log_heating_gradient(r, v, mission.environment[0], mission.atmosphere)
             for j in range(3):
                 state[6 + j] -= pi * by_v[j]
                 state[9 + j] += pi * by_r[j]
