@@ -13,8 +13,8 @@ from rich.console import Console
 from rich.table import Table
 
 from ares_models.mission import Mission, load_mission
-from ares_optimizer.analytic import solve_analytic
-from ares_optimizer.analytic_options import JETTISON_TARGETS, PROFILES, AnalyticOptions
+from ares_optimizer.analytic.options import JETTISON_TARGETS, PROFILES, AnalyticOptions
+from ares_optimizer.analytic.solve import solve_analytic
 from ares_optimizer.solution import Solution
 from ares_optimizer.solve import solve
 

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from ares_models.arrays import MissionArrays
 from ares_models.mission import Mission, load_mission
-from ares_optimizer.direct import Guess, guess_variables, thesis_guess
-from ares_optimizer.kernels.evaluate import evaluate, make_point, make_scratch
-from ares_optimizer.kernels.problem import Problem
-from ares_optimizer.solve import solve, start_of
-from ares_optimizer.transcription import transcribe
+from ares_optimizer.direct.kernels.evaluate import evaluate, make_point, make_scratch
+from ares_optimizer.direct.kernels.problem import Problem
+from ares_optimizer.direct.search import Guess, guess_variables, thesis_guess
+from ares_optimizer.direct.transcription import transcribe
+from ares_optimizer.request import start_of
+from ares_optimizer.solve import solve
 
 Array = NDArray[np.float64]
 
@@ -72,9 +73,8 @@ class Ascent:
     def terminal_miss(self, variables: Array) -> tuple[float, float]:
         """Misses of radius (m) and speed (m/s) when a peer's answer is flown by our kernels."""
         scratch = make_scratch(self.problem)
-        evaluate(
-            np.ascontiguousarray(variables), self.problem, 0, scratch, make_point(self.problem)
-        )
+        point = make_point(self.problem)
+        evaluate(np.ascontiguousarray(variables), self.problem, scratch, point)
         radius = float(np.linalg.norm(scratch.final[1:4]) - self.target["radius"])
         return radius, float(np.linalg.norm(scratch.final[4:7]) - self.target["speed"])
 

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 from ascent_problem import Array, Ascent
 
-from ares_optimizer.kernels.shooting import NODES, VELOCITY_WEIGHTS, WEIGHTS
+from ares_optimizer.kernels.nystroem import NODES, VELOCITY_WEIGHTS, WEIGHTS
 
 LENGTH = 1.0e6  # m
 

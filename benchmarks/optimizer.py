@@ -15,7 +15,7 @@ from ascent_problem import FAIR, THESIS, Array, Ascent, guesses, load_ascent
 from rich.console import Console
 from rich.table import Table
 
-from ares_optimizer.direct import Guess
+from ares_optimizer.direct.search import Guess
 from ares_optimizer.solve import solve
 
 AGREEMENT_KG = 1.0

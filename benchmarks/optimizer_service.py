@@ -14,7 +14,8 @@ from rclpy.node import Node
 from ares_models.mission import load_mission
 from ares_msgs.srv import SolveTrajectory
 from ares_node.domains import claimed_domain
-from ares_optimizer.solve import solve, start_of
+from ares_optimizer.request import start_of
+from ares_optimizer.solve import solve
 
 READY_TIMEOUT = 600.0  # s, the first start compiles
 

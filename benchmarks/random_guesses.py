@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from ascent_problem import Array, Ascent, load_ascent
 
-from ares_optimizer.direct import Guess, thesis_guess
-from ares_optimizer.solve import solve, start_of
+from ares_optimizer.direct.search import Guess, thesis_guess
+from ares_optimizer.request import start_of
+from ares_optimizer.solve import solve
 
 AGREEMENT_KG = 1.0
 

@@ -33,6 +33,25 @@ NODES_ALSO = {"ares_node", "ares_msgs"}
 SPEAK_ROS = {"ares_node", "ares_bags", "ares_bringup"}
 ROS = {"rclpy", "rosgraph_msgs", "diagnostic_msgs", "builtin_interfaces", "rcl_interfaces"}
 
+#: Rooms of the optimizer, and which others each may import. What is in none is shared, or joins
+#: them: it is named below.
+OPTIMIZER = SOURCES / "ares_optimizer" / "ares_optimizer"
+ROOMS = {
+    "kernels": set(),
+    "two_point": {"kernels"},
+    "proof": set(),
+    "direct": {"kernels", "proof"},
+    "indirect": {"kernels", "two_point", "proof"},
+    # part one aims at the optimum's state at its jettison
+    "analytic": {"kernels", "proof", "direct"},
+}
+SHARED = {"deadline", "obstacles", "pieces", "request", "solution", "targets"}
+JOINS = {"rival", "solve", "node", "__main__", "__init__"}
+#: What flight software may take from the optimizer.
+ON_BOARD = {"ares_optimizer.two_point.arrays", "ares_optimizer.two_point.contract"}
+#: What may be taken from the proof: it flies and judges, its physics stays inside.
+PROOF = {"ares_optimizer.proof.flight", "ares_optimizer.proof.checks"}
+
 MODULES = sorted(SOURCES.glob("ares_*/ares_*/**/*.py"))
 
 
@@ -46,6 +65,23 @@ def imported(module: Path) -> set[str]:
             assert node.level == 0, f"{module}: relative import"
             names.add(node.module.split(".")[0])
     return names
+
+
+def imported_modules(module: Path) -> set[str]:
+    """Full names of the modules that a module may import: a name imported may be a module."""
+    names = set()
+    for node in ast.walk(ast.parse(module.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            inner = {f"{node.module}.{alias.name}" for alias in node.names}
+            names |= {name for name in inner if is_module(name)} or {node.module}
+    return names
+
+
+def is_module(name: str) -> bool:
+    path = SOURCES / name.partition(".")[0] / name.replace(".", "/")
+    return path.is_dir() or path.with_suffix(".py").is_file()
 
 
 def test_every_package_has_its_rule():
@@ -67,7 +103,81 @@ def test_imports_follow_the_rules(module):
         assert not names & ROS
 
 
+@pytest.mark.parametrize("module", sorted(OPTIMIZER.rglob("*.py")), ids=lambda p: p.stem)
+def test_rooms_of_the_optimizer_keep_apart(module):
+    parts = module.relative_to(OPTIMIZER).with_suffix("").parts
+    names = {name for name in imported_modules(module) if name.startswith("ares_optimizer.")}
+    rooms = {name.split(".")[1] for name in names}
+    assert rooms <= set(ROOMS) | SHARED | JOINS
+    if len(parts) > 1:
+        assert rooms <= ROOMS[parts[0]] | SHARED | {parts[0]}
+    elif parts[0] in SHARED:
+        assert rooms <= SHARED
+    else:
+        assert parts[0] in JOINS
+    if parts[0] != "proof":
+        assert {name for name in names if name.split(".")[1] == "proof"} <= PROOF
+
+
+def test_the_proof_shares_nothing_with_the_solvers():
+    for module in OPTIMIZER.glob("proof/*.py"):
+        ours = {name for name in imported_modules(module) if name.startswith("ares_")}
+        assert ours <= {
+            "ares_models.arrays",
+            "ares_optimizer.request",
+            "ares_optimizer.solution",
+            "ares_optimizer.targets",
+            *(f"ares_optimizer.proof.{path.stem}" for path in OPTIMIZER.glob("proof/*.py")),
+        }
+
+
+@pytest.mark.parametrize("module", MODULES, ids=lambda p: str(p.relative_to(SOURCES)))
+def test_flight_software_takes_the_two_point_problem_alone(module):
+    names = {name for name in imported_modules(module) if name.startswith("ares_optimizer")}
+    package = module.relative_to(SOURCES).parts[0]
+    if package == "ares_guidance":
+        assert names <= ON_BOARD
+    elif package != "ares_optimizer":
+        assert not {name for name in names if name.startswith("ares_optimizer.proof")}
+
+
+def imports_of_imports(modules: list[Path], package: Path) -> dict[str, set[str]]:
+    """What each module imports of its own package, by full name."""
+    found = {}
+    for module in modules:
+        parts = module.relative_to(package.parent).with_suffix("").parts
+        names = imported_modules(module)
+        found[".".join(parts)] = {name for name in names if name.startswith(f"{package.name}.")}
+    return found
+
+
+def circle(graph: dict[str, set[str]]) -> list[str]:
+    """Modules that import each other, if there are any: what is left when leaves are taken."""
+    left = {name: set(names) & set(graph) for name, names in graph.items()}
+    while leaves := {name for name, names in left.items() if not names}:
+        left = {name: names - leaves for name, names in left.items() if name not in leaves}
+    return sorted(left)
+
+
+def test_no_module_of_the_optimizer_imports_in_a_circle_or_late():
+    modules = sorted(OPTIMIZER.rglob("*.py"))
+    assert not circle(imports_of_imports(modules, OPTIMIZER))
+    for module in modules:
+        tree = ast.parse(module.read_text())
+        inside = set(ast.walk(tree)) - set(tree.body)
+        assert not [x for x in inside if isinstance(x, ast.Import | ast.ImportFrom)], module
+
+
+def test_a_circle_would_be_noticed():
+    assert not circle({"a": {"b", "c"}, "b": {"c"}, "c": set()})
+    assert circle({"a": {"b"}, "b": {"c"}, "c": {"b"}, "d": {"a"}}) == ["a", "b", "c", "d"]
+
+
 def test_the_rules_would_notice(tmp_path):
     bad = tmp_path / "core.py"
     bad.write_text("from ares_vehicle_sim import kernels\nimport rclpy.node\n")
     assert imported(bad) == {"ares_vehicle_sim", "rclpy"}
+    bad.write_text("from ares_optimizer.direct.kernels import sqp\nimport rclpy.node\n")
+    assert imported_modules(bad) == {"ares_optimizer.direct.kernels.sqp", "rclpy.node"}
+    bad.write_text("from ares_optimizer.proof.physics import gravity\n")
+    assert imported_modules(bad) == {"ares_optimizer.proof.physics"}

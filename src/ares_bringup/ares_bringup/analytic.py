@@ -22,9 +22,9 @@ from ares_bringup.optimize import (
 from ares_bringup.options import CannotStart
 from ares_bringup.report import console, number
 from ares_models.mission import Mission, MissionError, load_mission
-from ares_optimizer.analytic import AnalyticSolution, solve_analytic
-from ares_optimizer.analytic_flight import KeyFigures, key_figures, planar_flight
-from ares_optimizer.analytic_options import JETTISON_TARGETS, AnalyticOptions
+from ares_optimizer.analytic.flight import KeyFigures, key_figures, planar_flight
+from ares_optimizer.analytic.options import JETTISON_TARGETS, AnalyticOptions
+from ares_optimizer.analytic.solve import AnalyticSolution, solve_analytic
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.solution import OptimizerError, Solution
 from ares_optimizer.solve import solve

@@ -15,7 +15,7 @@ from ares_bringup.report import BLANK, console, number
 from ares_models.mission import Mission, MissionError, load_mission
 from ares_models.mission_physics import longest_flight
 from ares_optimizer.solution import OptimizerError, Solution
-from ares_optimizer.solve import HeatingName, solve
+from ares_optimizer.solve import solve
 
 EXIT_OPTIMAL = 0
 EXIT_NOT_OPTIMAL = 1
@@ -34,7 +34,7 @@ def optimize(
     mission_name: str,
     method: str,
     as_json: bool,
-    heating: HeatingName | None,
+    heating: str | None,
     held: Sequence[str],
     time_limit_s: float,
 ) -> int:

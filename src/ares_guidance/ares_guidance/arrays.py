@@ -14,7 +14,7 @@ from ares_models.arrays import (
     TARGET,
     Record,
 )
-from ares_optimizer.kernels.two_point import MAX_UNKNOWNS, OPTIONS, WORK
+from ares_optimizer.two_point.arrays import MAX_UNKNOWNS, OPTIONS, WORK
 
 MAX_SEGMENTS = 32
 

@@ -165,6 +165,12 @@ class MissionArrays(NamedTuple):
     jettisons: NDArray[np.void]
     target: NDArray[np.void]
 
+    def records(self) -> "MissionRecords":
+        """The same as kernels hand it to one another."""
+        return MissionRecords(
+            self.environment[0], self.atmosphere, self.arcs, self.jettisons, self.target[0]
+        )
+
 
 class MissionRecords(NamedTuple):
     """The same as kernels hand it to one another: a record is a pointer, and costs nothing.

@@ -21,8 +21,9 @@ from ares_node.parameters import Parameter
 from ares_node.qos import SOLVE_TRAJECTORY
 from ares_node.time import NANOSECONDS, ns_from_stamp
 from ares_optimizer.deadline import TIME_LIMIT_PASSED
+from ares_optimizer.request import INDIRECT_METHODS, METHODS, start_of
 from ares_optimizer.solution import OptimizerError, Solution, SteeringArc, UnfitMethod
-from ares_optimizer.solve import INDIRECT_METHODS, METHODS, HeatingName, solve, start_of
+from ares_optimizer.solve import solve
 
 Response: Any = SolveTrajectory.Response
 
@@ -65,7 +66,7 @@ class Prepared:
 
     arrays: MissionArrays
     start: NDArray[np.void]
-    heating: HeatingName
+    heating: str
 
 
 class MissionShelf:

@@ -9,18 +9,19 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import MissionArrays, Record
+from ares_models.arrays import HEATING_LIMIT, MissionArrays
 from ares_models.kernels.vectors import cross, load, norm, sub
-from ares_optimizer.deadline import Deadline
-from ares_optimizer.direct import Found, solve_direct, steering_laws
-from ares_optimizer.indirect import IndirectGuess
-from ares_optimizer.kernels.guess import target_normal, wanted_state
-from ares_optimizer.solution import OptimizerError, Solution
-from ares_optimizer.transcription import Heating
+from ares_optimizer.direct.search import Found, find_direct, steering_laws
+from ares_optimizer.indirect.solve import solve_indirect
+from ares_optimizer.indirect.solver import IndirectGuess, TwoPointOptions
+from ares_optimizer.kernels.terminal import target_normal, wanted_state
+from ares_optimizer.request import DIRECT_METHODS, Heating, Request
+from ares_optimizer.solution import OptimizerError, Solution, UnfitMethod
 
 _SAME_KG = 1.0
 #: Of the velocity that takes a vehicle to its target in two manoeuvres, one after the other.
@@ -61,12 +62,13 @@ class Rival:
         )
 
 
-def find_rival(
-    arrays: MissionArrays, start: Record, heating: Heating, deadline: Deadline
-) -> Rival | None:
+def find_rival(request: Request) -> Rival | None:
     """Solve by ``direct11`` from its own start; None where it cannot even begin."""
+    arrays, start = request.arrays, request.state[0]
     try:
-        return Rival(solve_direct(arrays, start, "direct11", heating, None, deadline))
+        return Rival(
+            find_direct(arrays, start, "direct11", request.heating, None, request.deadline)
+        )
     except OptimizerError:
         return None
 
@@ -109,12 +111,7 @@ def detour_line(arrays: MissionArrays, start: NDArray[np.void], solution: Soluti
 
 
 def beside_rival(
-    arrays: MissionArrays,
-    start: NDArray[np.void],
-    heating: Heating,
-    solution: Solution,
-    extremal: Callable[[IndirectGuess], Solution],
-    deadline: Deadline,
+    request: Request, solution: Solution, extremal: Callable[[IndirectGuess], Solution]
 ) -> Solution:
     """Set what the indirect method came to beside a direct solution.
 
@@ -122,17 +119,14 @@ def beside_rival(
     is no direct solution, an extremal that makes a detour is not believed.
 
     Args:
-        arrays: the mission.
-        start: shape (1,), dtype NAVIGATION.
-        heating: what the heating limit asks.
-        solution: of the indirect method, converged or not.
+        request: as the indirect method was asked.
+        solution: what it came to, converged or not.
         extremal: the indirect method from another guess.
-        deadline: when to give up.
     """
     began = time.perf_counter()
-    rival = None if deadline.passed else find_rival(arrays, start[0], heating, deadline)
+    rival = None if request.deadline.passed else find_rival(request)
     if rival is None or not rival.found.converged:
-        detour = detour_line(arrays, start, solution) if solution.converged else ""
+        detour = detour_line(request.arrays, request.state, solution) if solution.converged else ""
         return replace(solution, converged=False, reason=detour) if detour else solution
     if rival.beats(solution):
         again = extremal(rival.guess())
@@ -151,3 +145,62 @@ def beside_rival(
                 f"{solution.m_f_kg:,.1f} kg, direct11 {rival.m_f_kg:,.1f} kg",
             )
     return replace(solution, notes={**solution.notes, "direct11_m_f_kg": rival.m_f_kg})
+
+
+def solve_beside_rival(request: Request) -> Solution:
+    """An indirect method, with what it finds set beside a direct solution.
+
+    Raises:
+        OptimizerError: a guess or a mission that the method cannot take.
+    """
+    arrays, state, guess = request.arrays, request.state, request.guess
+    if request.heating is Heating.FROM_JETTISON:
+        raise UnfitMethod(
+            f"heating is 'from_jettison'; {request.method} takes at_jettison or ignored"
+        )
+    if isinstance(guess, Solution) and guess.method in DIRECT_METHODS:
+        guess = _costates_of(request, guess)
+    options = TwoPointOptions(
+        propagator="closed_form" if request.method == "closed_form" else "runge_kutta",
+        heating=request.heating,
+    )
+
+    def extremal(guess: Any) -> Solution:
+        return solve_indirect(
+            arrays,
+            state,
+            options,
+            guess=guess,
+            deadline=request.deadline,
+            verify=request.verify,
+        )
+
+    solution = extremal(guess)
+    if solution.converged and not request.verify and not detour_line(arrays, state, solution):
+        return solution
+    return beside_rival(request, solution, extremal)
+
+
+def _costates_of(request: Request, solution: Solution) -> IndirectGuess:
+    """A direct solution as a guess of the two-point problem.
+
+    Raises:
+        OptimizerError: it has no costates.
+    """
+    if solution.costates is None:
+        raise OptimizerError("guess: the solution has no costates; solve it with verify")
+    limits = [
+        (float(jettison["value"]), at)
+        for jettison, at in zip(request.arrays.jettisons, solution.jettison_times_s, strict=True)
+        if jettison["criterion"] == HEATING_LIMIT and math.isfinite(at)
+    ]
+    free = limits if request.heating is Heating.AT_JETTISON else []
+    lambda_v = solution.costates.lambda_v[0]
+    lambda_r = solution.costates.lambda_r[0]
+    return IndirectGuess(
+        tuple(lambda_v),
+        tuple(lambda_r),
+        solution.t_meco_s,
+        tuple(at for _, at in free),
+        tuple(pi * limit for pi, (limit, _) in zip(solution.costates.jump_pi, free, strict=False)),
+    )

@@ -4,6 +4,7 @@ Times are mission elapsed time in s, vectors stand in the frame ``ares_eci``.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -110,6 +111,7 @@ class Trajectory:
         mass: shape (n,), kg.
         direction: shape (n, 3), unit vectors; the last one is kept through a coast.
         heating_rate: shape (n,), W/m2.
+        thrust: shape (n,), N.
     """
 
     time_s: Array
@@ -118,6 +120,13 @@ class Trajectory:
     mass: Array
     direction: Array
     heating_rate: Array
+    thrust: Array
+
+
+def joined(tracks: Sequence[Trajectory]) -> Trajectory:
+    """Trajectories one after the other."""
+    columns = zip(*(vars(track).values() for track in tracks), strict=True)
+    return Trajectory(*(np.concatenate(parts) for parts in columns))
 
 
 @dataclass(frozen=True)

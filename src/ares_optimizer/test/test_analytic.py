@@ -11,12 +11,13 @@ from scipy.integrate import quad, solve_ivp
 
 from ares_models.arrays import NAVIGATION
 from ares_models.mission import Mission, load_mission
-from ares_optimizer.analytic import solve_analytic
-from ares_optimizer.analytic_flight import fit_flight, key_figures, planar_flight
-from ares_optimizer.analytic_options import AnalyticOptions, Profile
-from ares_optimizer.kernels import analytic as kernels
+from ares_optimizer.analytic.flight import fit_flight, key_figures, planar_flight
+from ares_optimizer.analytic.kernels import burn as kernels
+from ares_optimizer.analytic.options import AnalyticOptions, Profile
+from ares_optimizer.analytic.solve import solve_analytic
+from ares_optimizer.request import start_of
 from ares_optimizer.solution import OptimizerError
-from ares_optimizer.solve import solve, start_of
+from ares_optimizer.solve import solve
 
 PAGE = Path(__file__).parents[3] / "docs" / "analytic.md"
 MU = 3.986e14

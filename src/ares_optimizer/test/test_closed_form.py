@@ -7,15 +7,16 @@ import pytest
 from scipy.integrate import quad
 
 from ares_models.mission import load_mission
-from ares_optimizer.closed_form import (
+from ares_optimizer.indirect.closed_form import (
     ARC_LENGTHS_S,
     error_table,
     flight_errors,
     gravity_table,
     thrust_integrals,
 )
-from ares_optimizer.indirect import TwoPointSolver, navigation, solve_indirect
-from ares_optimizer.kernels.timetable import HEATING_IGNORED
+from ares_optimizer.indirect.solve import solve_indirect
+from ares_optimizer.indirect.solver import TwoPointOptions, TwoPointSolver, navigation
+from ares_optimizer.request import Heating
 from ares_optimizer.solution import OptimizerError
 
 EIGHTH_ORDER = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))
@@ -32,7 +33,7 @@ def ares():
 def free_root(ares):
     """The flight with the fairing gone at ignition: both burns in one piece."""
     arrays, start = ares
-    return TwoPointSolver(arrays, heating="ignored").solve(start)
+    return TwoPointSolver(arrays, TwoPointOptions(heating=Heating.IGNORED)).solve(start)
 
 
 def test_gravity_table():
@@ -53,7 +54,7 @@ def test_thrust_integrals(rule, order):
         return p[axis] / np.linalg.norm(p) * thrust / (mass - flow * t) * wave(omega * t)
 
     def error(duration):
-        got = thrust_integrals(lambda_v, lambda_r, omega, thrust, mass, flow, duration, rule)
+        got = thrust_integrals(lambda_v, lambda_r, omega, (thrust, flow, mass), duration, rule)
         exact = [
             [quad(integrand, 0, duration, (axis, wave), epsabs=1e-13)[0] for axis in range(3)]
             for wave in (math.cos, math.sin)
@@ -68,9 +69,10 @@ def test_thrust_integrals(rule, order):
 def test_linear_gravity_is_met_exactly(ares, rule):
     """Eqs. 3.20-3.29 and Runge-Kutta solve the same linear problem."""
     arrays, start = ares
-    numeric = TwoPointSolver(arrays, gravity="linear").solve(start)
+    numeric = TwoPointSolver(arrays, TwoPointOptions(gravity="linear")).solve(start)
     closed = TwoPointSolver(
-        arrays, gravity="linear", propagator="closed_form", rule=rule, arc_length_s=2.0
+        arrays,
+        TwoPointOptions(gravity="linear", propagator="closed_form", rule=rule, arc_length_s=2.0),
     ).solve(start)
     assert numeric.converged and closed.converged
     np.testing.assert_allclose(closed.unknowns, numeric.unknowns, rtol=2e-7)
@@ -81,7 +83,7 @@ class TestErrors:
 
     def rows(self, ares, root, **choice):
         arrays, start = ares
-        table = error_table(arrays, start, root.unknowns, heating=HEATING_IGNORED, **choice)
+        table = error_table(arrays, start, root.unknowns, heating=Heating.IGNORED, **choice)
         return {(row.correction, row.rule, row.arc_length_s): row for row in table}
 
     def test_burns_in_one_piece(self, ares, free_root):
@@ -111,19 +113,25 @@ class TestErrors:
     def test_jump_on_the_way(self, ares):
         arrays, start = ares
         root = TwoPointSolver(arrays).solve(start)
-        error = flight_errors(arrays, start, root.unknowns, arc_length_s=5.0, correction=True)
+        error = flight_errors(
+            arrays, start, root.unknowns, TwoPointOptions(arc_length_s=5.0, correction=True)
+        )
         assert error.position_m < 5.0
 
     def test_bad_requests(self, ares, free_root):
         arrays, start = ares
         with pytest.raises(OptimizerError, match="rule is 'gauss'; expected simpson or milne"):
-            flight_errors(arrays, start, free_root.unknowns, arc_length_s=5.0, rule="gauss")
+            flight_errors(
+                arrays, start, free_root.unknowns, TwoPointOptions(arc_length_s=5.0, rule="gauss")
+            )
         with pytest.raises(OptimizerError, match="arc_length_s is 0"):
-            flight_errors(arrays, start, free_root.unknowns, arc_length_s=0.0)
+            flight_errors(arrays, start, free_root.unknowns, TwoPointOptions(arc_length_s=0.0))
         early = free_root.unknowns.copy()
         early[6] = 300.0
         with pytest.raises(OptimizerError, match="make no flight"):
-            flight_errors(arrays, start, early, arc_length_s=5.0, heating=HEATING_IGNORED)
+            flight_errors(
+                arrays, start, early, TwoPointOptions(arc_length_s=5.0, heating=Heating.IGNORED)
+            )
 
 
 class TestAsPropagator:
@@ -132,7 +140,7 @@ class TestAsPropagator:
         cutoffs = []
         for length in (10.0, 5.0):
             solution = solve_indirect(
-                *ares, propagator="closed_form", arc_length_s=length, finish=False
+                *ares, TwoPointOptions(propagator="closed_form", arc_length_s=length), finish=False
             )
             cutoffs.append(solution.t_meco_s - exact.t_meco_s)
             assert solution.method == "closed_form"
@@ -141,14 +149,14 @@ class TestAsPropagator:
 
     def test_finished_numerically(self, ares):
         exact = solve_indirect(*ares)
-        solution = solve_indirect(*ares, propagator="closed_form")
+        solution = solve_indirect(*ares, TwoPointOptions(propagator="closed_form"))
         assert solution.converged, solution.reason
         assert solution.m_f_kg == pytest.approx(exact.m_f_kg, abs=1e-5)
         assert solution.notes["closed_form_m_f_kg"] == pytest.approx(exact.m_f_kg, abs=0.2)
         assert solution.notes["closed_form_position_error_m"] < 10.0
 
     def test_unfinished_is_not_called_verified(self, ares):
-        solution = solve_indirect(*ares, propagator="closed_form", finish=False)
+        solution = solve_indirect(*ares, TwoPointOptions(propagator="closed_form"), finish=False)
         assert not solution.converged
         assert solution.reason.startswith("optimal in closed form, but flown exactly")
 
@@ -163,16 +171,16 @@ class TestAsPropagator:
         for length in (10.0, 5.0, 2.5):
             solution = solve_indirect(
                 *ares,
-                propagator="closed_form",
-                correction=False,
-                arc_length_s=length,
+                TwoPointOptions(propagator="closed_form", correction=False, arc_length_s=length),
                 finish=False,
             )
             late.append(solution.t_meco_s - exact.t_meco_s)
         limit = 2.0 * late[2] - late[1]
         assert late[0] > late[1] > late[2] > 0.0
         assert limit == pytest.approx(0.14, abs=0.02)
-        finished = solve_indirect(*ares, propagator="closed_form", correction=False)
+        finished = solve_indirect(
+            *ares, TwoPointOptions(propagator="closed_form", correction=False)
+        )
         assert finished.converged
         assert finished.t_meco_s == pytest.approx(exact.t_meco_s, abs=1e-7)
 
@@ -187,11 +195,13 @@ def test_jacobian(gravity, rule, correction):
     start = navigation(first.time_s, first.position, first.velocity)
     solver = TwoPointSolver(
         mission.arrays(),
-        gravity=gravity,
-        propagator="closed_form",
-        rule=rule,
-        correction=correction,
-        arc_length_s=21.0,
+        TwoPointOptions(
+            gravity=gravity,
+            propagator="closed_form",
+            rule=rule,
+            correction=correction,
+            arc_length_s=21.0,
+        ),
     )
     unknowns = solver.solve(start).unknowns * (1.0 + 1e-3 * np.sin(np.arange(7)))
     _, jacobian, _ = solver.shoot(start, unknowns)

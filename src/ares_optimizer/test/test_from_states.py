@@ -7,12 +7,12 @@ import pytest
 
 from ares_models.mission import load_mission
 from ares_optimizer.deadline import TIME_LIMIT_PASSED, Deadline
-from ares_optimizer.indirect import TwoPointSolver, navigation
+from ares_optimizer.indirect.solver import TwoPointSolver, navigation
+from ares_optimizer.proof.flight import fly, steering_of
+from ares_optimizer.request import DIRECT_METHODS, INDIRECT_METHODS, Heating, Request, start_of
 from ares_optimizer.rival import ample_delta_v, beside_rival, find_rival
 from ares_optimizer.solution import OptimizerError, failed
-from ares_optimizer.solve import DIRECT_METHODS, INDIRECT_METHODS, solve, start_of
-from ares_optimizer.transcription import Heating
-from ares_optimizer.verify import fly, steering_of
+from ares_optimizer.solve import solve
 
 SAME_KG = 0.2
 LAST_SECOND = (1.0, 0.7, 0.5, 0.3, 0.2, 0.1, 0.05)
@@ -55,7 +55,7 @@ class Optimum:
     def state(self, to_go, error=(0.0,) * 6):
         """The state so many seconds before cut-off, moved by ``error`` (m, m/s)."""
         now = self.solution.t_meco_s - to_go
-        (y,) = [at(now) for begin, end, at in self.flight.pieces if begin <= now < end]
+        (y,) = [x.state(now) for x in self.flight.pieces if x.begin <= now < x.end]
         begins = self.mission.start().time_s + np.concatenate(
             ([0.0], np.cumsum(self.arrays.arcs["duration"])[:-1])
         )
@@ -173,6 +173,12 @@ def test_short_flights_take_few_iterations(ares_v):
     assert short.iterations <= 2 * long.iterations
 
 
+def indirect(flight, state, deadline=None):
+    """A request to the indirect method."""
+    deadline = deadline or Deadline()
+    return Request(flight.arrays, state, "indirect", Heating.AT_JETTISON, deadline)
+
+
 class TestRival:
     def test_is_told_in_the_notes(self, ares_v):
         solution = solve(ares_v.mission, "indirect")
@@ -188,7 +194,7 @@ class TestRival:
             return ares_v.solution
 
         nothing = failed("indirect", "not found", iterations=7)
-        end = beside_rival(ares_v.arrays, start, Heating.AT_JETTISON, nothing, again, Deadline())
+        end = beside_rival(indirect(ares_v, start), nothing, again)
         assert end.converged
         assert end.iterations > 7 + ares_v.solution.iterations
         assert end.restarts == 1
@@ -196,9 +202,7 @@ class TestRival:
     def test_beats_what_is_no_optimum(self, ares_v):
         start = start_of(ares_v.mission)
         worse = replace(ares_v.solution, t_meco_s=800.0, m_f_kg=164_000.0)
-        end = beside_rival(
-            ares_v.arrays, start, Heating.AT_JETTISON, worse, lambda _: worse, Deadline()
-        )
+        end = beside_rival(indirect(ares_v, start), worse, lambda _: worse)
         assert not end.converged
         assert end.reason == (
             "no optimum found: the extremal that was found reaches 164,000.0 kg, "
@@ -208,19 +212,16 @@ class TestRival:
     def test_has_no_time_after_the_deadline(self, ares_v):
         start = start_of(ares_v.mission)
         end = beside_rival(
-            ares_v.arrays,
-            start,
-            Heating.AT_JETTISON,
+            indirect(ares_v, start, Deadline(0.0)),
             ares_v.solution,
             lambda _: pytest.fail("no further start"),
-            Deadline(0.0),
         )
         assert end is ares_v.solution
 
     def test_cannot_begin_without_a_flight(self, ares_v):
         state = ares_v.state(1.0)
         state["velocity"] = 0.0
-        assert find_rival(ares_v.arrays, state[0], Heating.AT_JETTISON, Deadline()) is None
+        assert find_rival(indirect(ares_v, state)) is None
 
     def test_ample_velocity(self, ares_v):
         """Above what the optimum takes from the start, and little where little is left."""
@@ -250,7 +251,7 @@ class TestTimeLimit:
         assert solution.reason == TIME_LIMIT_PASSED
 
     def test_stops_a_continuation(self, ares_v):
-        from ares_optimizer.indirect import _from_light_drops
+        from ares_optimizer.indirect.solve import _from_light_drops
 
         solver = TwoPointSolver(ares_v.arrays, deadline=Deadline(0.0))
         assert _from_light_drops(solver, start_of(ares_v.mission)) is None

@@ -10,18 +10,26 @@ import pytest
 
 from ares_models.mission import load_mission
 from ares_optimizer.deadline import Deadline
-from ares_optimizer.direct import carry_over, own_starts, run, solve_direct
-from ares_optimizer.kernels.evaluate import evaluate, make_point, make_scratch
-from ares_optimizer.kernels.jump import JUMP_INPUTS, JUMP_OUTPUTS, jump, jump_jacobian
-from ares_optimizer.kernels.shooting import gravity_gradient
-from ares_optimizer.kernels.sqp import (
+from ares_optimizer.direct.kernels.evaluate import (
+    evaluate,
+    evaluate_with_gradients,
+    make_point,
+    make_scratch,
+)
+from ares_optimizer.direct.kernels.flight import BREAKS, LATER_PEAKS, gravity_gradient
+from ares_optimizer.direct.kernels.jump import JUMP_INPUTS, JUMP_OUTPUTS, jump, jump_jacobian
+from ares_optimizer.direct.kernels.sqp import (
+    Frame,
+    Prices,
+    Room,
     estimate_multipliers,
     lagrangian_gradient,
     reduced_hessian,
 )
+from ares_optimizer.direct.search import carry_over, find_direct, own_starts, run
+from ares_optimizer.direct.transcription import transcribe
 from ares_optimizer.kernels.terminal import MAX_ROWS, terminal_rows
-from ares_optimizer.solve import start_of
-from ares_optimizer.transcription import Heating, transcribe
+from ares_optimizer.request import Heating, start_of
 
 STEP = 1e-30
 TIME, RATE = 100.0, 1e-3
@@ -147,8 +155,8 @@ def test_tangents_agree_with_complex_step(mission, method, j2):
     rng = np.random.default_rng(3)
     p[: n - 1 - len(problem.drops)] += 0.05 * rng.standard_normal(n - 1 - len(problem.drops))
     scratch = make_scratch(problem)
-    evaluate(p, problem, n, scratch, make_point(problem))
-    count = scratch.counts[0]
+    evaluate_with_gradients(p, problem, scratch, make_point(problem))
+    count = scratch.counts[BREAKS]
 
     exact = np.empty((6, n))
     at_drops = {d: np.empty((6, n)) for d in range(len(problem.drops))}
@@ -177,7 +185,7 @@ def test_steps_are_fine_enough():
     ends = []
     for problem in (coarse.problem, fine.problem):
         scratch = make_scratch(problem)
-        evaluate(p, problem, 0, scratch, make_point(problem))
+        evaluate(p, problem, scratch, make_point(problem))
         ends.append(scratch.final.copy())
     assert np.abs(ends[0][1:4] - ends[1][1:4]).max() < 0.05
     assert np.abs(ends[0][4:7] - ends[1][4:7]).max() < 1e-4
@@ -189,20 +197,20 @@ def test_constraint_rows_agree_with_differences():
     arrays = mission.arrays()
     arrays.environment["density_factor"] = 2.1
     start = start_of(mission)[0]
-    base = solve_direct(arrays, start, "direct11")
+    base = find_direct(arrays, start, "direct11")
     transcription = transcribe(arrays, start, "direct14", Heating.FROM_JETTISON)
     problem = transcription.problem
     p = carry_over(base, transcription)
     n = problem.variables
     scratch, point, other = make_scratch(problem), make_point(problem), make_point(problem)
-    evaluate(p, problem, n, scratch, point)
-    assert scratch.counts[2] == 1  # the heating rises again
+    evaluate_with_gradients(p, problem, scratch, point)
+    assert scratch.counts[LATER_PEAKS] == 1  # the heating rises again
     for j in range(n):
         values = []
         for step in (1e-5, -1e-5):
             q = p.copy()
             q[j] += step
-            evaluate(q, problem, 0, scratch, other)
+            evaluate(q, problem, scratch, other)
             values.append(np.concatenate((other.equations, other.inequalities)))
         slope = (values[0] - values[1]) / 2e-5
         rows = np.concatenate((point.equation_rows[:, j], point.inequality_rows[:, j]))
@@ -293,19 +301,20 @@ def test_reduced_hessian_is_that_of_the_lagrangian():
     problem = transcription.problem
     p, n = found.variables, problem.variables
     scratch, point, other = make_scratch(problem), make_point(problem), make_point(problem)
-    evaluate(p, problem, n, scratch, point)
+    evaluate_with_gradients(p, problem, scratch, point)
     nu, mu = np.zeros(len(point.equations)), np.zeros(len(point.inequalities))
-    estimate_multipliers(point, nu, mu)
+    estimate_multipliers(point, Prices(nu, mu))
     assert nu == pytest.approx(found.equations, rel=1e-6, abs=1e-8)
     base = np.empty(n)
-    lagrangian_gradient(point, nu, mu, base)
+    lagrangian_gradient(point, Prices(nu, mu), base)
     basis = np.linalg.svd(point.equation_rows)[2][len(nu) :].T.copy()
     z = basis.shape[1]
-    hessian, cross = np.empty((z, z)), np.empty(z)
-    reduced_hessian(p, problem, scratch, other, nu, mu, base, basis, np.zeros(n), hessian, cross)
+    room = Room(scratch, point, other)
+    frame = Frame(basis, np.zeros(n), base)
+    hessian, _ = reduced_hessian(p, problem, room, Prices(nu, mu), frame)
 
     def lagrangian(q):
-        f = evaluate(q, problem, 0, scratch, other)
+        f = evaluate(q, problem, scratch, other)
         return f + nu @ other.equations + mu @ other.inequalities
 
     for k in range(z):

@@ -7,13 +7,14 @@ import pytest
 
 from ares_models.mission import load_mission
 from ares_optimizer.deadline import Deadline
-from ares_optimizer.direct import own_starts
-from ares_optimizer.kernels.evaluate import evaluate, make_point, make_scratch
-from ares_optimizer.kernels.heating import between_nodes, heating_peaks
-from ares_optimizer.kernels.shooting import N_COLUMNS, N_TIME
+from ares_optimizer.direct.kernels.evaluate import evaluate, make_point, make_scratch
+from ares_optimizer.direct.kernels.flight import N_COLUMNS, N_TIME, STORED
+from ares_optimizer.direct.kernels.heating import between_nodes, heating_peaks
+from ares_optimizer.direct.search import own_starts
+from ares_optimizer.direct.transcription import transcribe
+from ares_optimizer.request import start_of
 from ares_optimizer.solution import OptimizerError
-from ares_optimizer.solve import solve, start_of
-from ares_optimizer.transcription import transcribe
+from ares_optimizer.solve import solve
 
 LIMIT = 1135.0
 
@@ -104,11 +105,14 @@ def test_quintic_between_nodes_is_the_flight():
     problem = transcription.problem
     p = own_starts(transcription, Deadline())[0]
     scratch = make_scratch(problem)
-    evaluate(p, problem, 0, scratch, make_point(problem))
+    evaluate(p, problem, scratch, make_point(problem))
     fine = problem._replace(longest_step=problem.longest_step / 8.0)
     other = make_scratch(fine)
-    evaluate(p, fine, 0, other, make_point(fine))
-    coarse, dense_nodes = scratch.nodes[: scratch.counts[1]], other.nodes[: other.counts[1]]
+    evaluate(p, fine, other, make_point(fine))
+    coarse, dense_nodes = (
+        scratch.nodes[: scratch.counts[STORED]],
+        other.nodes[: other.counts[STORED]],
+    )
     checked = 0
     for a, b in pairwise(coarse):
         times = dense_nodes[:, N_TIME]

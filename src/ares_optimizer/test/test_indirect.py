@@ -19,24 +19,29 @@ from ares_models.arrays import (
 from ares_models.atmosphere import pra63_data, pra63_exponential
 from ares_models.kernels.environment import heating_rate, log_heating_gradient
 from ares_models.mission import load_mission
-from ares_optimizer.indirect import (
-    IndirectGuess,
-    TwoPointSolver,
+from ares_optimizer.indirect.kernels import sample
+from ares_optimizer.indirect.solve import (
     _from_high_limits,
     _from_light_drops,
     _from_linear_gravity,
-    navigation,
     solve_indirect,
 )
-from ares_optimizer.kernels import newton, sample
-from ares_optimizer.kernels.costates import (
-    MAX_COLUMNS,
+from ares_optimizer.indirect.solver import (
+    IndirectGuess,
+    TwoPointOptions,
+    TwoPointSolver,
+    navigation,
+)
+from ares_optimizer.kernels.timetable import MAX_SEGMENTS, SEGMENT, build_timetable
+from ares_optimizer.request import Heating
+from ares_optimizer.solution import OptimizerError
+from ares_optimizer.two_point.arrays import INVERSE_SQUARE, WORK, Gravity
+from ares_optimizer.two_point.kernels import newton
+from ares_optimizer.two_point.kernels.costates import (
     altitude_hessian_product,
     integrate_segment,
     log_heating_hessian_product,
 )
-from ares_optimizer.kernels.timetable import MAX_SEGMENTS, SEGMENT, build_timetable
-from ares_optimizer.solution import OptimizerError
 
 FLOW = 1306665.0 / (448.0 * 9.80665)
 
@@ -143,14 +148,14 @@ class TestPublishedOptima:
         assert solution.jettison_times_s == (441.02,)
 
     def test_passive_jettison(self, ares):
-        solution = solve_indirect(*ares, heating="passive")
+        solution = solve_indirect(*ares, TwoPointOptions(heating=Heating.PASSIVE))
         assert solution.converged, solution.reason
         assert solution.m_f_kg == pytest.approx(174151.0, abs=5.0)
         assert solution.t_plf_s == pytest.approx(428.6, abs=0.6)
         assert solution.verification.fmhr_w_m2 == pytest.approx(1135.0, rel=1e-6)
 
     def test_no_fairing_constraint_is_above_all(self, ares):
-        solution = solve_indirect(*ares, heating="ignored")
+        solution = solve_indirect(*ares, TwoPointOptions(heating=Heating.IGNORED))
         assert solution.converged, solution.reason
         assert solution.m_f_kg == pytest.approx(174576.55, abs=0.1)
         assert solution.t_plf_s == pytest.approx(337.15)
@@ -280,7 +285,7 @@ class TestJacobian:
     def test_ares(self, ares, gravity, heating):
         arrays, start = ares
         arrays = arrays._replace(atmosphere=smooth_table())
-        solver = TwoPointSolver(arrays, gravity=gravity, heating=heating)
+        solver = TwoPointSolver(arrays, TwoPointOptions(gravity=gravity, heating=heating))
         unknowns = np.array([-0.05, -0.96, 0.25, -1.1e-3, -5e-4, 7e-4, 766.7, 416.3, -2.3])
         assert_jacobian_exact(solver, start, unknowns)
 
@@ -288,7 +293,7 @@ class TestJacobian:
     def test_keplerian_target(self, step_s):
         """The derivative is that of the discrete map: coarse steps make it no worse."""
         arrays, start = mission("delta_iii")
-        solver = TwoPointSolver(arrays, step_s=step_s)
+        solver = TwoPointSolver(arrays, TwoPointOptions(step_s=step_s))
         unknowns = solver.solve(start).unknowns * (1.0 + 1e-3 * np.sin(np.arange(7)))
         assert_jacobian_exact(solver, start, unknowns)
 
@@ -338,21 +343,10 @@ def test_runge_kutta_nystroem_is_of_order_six():
     first = np.array([6.5e6, 1e5, 2e5, 100.0, 4e3, 50.0, 0.3, 0.9, 0.1, 1e-4, -1e-3, 5e-4])
 
     def end(steps):
-        state = first.copy()
-        integrate_segment(
-            segment[0],
-            steps,
-            3.986e14,
-            0.0,
-            0,
-            0,
-            state,
-            np.zeros((MAX_COLUMNS, 12)),
-            np.zeros((6, 6)),
-            np.zeros((6, MAX_COLUMNS, 6)),
-            np.zeros((4, MAX_COLUMNS)),
-        )
-        return state
+        work = np.zeros(1, WORK)
+        work["state"] = first
+        integrate_segment(segment[0], steps, Gravity(3.986e14, 0.0, INVERSE_SQUARE), work[0])
+        return work["state"][0].copy()
 
     exact = end(400)
     errors = [np.linalg.norm(end(k)[:3] - exact[:3]) for k in (10, 20)]
@@ -373,7 +367,7 @@ class TestConvergence:
     def test_random_guesses(self, ares):
         """B within 60 deg of V0, A within 2e-3, times within 30 %: always the one optimum."""
         arrays, start = ares
-        solver = TwoPointSolver(arrays, step_s=40.0)
+        solver = TwoPointSolver(arrays, TwoPointOptions(step_s=40.0))
         reference = solver.solve(start).unknowns[6]
         axis = start["velocity"][0] / np.linalg.norm(start["velocity"][0])
         rng = np.random.default_rng(2)
@@ -406,7 +400,7 @@ class TestConvergence:
     def test_dispersed_starts(self, ares, scale, least):
         """From nothing but the state, 1 km and 10 m/s per axis times ``scale``."""
         arrays, start = ares
-        solver = TwoPointSolver(arrays, step_s=40.0, tolerance=1e-6)
+        solver = TwoPointSolver(arrays, TwoPointOptions(step_s=40.0, tolerance=1e-6))
         rng = np.random.default_rng(7)
         done = 0
         for _ in range(100):
@@ -418,7 +412,7 @@ class TestConvergence:
 
     def test_warm_start_takes_one_jacobian(self, ares):
         arrays, start = ares
-        solver = TwoPointSolver(arrays, step_s=40.0, tolerance=1e-6)
+        solver = TwoPointSolver(arrays, TwoPointOptions(step_s=40.0, tolerance=1e-6))
         root = solver.solve(start)
         kicked = start.copy()
         kicked["position"] += 30.0
@@ -477,7 +471,7 @@ class TestConvergence:
         arrays.arcs["thrust"] *= thrust
         arrays.arcs["mass_flow"] *= thrust
         arrays.arcs["duration"][0] /= thrust
-        root = TwoPointSolver(arrays, step_s=40.0).solve(start)
+        root = TwoPointSolver(arrays, TwoPointOptions(step_s=40.0)).solve(start)
         assert root.converged
         assert root.unknowns[8] < 0.0
 
@@ -502,7 +496,7 @@ class TestHeatingLimit:
         assert solution.converged, solution.reason
         assert solution.t_plf_s == pytest.approx(337.15)
         assert solution.costates.jump_pi == (0.0,)
-        free = solve_indirect(arrays, start, heating="ignored")
+        free = solve_indirect(arrays, start, TwoPointOptions(heating=Heating.IGNORED))
         assert solution.m_f_kg == pytest.approx(free.m_f_kg, abs=1e-6)
         worth = {check.name: check.multiplier for check in solution.constraints}
         assert worth["heating at jettison 0"] == 0.0
@@ -512,7 +506,7 @@ class TestHeatingLimit:
     def test_drop_held_at_its_earliest_time(self, ares):
         """A limit a little below what the free flight has there: no choice of time is left."""
         arrays, start = ares
-        free = solve_indirect(arrays, start, heating="ignored")
+        free = solve_indirect(arrays, start, TwoPointOptions(heating=Heating.IGNORED))
         at = free.trajectory.time_s.searchsorted(337.15)
         arrays.jettisons["value"] = 0.97 * free.trajectory.heating_rate[at]
         solution = solve_indirect(arrays, start)
@@ -570,15 +564,14 @@ class TestObstacles:
 
     def test_linear_gravity_is_no_proof(self, ares):
         """Converged to 1e-9 in its own field; the independent flight refuses it."""
-        solution = solve_indirect(*ares, gravity="linear")
+        solution = solve_indirect(*ares, TwoPointOptions(gravity="linear"))
         assert not solution.converged
         assert solution.reason.startswith("optimal in the linear field, but")
         assert solution.notes["residual_norm"] < 1e-8
         assert max(solution.costates.hamiltonian_spread) < 5e-9
         assert solution.t_meco_s == pytest.approx(778.075, abs=0.01)
 
-    def test_bad_choices(self, ares):
-        arrays, start = ares
+    def test_bad_choices(self):
         for key, value in (
             ("gravity", "cubic"),
             ("propagator", "euler"),
@@ -586,9 +579,9 @@ class TestObstacles:
             ("rule", "trapezoid"),
         ):
             with pytest.raises(OptimizerError, match=f"^{key} is '{value}'; expected "):
-                solve_indirect(arrays, start, **{key: value})
+                TwoPointOptions(**{key: value})
         with pytest.raises(OptimizerError, match="step_s is 0; expected more than 0"):
-            solve_indirect(arrays, start, step_s=0.0)
+            TwoPointOptions(step_s=0.0)
 
     def test_bad_guesses(self, ares):
         arrays, start = ares
@@ -622,7 +615,7 @@ class TestOtherTargets:
         """Two planes of one inclination lie either side of the start; the nearer one wins."""
         arrays, start = ares
         arrays.target["inclination"] = math.radians(inclination)
-        solution = solve_indirect(arrays, start, heating="ignored")
+        solution = solve_indirect(arrays, start, TwoPointOptions(heating=Heating.IGNORED))
         assert solution.converged, solution.reason
         expected = {29.0: 766.0, 35.0: 790.39, 60.0: 911.42}[inclination]
         assert solution.t_meco_s == pytest.approx(expected, abs=0.6)
@@ -699,6 +692,6 @@ class TestTimetable:
 
 def test_failure_statuses_are_told_apart(ares):
     arrays, start = ares
-    solver = TwoPointSolver(arrays, max_iterations=1)
+    solver = TwoPointSolver(arrays, TwoPointOptions(max_iterations=1))
     root = solver.newton(start, np.array([0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 760.0, 420.0, 0.0]))
     assert root.status == newton.ITERATION_LIMIT and not root.converged

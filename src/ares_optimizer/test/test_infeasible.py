@@ -5,7 +5,8 @@ import math
 import pytest
 
 from ares_models.mission import load_mission
-from ares_optimizer.solve import solve, start_of
+from ares_optimizer.request import start_of
+from ares_optimizer.solve import solve
 
 
 @pytest.fixture(scope="module")

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from ares_models.mission import load_mission
-from ares_optimizer.kernels.jump import JUMP_INPUTS, JUMP_OUTPUTS, heating_slopes, jump
-from ares_optimizer.solve import solve, start_of
+from ares_optimizer.direct.kernels.jump import JUMP_INPUTS, JUMP_OUTPUTS, heating_slopes, jump
+from ares_optimizer.request import start_of
+from ares_optimizer.solve import solve
 
 LIMIT = 1135.0
 

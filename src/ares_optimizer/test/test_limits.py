@@ -8,13 +8,16 @@ import pytest
 from ares_models.arrays import COAST, LONGEST_FLIGHT
 from ares_models.mission import load_mission
 from ares_optimizer.deadline import TIME_LIMIT_PASSED, Deadline
-from ares_optimizer.direct import MOST_CUTS, own_starts, run, splits_for
-from ares_optimizer.indirect import TwoPointSolver
-from ares_optimizer.kernels import newton, sqp
-from ares_optimizer.kernels.evaluate import evaluate, make_point, make_scratch, most_breaks
+from ares_optimizer.direct.kernels import sqp
+from ares_optimizer.direct.kernels.evaluate import evaluate, make_point, make_scratch, most_breaks
+from ares_optimizer.direct.kernels.flight import BREAKS, STORED
+from ares_optimizer.direct.search import MOST_CUTS, own_starts, run, splits_for
+from ares_optimizer.direct.transcription import transcribe
+from ares_optimizer.indirect.solver import TwoPointSolver
+from ares_optimizer.request import METHODS, start_of
 from ares_optimizer.solution import OptimizerError
-from ares_optimizer.solve import METHODS, solve, start_of
-from ares_optimizer.transcription import transcribe
+from ares_optimizer.solve import solve
+from ares_optimizer.two_point.kernels import newton
 
 DIRECT = ("direct11", "direct14", "direct20", "jump")
 
@@ -62,8 +65,8 @@ def test_there_is_room_for_every_event_and_step(method, cuts):
     scratch, point = make_scratch(problem), make_point(problem)
     p = np.full(problem.variables, 0.1)
     p[-1] = (problem.latest_cutoff - problem.start_time) / 100.0
-    evaluate(p, problem, 0, scratch, point)
-    count, nodes = int(scratch.counts[0]), int(scratch.counts[1])
+    evaluate(p, problem, scratch, point)
+    count, nodes = int(scratch.counts[BREAKS]), int(scratch.counts[STORED])
     steps = scratch.breaks[:count, 3]
     assert count <= most_breaks(problem) == len(scratch.times)
     assert nodes == steps.sum() + np.count_nonzero(steps)

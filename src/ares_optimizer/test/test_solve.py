@@ -7,15 +7,11 @@ import numpy as np
 import pytest
 
 from ares_models.mission import load_mission
-from ares_optimizer.direct import Guess
+from ares_optimizer.direct.search import Guess
+from ares_optimizer.direct.solve import guess_from
+from ares_optimizer.request import DIRECT_METHODS, INDIRECT_METHODS, start_of
 from ares_optimizer.solution import OptimizerError
-from ares_optimizer.solve import (
-    DIRECT_METHODS,
-    INDIRECT_METHODS,
-    guess_from,
-    solve,
-    start_of,
-)
+from ares_optimizer.solve import solve
 
 
 @pytest.fixture(scope="module")
@@ -196,6 +192,6 @@ def test_the_methods_seed_each_other(ares_v):
 
 def test_mission_arrays_are_left_alone(ares_v):
     arrays = ares_v.arrays()
-    before = [a.copy() for a in vars(arrays).values()]
+    before = [a.copy() for a in arrays]
     solve(arrays, state=start_of(ares_v), jettison_times={0: 430.0}, heating="from_jettison")
-    assert all(np.array_equal(a, b) for a, b in zip(before, vars(arrays).values(), strict=True))
+    assert all(np.array_equal(a, b) for a, b in zip(before, arrays, strict=True))

@@ -9,13 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_guidance.law import Law
-from ares_models.arrays import MissionArrays, Record
+from ares_models.arrays import MissionArrays
 from ares_models.kernels.environment import altitude
 from ares_models.kernels.states import insertion_quantities
 from ares_models.mission import Mission
 from ares_optimizer.solution import Solution
-from ares_optimizer.solve import start_of
-from ares_optimizer.verify import plan_flight, running, thrust_and_flow
 from ares_studies.closed_loop import Flight
 from ares_vehicle_sim.simulator import Simulator, SimulatorOptions
 
@@ -120,22 +118,11 @@ def profile_of(mission: Mission, solution: Solution) -> Profile:
     return Profile(
         time_s=track.time_s,
         mass_kg=track.mass,
-        thrust_n=_thrust(arrays, start_of(mission)[0], track.time_s, solution.t_meco_s),
+        thrust_n=track.thrust,
         pitch_deg=pitch_deg(track.position, track.velocity, track.direction),
         heating_w_m2=track.heating_rate,
         **_columns(arrays, track.position, track.velocity),
     )
-
-
-def _thrust(arrays: MissionArrays, start: Record, time: Array, t_meco: float) -> Array:
-    """Thrust at each sample; where an event stands twice, on its own side of the event."""
-    plan = plan_flight(arrays, start, t_meco)
-    thrust = np.zeros(len(time))
-    for i, t in enumerate(time):
-        neighbour = i + 1 if i + 1 < len(time) and time[i + 1] > t else i - 1
-        engines = running(plan.engines, *sorted((t, time[neighbour])))
-        thrust[i] = thrust_and_flow(arrays.arcs, engines, t)[0]
-    return thrust
 
 
 def record_flight(mission: Mission, law: Law, options: SimulatorOptions | None = None) -> History:

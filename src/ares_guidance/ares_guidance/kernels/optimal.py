@@ -18,19 +18,22 @@ from ares_models.jit import inlined, kernel
 from ares_models.kernels.environment import log_heating_gradient
 from ares_models.kernels.sequence import aboard, awaits_heating, empty_mass
 from ares_models.kernels.vectors import axpy, load, norm, scale, store, unit
-from ares_optimizer.kernels.costates import INVERSE_SQUARE
-from ares_optimizer.kernels.newton import CONVERGED, scaled_length
-from ares_optimizer.kernels.newton import solve as back_substitute
-from ares_optimizer.kernels.search import find_optimum
-from ares_optimizer.kernels.timetable import (
-    COLUMN_CUTOFF,
-    COLUMN_JETTISON,
-    HEATING_OPTIMAL,
-)
-from ares_optimizer.kernels.two_point import (
+from ares_optimizer.two_point.arrays import (
+    INVERSE_SQUARE,
     MAX_UNKNOWNS,
     RUNGE_KUTTA,
+    Effort,
+    Gravity,
+)
+from ares_optimizer.two_point.contract import (
+    COLUMN_CUTOFF,
+    COLUMN_JETTISON,
+    CONVERGED,
+    HEATING_OPTIMAL,
+    back_substitute,
+    find_optimum,
     gravity_terms,
+    scaled_length,
     shoot,
     unknown_count,
 )
@@ -126,7 +129,7 @@ def carry(mission: MissionRecords, onboard: Onboard) -> None:
     p = (u[0], u[1], u[2])
     q = (-u[3], -u[4], -u[5])
     dt = nav.time - memory.time
-    _, bend = gravity_terms(r, environment.mu, 0.0, INVERSE_SQUARE, p)
+    _, bend = gravity_terms(r, Gravity(environment.mu, 0.0, INVERSE_SQUARE), p)
     p = axpy(dt, axpy(0.5 * dt, bend, q), p)
     q = axpy(dt, bend, q)
     # what has gone since: its jump, and its unknowns
@@ -185,20 +188,7 @@ def correct(believed: MissionRecords, onboard: Onboard) -> bool:
     memory = onboard.state.optimal
     work = memory.work
     u = memory.unknowns[:]
-    # a variable, for the sake of one compiled flight
-    tangents = jettisons.shape[0] < 0
-    if not shoot(
-        nav,
-        believed.environment,
-        believed.atmosphere,
-        believed.arcs,
-        jettisons,
-        believed.target,
-        memory.options,
-        u,
-        tangents,
-        work,
-    ):
+    if not shoot(nav, believed, memory.options, u, work):
         return False
     n = unknown_count(nav, jettisons, memory.options)
     for i in range(n):
@@ -230,19 +220,12 @@ def search(
     if memory.wasted >= MOST_WASTED:
         return 0, False
     memory.options.max_steps = MOST_WASTED - memory.wasted
-    # no literal and no nested array: each would compile the search once more
-    thorough = memory.options.max_iterations < 0
+    # a slice: for the nested array itself the search would be compiled once more
     iterations, _, status, _ = find_optimum(
         nav,
-        believed.environment,
-        believed.atmosphere,
-        believed.arcs,
-        jettisons,
-        believed.target,
+        believed,
         memory.options,
-        guessed,
-        restart,
-        thorough,
+        Effort(guessed, restart, False),
         memory.unknowns[:],
         work,
     )

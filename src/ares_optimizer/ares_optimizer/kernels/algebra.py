@@ -3,14 +3,17 @@
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ares_models.jit import allocating as kernel
-from ares_optimizer.kernels.problem import Array
+from ares_models.jit import allocating
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 _TINY = 1e-13
 
 
-@kernel
+@allocating
 def full_qr(a: Array, q: Array, r: Array) -> float:
     """Householder QR of ``a`` transposed, with the whole of Q.
 
@@ -73,7 +76,7 @@ def full_qr(a: Array, q: Array, r: Array) -> float:
     return least / most if most > 0.0 else 0.0
 
 
-@kernel
+@allocating
 def solve_lower_transposed(r: Array, b: Array, x: Array) -> None:
     """Solve R^T x = b; a vanishing pivot gives a zero component."""
     m = r.shape[0]
@@ -88,7 +91,7 @@ def solve_lower_transposed(r: Array, b: Array, x: Array) -> None:
         x[i] = s / r[i, i] if abs(r[i, i]) > floor else 0.0
 
 
-@kernel
+@allocating
 def solve_upper(r: Array, b: Array, x: Array) -> None:
     """Solve R x = b; a vanishing pivot gives a zero component."""
     m = r.shape[0]
@@ -103,7 +106,7 @@ def solve_upper(r: Array, b: Array, x: Array) -> None:
         x[i] = s / r[i, i] if abs(r[i, i]) > floor else 0.0
 
 
-@kernel
+@allocating
 def solve_symmetric(a: Array, b: Array, x: Array, size: int) -> None:
     """Solve with the leading part of a positive (semi-)definite matrix, by Cholesky.
 
@@ -140,7 +143,7 @@ def solve_symmetric(a: Array, b: Array, x: Array, size: int) -> None:
         x[i] = s / a[i, i]
 
 
-@kernel
+@allocating
 def dual_multipliers(m: Array, q: Array, x: Array) -> int:
     """x >= 0 with m x + q >= 0 and x . (m x + q) = 0, m symmetric positive semi-definite.
 
@@ -217,7 +220,7 @@ def dual_multipliers(m: Array, q: Array, x: Array) -> int:
     return 1
 
 
-@kernel
+@allocating
 def least_step(rows: Array, values: Array, damping: float, step: Array) -> None:
     """Shortest step with rows @ step = -values, damped (Levenberg-Marquardt).
 
@@ -237,7 +240,7 @@ def least_step(rows: Array, values: Array, damping: float, step: Array) -> None:
         step[j] = s
 
 
-@kernel
+@allocating
 def row_multipliers(rows: Array, values: Array, damping: float, x: Array) -> None:
     """Solve (rows rows^T + damping) x = values.
 
@@ -257,3 +260,46 @@ def row_multipliers(rows: Array, values: Array, damping: float, x: Array) -> Non
     for a in range(k):
         normal[a, a] += damping * trace / k
     solve_symmetric(normal, values, x, k)
+
+
+@allocating
+def factor(n: int, a: Array, pivots: Index) -> bool:
+    """LU factors of ``a`` in place, rows exchanged; False if singular."""
+    for k in range(n):
+        best = k
+        for i in range(k + 1, n):
+            if abs(a[i, k]) > abs(a[best, k]):
+                best = i
+        pivots[k] = best
+        if not abs(a[best, k]) > 0.0:
+            return False
+        if best != k:
+            for j in range(n):
+                a[k, j], a[best, j] = a[best, j], a[k, j]
+        inverse = 1.0 / a[k, k]
+        for i in range(k + 1, n):
+            a[i, k] *= inverse
+            x = a[i, k]
+            if x != 0.0:
+                for j in range(k + 1, n):
+                    a[i, j] -= x * a[k, j]
+    return math.isfinite(a[n - 1, n - 1])
+
+
+@allocating
+def back_substitute(n: int, a: Array, pivots: Index, b: Array) -> None:
+    """Solve with the factors of :func:`factor`; ``b`` is replaced by the answer."""
+    for k in range(n):
+        i = pivots[k]
+        if i != k:
+            b[k], b[i] = b[i], b[k]
+    for i in range(n):
+        total = b[i]
+        for j in range(i):
+            total -= a[i, j] * b[j]
+        b[i] = total
+    for i in range(n - 1, -1, -1):
+        total = b[i]
+        for j in range(i + 1, n):
+            total -= a[i, j] * b[j]
+        b[i] = total / a[i, i]

@@ -7,14 +7,18 @@ of the unit normal, an apse line is two components of the eccentricity vector.
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ares_models.arrays import (
     TARGET_KEPLERIAN,
     TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
     Record,
 )
-from ares_models.jit import allocating as kernel
-from ares_models.kernels.vectors import Vector, axpy, cross, dot, norm, scale
-from ares_optimizer.kernels.problem import Array
+from ares_models.jit import kernel
+from ares_models.kernels.vectors import Vector, add, axpy, cross, dot, norm, scale, unit
+
+Array = NDArray[np.float64]
 
 MAX_ROWS = 6
 SCALE = 100.0
@@ -22,24 +26,22 @@ _EQUATORIAL = 1e-6  # sine of the inclination below which the node has no meanin
 
 
 @kernel
-def put_row(gradient: Array, row: int, by_position: Vector, by_velocity: Vector) -> None:
+def put_row(row: Array, by_position: Vector, by_velocity: Vector) -> None:
     """Write one row of the gradient by position and velocity."""
     for c in range(3):
-        gradient[row, c] = by_position[c]
-        gradient[row, 3 + c] = by_velocity[c]
+        row[c] = by_position[c]
+        row[3 + c] = by_velocity[c]
 
 
 @kernel
-def normal_component(
-    r: Vector, v: Vector, axis: Vector, level: float, row: int, c: Array, gradient: Array
-) -> None:
-    """Row that asks for a component of the orbit's unit normal."""
+def normal_component(r: Vector, v: Vector, axis: Vector, row: Array) -> float:
+    """A component of the orbit's unit normal; its gradient into ``row``."""
     h = cross(r, v)
     size = norm(h)
     value = dot(h, axis) / size
     w = scale(SCALE / size, axpy(-value / size, h, axis))
-    c[row] = SCALE * (value - level)
-    put_row(gradient, row, cross(v, w), cross(w, r))
+    put_row(row, cross(v, w), cross(w, r))
+    return value
 
 
 @kernel
@@ -68,35 +70,33 @@ def terminal_rows(
         a = target.semi_major_axis
         s = SCALE * a / mu
         c[0] = s * (0.5 * speed * speed - mu / radius + 0.5 * mu / a)
-        put_row(gradient, 0, scale(s * mu / (radius * radius * radius), r), scale(s, v))
+        put_row(gradient[0], scale(s * mu / (radius * radius * radius), r), scale(s, v))
     else:
         s = SCALE / target.radius
         c[0] = s * (radius - target.radius)
-        put_row(gradient, 0, scale(s / radius, r), zero)
+        put_row(gradient[0], scale(s / radius, r), zero)
         s = SCALE / target.speed
         c[1] = s * (speed - target.speed)
-        put_row(gradient, 1, zero, scale(s / speed, v))
+        put_row(gradient[1], zero, scale(s / speed, v))
         sine = dot(r, v) / (radius * speed)
         c[2] = SCALE * (sine - math.sin(target.flight_path_angle))
         s = SCALE / (radius * speed)
         put_row(
-            gradient,
-            2,
+            gradient[2],
             scale(s, axpy(-sine * speed / radius, r, v)),
             scale(s, axpy(-sine * radius / speed, v, r)),
         )
     si = math.sin(target.inclination)
     ci = math.cos(target.inclination)
     if target.kind == TARGET_RADIUS_SPEED_ANGLE_INCLINATION and abs(si) > _EQUATORIAL:
-        normal_component(r, v, (0.0, 0.0, 1.0), ci, 3, c, gradient)
+        c[3] = SCALE * (normal_component(r, v, (0.0, 0.0, 1.0), gradient[3]) - ci)
         return 4
     node = (math.cos(target.ascending_node), math.sin(target.ascending_node), 0.0)
     if target.kind == TARGET_RADIUS_SPEED_ANGLE_INCLINATION:
         node = (1.0, 0.0, 0.0)
     across = (-ci * node[1], ci * node[0], si)
-    row = 3
-    normal_component(r, v, node, 0.0, row, c, gradient)
-    normal_component(r, v, across, 0.0, row + 1, c, gradient)
+    c[3] = SCALE * normal_component(r, v, node, gradient[3])
+    c[4] = SCALE * normal_component(r, v, across, gradient[4])
     if target.kind != TARGET_KEPLERIAN:
         return 5
     cw = math.cos(target.argument_of_perigee)
@@ -116,5 +116,70 @@ def terminal_rows(
         c[1 + k] = SCALE * (q * x - along * y / mu - level)
         by_position = axpy(q, axis, axpy(x / (radius * radius * radius), r, scale(-y / mu, v)))
         by_velocity = axpy(2.0 * x / mu, v, axpy(-y / mu, r, scale(-along / mu, axis)))
-        put_row(gradient, 1 + k, scale(SCALE, by_position), scale(SCALE, by_velocity))
+        put_row(gradient[1 + k], scale(SCALE, by_position), scale(SCALE, by_velocity))
     return 5
+
+
+@kernel
+def target_normal(target: Record, r: Vector, h: Vector, branch: float) -> Vector:
+    """Unit normal of the target plane; with a free node that through ``r``.
+
+    Args:
+        target: record TARGET.
+        r: m.
+        h: present angular momentum; of the two planes through ``r`` the nearer one is meant.
+        branch: -1 for the other of the two.
+    """
+    si = math.sin(target.inclination)
+    ci = math.cos(target.inclination)
+    if target.kind != TARGET_RADIUS_SPEED_ANGLE_INCLINATION:
+        node = target.ascending_node
+        return (si * math.sin(node), -si * math.cos(node), ci)
+    up = unit(r)
+    north = axpy(-up[2], up, (0.0, 0.0, 1.0))
+    cos_latitude = max(1e-9, norm(north))
+    north = scale(1.0 / cos_latitude, north)
+    west = cross(up, north)
+    along_north = min(1.0, max(-1.0, ci / cos_latitude))
+    along_west = branch * math.sqrt(1.0 - along_north * along_north)
+    if dot(h, west) < 0.0:
+        along_west = -along_west
+    return add(scale(along_north, north), scale(along_west, west))
+
+
+@kernel
+def wanted_state(
+    target: Record, mu: float, normal: Vector, r: Vector
+) -> tuple[Vector, Vector, Vector]:
+    """State of the terminal set on the ray of ``r``, and the downrange direction there.
+
+    Args:
+        target: record TARGET.
+        mu: m3/s2.
+        normal: unit normal of the target plane.
+        r: m; taken into the plane.
+
+    Returns:
+        position m, velocity m/s, unit vector downrange.
+    """
+    radial = unit(axpy(-dot(r, normal), normal, r))
+    downrange = cross(normal, radial)
+    if target.kind == TARGET_KEPLERIAN:
+        node = (math.cos(target.ascending_node), math.sin(target.ascending_node), 0.0)
+        argument = math.atan2(dot(cross(node, radial), normal), dot(node, radial))
+        anomaly = argument - target.argument_of_perigee
+        e = target.eccentricity
+        parameter = target.semi_major_axis * (1.0 - e * e)
+        radius = parameter / max(1e-3, 1.0 + e * math.cos(anomaly))
+        root = math.sqrt(mu / parameter)
+        rise = root * e * math.sin(anomaly)
+        along = root * (1.0 + e * math.cos(anomaly))
+    else:
+        radius = target.radius
+        rise = target.speed * math.sin(target.flight_path_angle)
+        along = target.speed * math.cos(target.flight_path_angle)
+    return (
+        scale(radius, radial),
+        add(scale(rise, radial), scale(along, downrange)),
+        downrange,
+    )

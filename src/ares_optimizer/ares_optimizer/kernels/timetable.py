@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import BURN, HEATING_LIMIT, SEQUENCE, Record
-from ares_models.jit import allocating as kernel
+from ares_models.jit import allocating, kernel
 from ares_models.kernels.sequence import (
     SAME_BURNOUT,
     SAME_TIME,
@@ -397,7 +397,7 @@ def fill_timetable(
     return 0
 
 
-@kernel
+@allocating
 def build_timetable(
     start: Record,
     arcs: NDArray[Any],

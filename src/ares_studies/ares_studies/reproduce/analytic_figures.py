@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from ares_optimizer.analytic_flight import PlanarFlight
+from ares_optimizer.analytic.flight import PlanarFlight
 from ares_studies.pages.parts import (
     Axis,
     Figure,

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ares_optimizer.analytic import AnalyticPart, AnalyticSolution
-from ares_optimizer.analytic_flight import PlanarFlight
+from ares_optimizer.analytic.flight import PlanarFlight
+from ares_optimizer.analytic.solve import AnalyticPart, AnalyticSolution
 from ares_studies.pages.parts import (
     BESIDE,
     Cell,

@@ -7,9 +7,9 @@ from typing import Any
 from ares_models.arrays import HEATING_LIMIT, MissionArrays
 from ares_models.mission import Mission, load_mission
 from ares_models.orbits import Insertion
-from ares_optimizer.analytic import AnalyticSolution, solve_analytic
-from ares_optimizer.analytic_flight import FittedPiece, PlanarFlight, fit_flight, planar_flight
-from ares_optimizer.analytic_options import AnalyticOptions
+from ares_optimizer.analytic.flight import FittedPiece, PlanarFlight, fit_flight, planar_flight
+from ares_optimizer.analytic.options import AnalyticOptions
+from ares_optimizer.analytic.solve import AnalyticSolution, solve_analytic
 from ares_optimizer.solution import OptimizerError, Solution
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import ready_law

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ares_optimizer.closed_form import gravity_table
+from ares_optimizer.indirect.closed_form import gravity_table
 from ares_optimizer.solution import Solution
 from ares_studies.pages.parts import (
     BESIDE,

@@ -1,0 +1,1 @@
+"""Compiled: polynomial burns and their iteration."""

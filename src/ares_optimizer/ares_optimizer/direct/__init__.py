@@ -1,0 +1,1 @@
+"""Steering laws with finitely many parameters, optimised on exact gradients."""

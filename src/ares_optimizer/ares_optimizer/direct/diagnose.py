@@ -1,0 +1,223 @@
+"""Why a mission has no solution: the constraint in the way, and by how much."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models.arrays import MissionArrays, Record
+from ares_models.kernels.environment import altitude, heating_rate
+from ares_optimizer.deadline import Deadline
+from ares_optimizer.direct.kernels.evaluate import evaluate, make_point, make_scratch
+from ares_optimizer.direct.kernels.flight import N_POSITION, STORED, drop_column
+from ares_optimizer.direct.kernels.problem import (
+    D_LOG_LIMIT,
+    HEATING_FROM_JETTISON,
+    MINIMISE_HEATING,
+)
+from ares_optimizer.direct.search import LIFTED, Found, eased, run, solve_base, tighten
+from ares_optimizer.direct.transcription import Transcription, transcribe
+from ares_optimizer.request import Heating
+from ares_optimizer.targets import figures_of, half_turn, target_rows
+
+Array = NDArray[np.float64]
+
+_FEASIBLE = 1e-6
+_NEAR = 1e-3  # scaled violation of a flight that all but reaches the target
+_PLACES = (0.2, 0.5, 0.8, 0.98)  # of the time from the earliest drop to cut-off
+
+
+def propellant_obstacle(found: Found) -> str:
+    """A line when the optimum burns longer than the last stage can; empty otherwise."""
+    transcription = found.transcription
+    late = found.cutoff_s - transcription.depletion_s
+    if late <= 0.0:
+        return ""
+    return (
+        f"propellant of the last stage: {late * transcription.flow_kg_s:,.0f} kg short, the "
+        f"best flight needs a cut-off at {found.cutoff_s:.1f} s and the propellant lasts to "
+        f"{transcription.depletion_s:.1f} s"
+    )
+
+
+def held_by_heating(found: Found) -> bool:
+    """Whether a heating limit at a jettison holds the solution."""
+    drops = len(found.transcription.problem.drops)
+    return bool(np.any(found.inequalities[: 3 * drops : 3] > 0.0))
+
+
+def miss_line(arrays: MissionArrays, found: Found) -> str:
+    """By how much the nearest flight misses the target."""
+    problem = found.transcription.problem
+    mu = float(problem.environment[0]["mu"])
+    kind = int(arrays.target[0]["kind"])
+    figures = figures_of(kind, found.final[1:4], found.final[4:7], mu)
+    parts = []
+    for figure, (key, name, unit, turn) in zip(figures, target_rows(kind), strict=True):
+        wanted = float(arrays.target[0][key])
+        if unit == "deg":
+            wanted = math.degrees(wanted)
+        off = figure - wanted
+        if turn:
+            off = half_turn(off)
+        size = 1.0 if unit in ("deg", "1") else abs(wanted)
+        parts.append((abs(off) / size, f"{name} off by {off:,.4g} {unit}"))
+    parts.sort(key=lambda part: -part[0])
+    text = "; ".join(line for _, line in parts[:2])
+    latest = problem.latest_cutoff
+    if found.cutoff_s >= latest - 1.0:
+        text += "; the whole last stack would have to be burnt"
+    return text
+
+
+def ground_obstacle(found: Found) -> str:
+    """A line when the flight goes through the ground, by the ends of the solver's steps."""
+    problem = found.transcription.problem
+    scratch = make_scratch(problem)
+    evaluate(found.variables, problem, scratch, make_point(problem))
+    nodes = scratch.nodes[: scratch.counts[STORED], N_POSITION : N_POSITION + 3]
+    environment = problem.environment[0]
+    lowest = min(altitude((float(x), float(y), float(z)), environment) for x, y, z in nodes)
+    if lowest >= 0.0:
+        return ""
+    return f"the flights found to the target go through the ground, {-lowest:,.0f} m deep"
+
+
+def terminal_miss(found: Found) -> float:
+    """Largest scaled residual of the terminal equations."""
+    problem = found.transcription.problem
+    point = make_point(problem)
+    evaluate(found.variables, problem, make_scratch(problem), point)
+    return float(np.abs(point.equations).max())
+
+
+def no_flight_line(arrays: MissionArrays, found: Found) -> str:
+    """Why a search ended without a solution, as far as its last flight tells."""
+    if terminal_miss(found) > _NEAR:
+        return f"no flight to the target found, the nearest: {miss_line(arrays, found)}"
+    obstacle = ground_obstacle(found) or propellant_obstacle(found)
+    if obstacle:
+        return obstacle
+    if found.transcription.problem.heating == HEATING_FROM_JETTISON:
+        return path_obstacle(found)
+    return "flights to the target exist, but the search for the best one did not end"
+
+
+def path_obstacle(found: Found) -> str:
+    """A line on a heating limit that cannot be held from the jettison on."""
+    problem = found.transcription.problem
+    j = found.transcription.heating_jettisons[-1]
+    lowest = math.exp(float(problem.drops[-1, D_LOG_LIMIT]))
+    limit = lowest / math.exp(found.excess)
+    text = f"heating from jettison {j} on: {limit:,.6g} W/m2 cannot be held to cut-off"
+    if found.excess > 0.0:
+        return (
+            f"{text}, the lowest limit reached is {lowest:,.6g} W/m2, "
+            f"{lowest - limit:,.4g} W/m2 too much"
+        )
+    final = found.final
+    at_end = heating_rate(
+        (float(final[1]), float(final[2]), float(final[3])),
+        (float(final[4]), float(final[5]), float(final[6])),
+        problem.environment[0],
+        problem.atmosphere,
+    )
+    return f"{text}; at cut-off it is {at_end:,.6g} W/m2"
+
+
+def rescue(
+    arrays: MissionArrays, start: Record, heating: Heating, found: Found, deadline: Deadline
+) -> tuple[Found, str]:
+    """Last attempt on a mission that did not converge, or the reason why it cannot.
+
+    The heating limit is lifted; if the target can then be reached, the flight with the least
+    heating at the jettison is sought. Either it meets the limit, and the search starts again
+    from it, or its heating is the answer.
+
+    Args:
+        arrays: the mission.
+        start: record NAVIGATION.
+        heating: what the heating limit asks.
+        found: the failed search.
+        deadline: when to give up.
+
+    Returns:
+        a search that converged and an empty line, or ``found`` and the reason.
+    """
+    first = Heating.AT_JETTISON if heating is Heating.FROM_JETTISON else heating
+    base = transcribe(arrays, start, "direct11", first)
+    lifted = found
+    if len(base.problem.drops):
+        lifted = solve_base(eased(base, LIFTED), None, deadline)
+        found.iterations += lifted.iterations
+        found.restarts += lifted.restarts + 1
+    if not lifted.converged:
+        return found, no_flight_line(arrays, lifted)
+    obstacle = ground_obstacle(lifted)
+    if obstacle:
+        return found, obstacle
+    obstacle = propellant_obstacle(lifted)
+    if obstacle:
+        return found, propellant_obstacle(found) if found.converged else obstacle
+    within = _within_propellant(base)
+    lowered = tighten(lifted, within, deadline)
+    found.iterations += lowered.iterations
+    found.restarts += lowered.restarts
+    if lowered.excess <= 0.0:
+        lowered.iterations, lowered.restarts = found.iterations, found.restarts
+        return lowered, ""
+    best = math.inf
+    coolest = lowered.variables
+    for fraction in _PLACES:
+        variables = lowered.variables.copy()
+        for d in range(len(within.problem.drops)):
+            column = drop_column(within.problem, d)
+            variables[column] += fraction * (variables[-1] - variables[column])
+        cool = least_heating(within, variables, deadline)
+        found.iterations += cool.iterations
+        found.restarts += 1
+        level = heating_level(cool)
+        if cool.miss <= _FEASIBLE and level < best:
+            best, coolest = level, cool.variables
+        if deadline.passed:
+            break
+    limit = float(base.problem.drops[-1, D_LOG_LIMIT])
+    if best <= limit + _FEASIBLE:
+        again = run(within, coolest, 1.0, deadline)
+        again.iterations += found.iterations
+        again.restarts = found.restarts + 1
+        if again.converged:
+            return again, ""
+        return found, no_flight_line(arrays, again)
+    j = base.heating_jettisons[-1]
+    if not math.isfinite(best):
+        return found, (
+            f"heating limit of jettison {j}: no flight found to the target that meets "
+            f"{math.exp(limit):,.6g} W/m2"
+        )
+    return found, (
+        f"heating limit of jettison {j}: {math.exp(limit):,.6g} W/m2 is not met by any flight "
+        f"found to the target, the least is {math.exp(best):,.6g} W/m2, "
+        f"{math.exp(best) - math.exp(limit):,.6g} W/m2 too much"
+    )
+
+
+def _within_propellant(transcription: Transcription) -> Transcription:
+    """The same problem with the cut-off no later than the propellant lasts."""
+    problem = transcription.problem
+    latest = min(problem.latest_cutoff, transcription.depletion_s)
+    return replace(transcription, problem=problem._replace(latest_cutoff=latest))
+
+
+def least_heating(transcription: Transcription, variables: Array, deadline: Deadline) -> Found:
+    """Search for the flight to the target with the least heating at the last free drop."""
+    problem = transcription.problem._replace(objective=MINIMISE_HEATING)
+    return run(replace(transcription, problem=problem), variables, 1.0, deadline)
+
+
+def heating_level(found: Found) -> float:
+    """Log of the heating in W/m2 at the last free drop; inf when not finite."""
+    problem = found.transcription.problem._replace(objective=MINIMISE_HEATING)
+    level = evaluate(found.variables, problem, make_scratch(problem), make_point(problem))
+    return level if math.isfinite(level) else math.inf

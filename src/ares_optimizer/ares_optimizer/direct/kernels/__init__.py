@@ -1,0 +1,1 @@
+"""Compiled: the flight with its tangents, SQP."""

@@ -1,0 +1,823 @@
+"""The flight as a function of the steering parameters, with exact first derivatives.
+
+Thrust enters Eq. 2.1 as a known function of time, so the motion is r'' = g(r) + q(t): a
+Nystroem method needs no velocity in its stages (``kernels/nystroem.py``): five gravities per
+step.
+Derivatives are those of the discrete method itself: every stage carries the tangents of
+its position, including those of the step length where an end of a leg is free in time.
+Where a leg begins or ends at a free time, tangents are total ones, of the moving node.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ares_models.arrays import Record
+from ares_models.jit import allocating
+from ares_models.kernels.vectors import Vector, axpy, dot, load, norm, scale, store
+from ares_optimizer.direct.kernels.jump import JUMP_INPUTS, JUMP_OUTPUTS, jump, jump_jacobian
+from ares_optimizer.direct.kernels.problem import (
+    AT_DROP,
+    AT_START,
+    D_MASS,
+    L_BEGINS,
+    L_DIRECTION,
+    L_DROP,
+    L_RATE,
+    P_FLOW,
+    P_FLOW_SLOPE,
+    P_MASS,
+    P_THRUST,
+    P_THRUST_SLOPE,
+    P_TIME,
+    RATE_SCALE,
+    TIME_SCALE,
+    Problem,
+)
+from ares_optimizer.kernels.algebra import Array, Index
+from ares_optimizer.kernels.nystroem import NODES, STAGES, VELOCITY_WEIGHTS, WEIGHTS
+
+# what a break is
+PIECE = 0
+LAW = 1
+DROP = 2
+CUTOFF = 3
+TAIL = 4
+PROBE = 5
+
+FIXED = -1
+MOST_STEPS = 200
+
+# columns of a node: time, position, velocity, acceleration, mass, thrust direction
+N_TIME = 0
+N_POSITION = 1
+N_VELOCITY = 4
+N_ACCELERATION = 7
+N_MASS = 10
+N_DIRECTION = 11
+N_COLUMNS = 14
+
+
+@allocating
+def gravity_gradient(r: Vector, environment: Record) -> tuple[Vector, Vector, Vector]:
+    """Gravity m/s2, and the six entries of its gradient, 1/s2: (xx, xy, xz), (yy, yz, zz)."""
+    square = dot(r, r)
+    radius = math.sqrt(square)
+    k = environment.mu / (square * radius)
+    x, y, z = r
+    s = 3.0 * k / square
+    g = scale(-k, r)
+    first = (s * x * x - k, s * x * y, s * x * z)
+    second = (s * y * y - k, s * y * z, s * z * z - k)
+    j2 = environment.j2
+    if j2 == 0.0:
+        return g, first, second
+    # g += -k q [(1 - 5 w) r + 2 z e_z], q = 1.5 j2 (R/r)^2, w = (z/r)^2
+    radius_e = environment.equatorial_radius
+    q = 1.5 * j2 * radius_e * radius_e / square
+    kq = k * q
+    w = z * z / square
+    a = 1.0 - 5.0 * w
+    g = (g[0] - kq * a * x, g[1] - kq * a * y, g[2] - kq * (a + 2.0) * z)
+    # d(k q)/dr = -5 k q r / r^2; dw/dr = 2 z e_z / r^2 - 2 w r / r^2
+    p = kq / square
+    fx = p * (5.0 * a * x - 10.0 * w * x)
+    fy = p * (5.0 * a * y - 10.0 * w * y)
+    fz = p * (5.0 * a * z - 10.0 * w * z + 10.0 * z)
+    first = (
+        first[0] + fx * x - kq * a,
+        first[1] + fx * y,
+        first[2] + x * fz,
+    )
+    second = (
+        second[0] + fy * y - kq * a,
+        second[1] + y * fz,
+        second[2] + fz * z - kq * (a + 2.0) + 10.0 * p * z * z,
+    )
+    return g, first, second
+
+
+@allocating
+def drop_column(problem: Problem, j: int) -> int:
+    """Column of the time of drop ``j``."""
+    return problem.variables - 1 - problem.drops.shape[0] + j
+
+
+#: What ``Scratch.counts`` counts.
+BREAKS = 0
+STORED = 1
+LATER_PEAKS = 2
+COLUMNS = 3
+
+
+class Scratch(NamedTuple):
+    """What a flight and its evaluation write: room for one problem.
+
+    Attributes:
+        times, breaks: order of events.
+        work: scratch of the integration.
+        nodes: shape (k, N_COLUMNS), room for every step of every break.
+        drops: shape (d + PEAKS, 14), states at the free drops and at later heating peaks.
+        drop_tangents: shape (d + PEAKS, 6, n).
+        final: shape (8,).
+        final_tangents: shape (6, n).
+        rows: shape (MAX_ROWS, 6), terminal gradients by the state.
+        state: shape (6,), position and velocity of the flight as it is flown.
+        forces: shape (STAGES, 3), accelerations at the stages of a step.
+        counts: shape (4,): how many BREAKS, STORED nodes, LATER_PEAKS of the heating after the
+            last free drop, and COLUMNS of tangents there are.
+        peaks: shape (PEAKS,), their times, s after the start; found only where they count.
+    """
+
+    times: Array
+    breaks: Index
+    work: Array
+    nodes: Array
+    drops: Array
+    drop_tangents: Array
+    final: Array
+    final_tangents: Array
+    rows: Array
+    state: Array
+    forces: Array
+    counts: Index
+    peaks: Array
+
+
+class Break(NamedTuple):
+    """An event of the flight.
+
+    Attributes:
+        what: PIECE, LAW, DROP, CUTOFF, TAIL or PROBE.
+        which: of these.
+        column: variable that moves it; FIXED: none.
+        time: s after the start.
+    """
+
+    what: int
+    which: int
+    column: int
+    time: float
+
+
+@allocating
+def add_break(at: Break, scratch: Scratch) -> None:
+    """Note an event."""
+    count = scratch.counts[BREAKS]
+    scratch.times[count] = at.time
+    scratch.breaks[count, 0] = at.what
+    scratch.breaks[count, 1] = at.which
+    scratch.breaks[count, 2] = at.column
+    scratch.counts[BREAKS] = count + 1
+
+
+@allocating
+def sort_breaks(count: int, times: Array, breaks: Index) -> None:
+    """Insertion sort, stable: at one instant the piece comes before law, drop and cut-off."""
+    for i in range(1, count):
+        time = times[i]
+        what, which, column = breaks[i, 0], breaks[i, 1], breaks[i, 2]
+        k = i
+        while k > 0 and times[k - 1] > time:
+            times[k] = times[k - 1]
+            breaks[k, 0] = breaks[k - 1, 0]
+            breaks[k, 1] = breaks[k - 1, 1]
+            breaks[k, 2] = breaks[k - 1, 2]
+            k -= 1
+        times[k] = time
+        breaks[k, 0] = what
+        breaks[k, 1] = which
+        breaks[k, 2] = column
+
+
+@allocating
+def count_steps(count: int, longest: float, times: Array, breaks: Index) -> None:
+    """Number of integration steps from each break to the next."""
+    for i in range(count - 1):
+        duration = times[i + 1] - times[i]
+        same = breaks[i, 2] == breaks[i + 1, 2]
+        if same and duration <= 0.0:
+            breaks[i, 3] = 0
+        elif duration < MOST_STEPS * longest:
+            breaks[i, 3] = max(1, int(math.ceil(duration / longest)))
+        else:
+            # nothing that a search should come to, nor wait for
+            breaks[i, 3] = MOST_STEPS
+    breaks[count - 1, 3] = 0
+
+
+@allocating
+def lay_out(p: Array, problem: Problem, scratch: Scratch) -> None:
+    """Put everything that happens in order of time.
+
+    Args:
+        p: shape (n,), variables.
+        problem: the flight.
+        scratch: states are wanted at its LATER_PEAKS ``peaks``. Written: ``times`` of each
+            break, s after the start; ``breaks``: what it is, its index, the column of its time
+            (or FIXED), and the number of integration steps from here to the next break; and
+            their number. The last one is the end of thrust.
+    """
+    last = problem.variables - 1
+    cutoff = p[last] * TIME_SCALE
+    scratch.counts[BREAKS] = 0
+    for k in range(problem.profile.shape[0]):
+        at = problem.profile[k, P_TIME] - problem.start_time
+        if k == 0 or at < cutoff:
+            add_break(Break(PIECE, k, FIXED, at), scratch)
+    for k in range(problem.laws.shape[0]):
+        if problem.laws[k, L_BEGINS] == AT_DROP:
+            continue
+        at = problem.law_time[k] - problem.start_time
+        if problem.laws[k, L_BEGINS] == AT_START or at < cutoff:
+            add_break(Break(LAW, k, FIXED, at), scratch)
+    for j in range(problem.drops.shape[0]):
+        column = drop_column(problem, j)
+        add_break(Break(DROP, j, column, min(p[column] * TIME_SCALE, cutoff)), scratch)
+    for k in range(scratch.counts[LATER_PEAKS]):
+        if scratch.peaks[k] < cutoff:
+            add_break(Break(PROBE, k, FIXED, scratch.peaks[k]), scratch)
+    add_break(Break(CUTOFF, 0, last, cutoff), scratch)
+    sort_breaks(scratch.counts[BREAKS], scratch.times, scratch.breaks)
+    for k in range(problem.tail.shape[0]):
+        add_break(Break(TAIL, k, last, cutoff + problem.tail[k, P_TIME]), scratch)
+    count_steps(scratch.counts[BREAKS], problem.longest_step, scratch.times, scratch.breaks)
+
+
+@allocating
+def break_at(b: int, p: Array, problem: Problem, scratch: Scratch) -> Break:
+    """A break; its time is that of ``p``, also where another ``p`` has set the order."""
+    what, which, column = scratch.breaks[b, 0], scratch.breaks[b, 1], scratch.breaks[b, 2]
+    time = scratch.times[b]
+    if column != FIXED:
+        time = p[column] * TIME_SCALE
+    if what == TAIL:
+        time += problem.tail[which, P_TIME]
+    return Break(what, which, column, time)
+
+
+# rows of the scratch array
+W_POSITION = 0
+W_VELOCITY = 1
+W_BASE = 2
+W_RATE = 3
+W_STAGE = 4
+W_FORCE = 5  # one per stage
+WORK_ROWS = W_FORCE + STAGES
+
+
+@allocating
+def combine(weights: Array, forces: Array, count: int) -> Vector:
+    """Weighted sum of the first ``count`` stage accelerations, m/s2."""
+    x = 0.0
+    y = 0.0
+    z = 0.0
+    for q in range(count):
+        w = weights[q]
+        x += w * forces[q, 0]
+        y += w * forces[q, 1]
+        z += w * forces[q, 2]
+    return (x, y, z)
+
+
+@allocating
+def add_column(row: Array, n: int, column: int, factor: float, x: Vector) -> None:
+    """Add ``factor`` x to one column of a flat (3, n) tangent."""
+    row[column] += factor * x[0]
+    row[n + column] += factor * x[1]
+    row[2 * n + column] += factor * x[2]
+
+
+@allocating
+def stage_tangents(work: Array, n: int, m: int, h: float) -> None:
+    """Tangents of the position of stage ``m``, the step length held."""
+    stage = work[W_STAGE]
+    sr = work[W_POSITION]
+    sv = work[W_VELOCITY]
+    ch = NODES[m] * h
+    for k in range(3 * n):
+        stage[k] = sr[k] + ch * sv[k]
+    for q in range(m):
+        w = h * h * WEIGHTS[m, q]
+        kt = work[W_FORCE + q]
+        for k in range(3 * n):
+            stage[k] += w * kt[k]
+
+
+@allocating
+def force_tangents(
+    m: int,
+    gradient: tuple[Vector, Vector],
+    turn: tuple[Vector, Vector],
+    dt: float,
+    scratch: Scratch,
+) -> None:
+    """Tangents of the acceleration of stage ``m``: gravity gradient and steering.
+
+    Args:
+        m: stage.
+        gradient: of gravity, 1/s2: (xx, xy, xz), (yy, yz, zz).
+        turn: thrust acceleration by the steering vector, m/s2, the same way.
+        dt: s since the law began.
+        scratch: of the flight.
+    """
+    n = scratch.counts[COLUMNS]
+    stage = scratch.work[W_STAGE]
+    base = scratch.work[W_BASE]
+    slope = scratch.work[W_RATE]
+    kt = scratch.work[W_FORCE + m]
+    gxx, gxy, gxz = gradient[0]
+    gyy, gyz, gzz = gradient[1]
+    qxx, qxy, qxz = turn[0]
+    qyy, qyz, qzz = turn[1]
+    for j in range(n):
+        x = stage[j]
+        y = stage[n + j]
+        z = stage[2 * n + j]
+        lx = base[j] + dt * slope[j]
+        ly = base[n + j] + dt * slope[n + j]
+        lz = base[2 * n + j] + dt * slope[2 * n + j]
+        kt[j] = gxx * x + gxy * y + gxz * z + (qxx * lx + qxy * ly + qxz * lz)
+        kt[n + j] = gxy * x + gyy * y + gyz * z + (qxy * lx + qyy * ly + qyz * lz)
+        kt[2 * n + j] = gxz * x + gyz * y + gzz * z + (qxz * lx + qyz * ly + qzz * lz)
+
+
+@allocating
+def jump_law(
+    x: Array, slopes: tuple[float, float], column: int, problem: Problem, scratch: Scratch
+) -> tuple[Vector, Vector]:
+    """The law after a jettison by the jump condition, tangents included.
+
+    Args:
+        x: shape (JUMP_INPUTS,), see ``jump``.
+        slopes: time derivatives of T/m before and after, m/s3.
+        column: of the instant.
+        problem: the flight.
+        scratch: of :func:`fly`; base and rate rows are those before, moved to the instant, and
+            become those after.
+
+    Returns:
+        steering vector and its rate after the jettison.
+    """
+    n = scratch.counts[COLUMNS]
+    work = scratch.work
+    environment = problem.environment[0]
+    y = np.empty(JUMP_OUTPUTS)
+    jump(x, environment, problem.atmosphere, y)
+    if n > 0:
+        jacobian = np.empty((JUMP_OUTPUTS, JUMP_INPUTS))
+        jump_jacobian(x, environment, problem.atmosphere, jacobian)
+        inputs = np.empty(JUMP_INPUTS)
+        for j in range(n):
+            for c in range(3):
+                inputs[c] = work[W_POSITION, c * n + j]
+                inputs[3 + c] = work[W_VELOCITY, c * n + j]
+                inputs[6 + c] = work[W_BASE, c * n + j]
+                inputs[9 + c] = work[W_RATE, c * n + j]
+            inputs[12] = slopes[0] * TIME_SCALE if j == column else 0.0
+            inputs[13] = slopes[1] * TIME_SCALE if j == column else 0.0
+            for c in range(6):
+                s = 0.0
+                for k in range(JUMP_INPUTS):
+                    s += jacobian[c, k] * inputs[k]
+                work[W_BASE + c // 3, c % 3 * n + j] = s
+    return (y[0], y[1], y[2]), (y[3], y[4], y[5])
+
+
+class Engine(NamedTuple):
+    """Thrust and mass from a break on.
+
+    Attributes:
+        anchor: s after the start, where the numbers hold.
+        thrust, thrust_slope: N, N/s.
+        flow, flow_slope: kg/s, kg/s2.
+        mass: kg, free drops aboard.
+        dropped: kg.
+        in_tail: after the cut-off.
+        cutoff_flow: kg/s, just before the cut-off.
+    """
+
+    anchor: float
+    thrust: float
+    thrust_slope: float
+    flow: float
+    flow_slope: float
+    mass: float
+    dropped: float
+    in_tail: bool
+    cutoff_flow: float
+
+
+class Law(NamedTuple):
+    """The steering in force: direction + rate (t - time).
+
+    Attributes:
+        time: s after the start.
+        column: variable that moves it; FIXED: none.
+        direction: no unit.
+        rate: 1/s.
+    """
+
+    time: float
+    column: int
+    direction: Vector
+    rate: Vector
+
+
+class Leg(NamedTuple):
+    """What lies between two breaks.
+
+    Attributes:
+        begin: s after the start.
+        h: length of its steps, s.
+        steps: how many.
+        column, end_column: variables that move its ends; FIXED: none.
+    """
+
+    begin: float
+    h: float
+    steps: int
+    column: int
+    end_column: int
+
+
+class Push(NamedTuple):
+    """The thrust at a stage of a step.
+
+    Attributes:
+        time: s after the start.
+        thrust: N.
+        mass: kg.
+        steering: vector, and its size.
+        size: of the steering vector.
+        u: unit vector along it.
+    """
+
+    time: float
+    thrust: float
+    mass: float
+    steering: Vector
+    size: float
+    u: Vector
+
+
+@allocating
+def mass_at(engine: Engine, t: float) -> float:
+    """Mass, kg, at ``t`` s after the start."""
+    tau = t - engine.anchor
+    burnt = tau * (engine.flow + 0.5 * tau * engine.flow_slope)
+    return engine.mass - burnt - engine.dropped
+
+
+@allocating
+def pass_break(at: Break, engine: Engine, problem: Problem) -> Engine:
+    """The engine after a break."""
+    if at.what == PIECE:
+        row = problem.profile[at.which]
+        return Engine(
+            at.time,
+            row[P_THRUST],
+            row[P_THRUST_SLOPE],
+            row[P_FLOW],
+            row[P_FLOW_SLOPE],
+            row[P_MASS],
+            engine.dropped,
+            engine.in_tail,
+            engine.cutoff_flow,
+        )
+    if at.what == TAIL:
+        # the tail is anchored to the cut-off and takes the mass as it is
+        row = problem.tail[at.which]
+        return Engine(
+            at.time,
+            row[P_THRUST],
+            row[P_THRUST_SLOPE],
+            row[P_FLOW],
+            row[P_FLOW_SLOPE],
+            mass_at(engine, at.time) + engine.dropped,
+            engine.dropped,
+            True,
+            engine.cutoff_flow,
+        )
+    dropped = engine.dropped
+    cutoff_flow = engine.cutoff_flow
+    if at.what == DROP:
+        dropped += problem.drops[at.which, D_MASS]
+    elif at.what == CUTOFF:
+        cutoff_flow = engine.flow + (at.time - engine.anchor) * engine.flow_slope
+    return Engine(
+        engine.anchor,
+        engine.thrust,
+        engine.thrust_slope,
+        engine.flow,
+        engine.flow_slope,
+        engine.mass,
+        dropped,
+        engine.in_tail,
+        cutoff_flow,
+    )
+
+
+@allocating
+def law_at(at: Break, problem: Problem) -> int:
+    """Law that begins at a break; -1: none."""
+    if at.what == LAW:
+        return at.which
+    found = -1
+    if at.what == DROP:
+        for k in range(problem.laws.shape[0]):
+            if problem.laws[k, L_BEGINS] == AT_DROP and problem.laws[k, L_DROP] == at.which:
+                found = k
+    return found
+
+
+@allocating
+def free_law(k: int, p: Array, problem: Problem, direction: Vector, scratch: Scratch) -> Law:
+    """A law whose rate is free, and its direction too if it is not continuous."""
+    n = scratch.counts[COLUMNS]
+    work = scratch.work
+    direction_column = problem.laws[k, L_DIRECTION]
+    rate_column = problem.laws[k, L_RATE]
+    if direction_column >= 0:
+        direction = load(p[direction_column:])
+    if n > 0:
+        if direction_column >= 0:
+            work[W_BASE, : 3 * n] = 0.0
+        work[W_RATE, : 3 * n] = 0.0
+        for c in range(3):
+            if direction_column >= 0:
+                work[W_BASE, c * n + direction_column + c] = 1.0
+            work[W_RATE, c * n + rate_column + c] = RATE_SCALE
+    return Law(0.0, int(FIXED), direction, scale(RATE_SCALE, load(p[rate_column:])))
+
+
+@allocating
+def law_of_jump(
+    at: Break, law: Law, direction: Vector, engine: Engine, problem: Problem, scratch: Scratch
+) -> Law:
+    """The law after a jettison by the jump condition; ``engine`` is that before."""
+    tau = at.time - engine.anchor
+    thrust = engine.thrust + tau * engine.thrust_slope
+    flow = engine.flow + tau * engine.flow_slope
+    mass = mass_at(engine, at.time)
+    rest = mass - problem.drops[at.which, D_MASS]
+    x = np.empty(JUMP_INPUTS)
+    for c in range(6):
+        x[c] = scratch.state[c]
+    store(x[6:], direction)
+    store(x[9:], law.rate)
+    x[12] = thrust / mass
+    x[13] = thrust / rest
+    slopes = (
+        (engine.thrust_slope + thrust * flow / mass) / mass,
+        (engine.thrust_slope + thrust * flow / rest) / rest,
+    )
+    after, rate = jump_law(x, slopes, at.column, problem, scratch)
+    return Law(0.0, int(FIXED), after, rate)
+
+
+@allocating
+def change_law(
+    at: Break, law: Law, engine: Engine, p: Array, problem: Problem, scratch: Scratch
+) -> Law:
+    """The law after a break, tangents included; ``engine`` is that before."""
+    k = law_at(at, problem)
+    if k < 0:
+        return law
+    n = scratch.counts[COLUMNS]
+    work = scratch.work
+    dt = at.time - law.time
+    direction = axpy(dt, law.rate, law.direction)
+    if n > 0:
+        # tangents of the direction at this moving instant
+        for c in range(3 * n):
+            work[W_BASE, c] += dt * work[W_RATE, c]
+        if law.column != FIXED:
+            add_column(work[W_BASE], n, law.column, -TIME_SCALE, law.rate)
+        if at.column != FIXED:
+            add_column(work[W_BASE], n, at.column, TIME_SCALE, law.rate)
+    if problem.laws[k, L_RATE] < 0:
+        new = law_of_jump(at, law, direction, engine, problem, scratch)
+    else:
+        new = free_law(k, p, problem, direction, scratch)
+    return Law(at.time, at.column, new.direction, new.rate)
+
+
+@allocating
+def store_state(row: Array, tangents: Array, t: float, mass: float, scratch: Scratch) -> None:
+    """Write time, position, velocity and mass, shape (8,), and the tangents, shape (6, n)."""
+    n = scratch.counts[COLUMNS]
+    row[0] = t
+    for c in range(6):
+        row[1 + c] = scratch.state[c]
+    row[7] = mass
+    for c in range(3):
+        for j in range(n):
+            tangents[c, j] = scratch.work[W_POSITION, c * n + j]
+            tangents[3 + c, j] = scratch.work[W_VELOCITY, c * n + j]
+
+
+@allocating
+def store_break(at: Break, engine: Engine, problem: Problem, scratch: Scratch) -> None:
+    """Write the state at a drop or at a probe."""
+    row = -1
+    if at.what == DROP:
+        row = at.which
+    elif at.what == PROBE:
+        row = problem.drops.shape[0] + at.which
+    if row >= 0:
+        mass = mass_at(engine, at.time)
+        store_state(scratch.drops[row], scratch.drop_tangents[row], at.time, mass, scratch)
+
+
+@allocating
+def store_node(t: float, stage: int, push: Push, scratch: Scratch) -> None:
+    """Write one end of a step, as long as there is room."""
+    stored = scratch.counts[STORED]
+    if stored == scratch.nodes.shape[0]:
+        return
+    node = scratch.nodes[stored]
+    node[N_TIME] = t
+    store(node[N_POSITION:], load(scratch.state))
+    store(node[N_VELOCITY:], load(scratch.state[3:]))
+    store(node[N_ACCELERATION:], load(scratch.forces[stage]))
+    node[N_MASS] = push.mass
+    store(node[N_DIRECTION:], push.u)
+    scratch.counts[STORED] = stored + 1
+
+
+@allocating
+def push_at(t: float, engine: Engine, law: Law) -> Push:
+    """The thrust at ``t`` s after the start."""
+    thrust = engine.thrust + (t - engine.anchor) * engine.thrust_slope
+    steering = axpy(t - law.time, law.rate, law.direction)
+    size = norm(steering)
+    return Push(t, thrust, mass_at(engine, t), steering, size, scale(1.0 / size, steering))
+
+
+@allocating
+def turn_of(push: Push) -> tuple[Vector, Vector]:
+    """Thrust acceleration by the steering vector: (xx, xy, xz), (yy, yz, zz), m/s2."""
+    u = push.u
+    e = push.thrust / (push.mass * push.size)
+    return (
+        (e * (1.0 - u[0] * u[0]), -e * u[0] * u[1], -e * u[0] * u[2]),
+        (e * (1.0 - u[1] * u[1]), -e * u[1] * u[2], e * (1.0 - u[2] * u[2])),
+    )
+
+
+@allocating
+def add_moving_times(
+    m: int, into: float, push: Push, leg: Leg, engine: Engine, law: Law, scratch: Scratch
+) -> None:
+    """What moving law, leg and cut-off do to the acceleration of a stage.
+
+    Args:
+        m: stage; its tangents in ``scratch`` are added to.
+        into: steps from the leg's begin.
+        push: the thrust there.
+        leg, engine, law: in force.
+        scratch: of the flight.
+    """
+    n = scratch.counts[COLUMNS]
+    kt = scratch.work[W_FORCE + m]
+    qa, qb = turn_of(push)
+    rate = law.rate
+    turn = (
+        qa[0] * rate[0] + qa[1] * rate[1] + qa[2] * rate[2],
+        qa[1] * rate[0] + qb[0] * rate[1] + qb[1] * rate[2],
+        qa[2] * rate[0] + qb[1] * rate[1] + qb[2] * rate[2],
+    )
+    if law.column != FIXED:
+        add_column(kt, n, law.column, -TIME_SCALE, turn)
+    if engine.in_tail:
+        # the thrust moves with the leg, the mass falls with the cut-off
+        s = push.thrust * engine.cutoff_flow / (push.mass * push.mass)
+        add_column(kt, n, n - 1, TIME_SCALE, axpy(s, push.u, turn))
+        return
+    flow = engine.flow + (push.time - engine.anchor) * engine.flow_slope
+    along = (engine.thrust_slope + push.thrust * flow / push.mass) / push.mass
+    moved = axpy(along, push.u, turn)
+    theta = into / leg.steps
+    if leg.column != FIXED:
+        add_column(kt, n, leg.column, (1.0 - theta) * TIME_SCALE, moved)
+    if leg.end_column != FIXED:
+        add_column(kt, n, leg.end_column, theta * TIME_SCALE, moved)
+
+
+@allocating
+def stretch(row: Array, leg: Leg, grow: Vector, scratch: Scratch) -> None:
+    """The steps of a leg grow by 1/steps of what its ends move: add that to a flat tangent."""
+    n = scratch.counts[COLUMNS]
+    if leg.end_column == leg.column:
+        return
+    if leg.column != FIXED:
+        add_column(row, n, leg.column, -TIME_SCALE / leg.steps, grow)
+    if leg.end_column != FIXED:
+        add_column(row, n, leg.end_column, TIME_SCALE / leg.steps, grow)
+
+
+@allocating
+def end_tangents(leg: Leg, gain: Vector, scratch: Scratch) -> None:
+    """Tangents at the end of a step: the last stage stands there."""
+    n = scratch.counts[COLUMNS]
+    work = scratch.work
+    for k in range(3 * n):
+        work[W_POSITION, k] = work[W_STAGE, k]
+    for q in range(STAGES):
+        w = leg.h * VELOCITY_WEIGHTS[q]
+        for k in range(3 * n):
+            work[W_VELOCITY, k] += w * work[W_FORCE + q, k]
+    if n > 0:
+        stretch(work[W_VELOCITY], leg, gain, scratch)
+
+
+@allocating
+def fly_step(
+    i: int, leg: Leg, engine: Engine, law: Law, environment: Record, scratch: Scratch
+) -> None:
+    """One step of a leg, the ``i``-th, with its tangents; its ends are nodes."""
+    n = scratch.counts[COLUMNS]
+    work = scratch.work
+    forces = scratch.forces
+    h = leg.h
+    t0 = leg.begin + i * h
+    r = load(scratch.state)
+    v = load(scratch.state[3:])
+    first = 0
+    if i > 0:
+        # first same as last
+        first = 1
+        store(forces[0], load(forces[STAGES - 1]))
+        for k in range(3 * n):
+            work[W_FORCE, k] = work[W_FORCE + STAGES - 1, k]
+    for m in range(first, STAGES):
+        node = NODES[m]
+        shift = combine(WEIGHTS[m], forces, m)
+        rs = axpy(h * h, shift, axpy(node * h, v, r))
+        g, gradient, gradient_rest = gravity_gradient(rs, environment)
+        push = push_at(t0 + node * h, engine, law)
+        store(forces[m], axpy(push.thrust / push.mass, push.u, g))
+        if n > 0:
+            stage_tangents(work, n, m, h)
+            stretch(work[W_STAGE], leg, axpy(2.0 * h, shift, scale(node, v)), scratch)
+            force_tangents(
+                m, (gradient, gradient_rest), turn_of(push), push.time - law.time, scratch
+            )
+            add_moving_times(m, i + node, push, leg, engine, law, scratch)
+        if m == 0:
+            store_node(t0, m, push, scratch)
+        if m == STAGES - 1:
+            gain = combine(VELOCITY_WEIGHTS, forces, int(STAGES))
+            # the last stage stands at the new position
+            store(scratch.state, rs)
+            store(scratch.state[3:], axpy(h, gain, v))
+            end_tangents(leg, gain, scratch)
+            store_node(t0 + h, m, push, scratch)
+
+
+@allocating
+def fly(p: Array, problem: Problem, scratch: Scratch) -> None:
+    """Integrate the flight.
+
+    Args:
+        p: shape (variables,), see :class:`Problem`.
+        problem: the flight.
+        scratch: its COLUMNS are ``problem.variables`` for tangents by every variable, 0 for
+            none; its order of events, from :func:`lay_out`, may be that of a neighbouring
+            ``p``. Written: ``nodes``, the ends of the integration steps as far as there are
+            rows, and how many are STORED; ``drops`` and ``drop_tangents``: time s after the
+            start, position, velocity and the mass before, at each free drop and at each
+            probe, of a drop also the steering vector and its rate after it; ``final`` and
+            ``final_tangents``: time, position, velocity, mass at the end.
+    """
+    n = scratch.counts[COLUMNS]
+    count = scratch.counts[BREAKS]
+    scratch.counts[STORED] = 0
+    for row in range(W_STAGE):
+        for k in range(3 * n):
+            scratch.work[row, k] = 0.0
+    for c in range(6):
+        scratch.state[c] = problem.state[c]
+    law = Law(0.0, FIXED, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    engine = Engine(0.0, 0.0, 0.0, 0.0, 0.0, problem.profile[0, P_MASS], 0.0, False, 0.0)
+    for b in range(count):
+        at = break_at(b, p, problem, scratch)
+        store_break(at, engine, problem, scratch)
+        law = change_law(at, law, engine, p, problem, scratch)
+        engine = pass_break(at, engine, problem)
+        if at.what == DROP:
+            steering = axpy(at.time - law.time, law.rate, law.direction)
+            store(scratch.drops[at.which, 8:], steering)
+            store(scratch.drops[at.which, 11:], law.rate)
+        steps = scratch.breaks[b, 3]
+        if steps > 0:
+            end = break_at(b + 1, p, problem, scratch)
+            h = (end.time - at.time) / steps
+            leg = Leg(at.time, h, steps, at.column, end.column)
+            for i in range(steps):
+                fly_step(i, leg, engine, law, problem.environment[0], scratch)
+    end = break_at(count - 1, p, problem, scratch)
+    mass = mass_at(engine, end.time)
+    store_state(scratch.final, scratch.final_tangents, end.time, mass, scratch)

@@ -1,0 +1,207 @@
+"""A start of the solver's own: the best of a coarse sweep of linear-tangent laws.
+
+The sweep stays in the vertical plane of the motion (or of the target, where its node is
+given): thrust elevation at the start and at the end, and the cut-off time that gives so much
+ideal velocity. The fairing goes where the heating first allows it.
+"""
+
+import math
+
+import numpy as np
+
+from ares_models.arrays import TARGET_RADIUS_SPEED_ANGLE_INCLINATION
+from ares_models.jit import allocating
+from ares_models.kernels.vectors import Vector, add, axpy, cross, load, norm, scale, unit
+from ares_optimizer.direct.kernels.evaluate import Point, evaluate
+from ares_optimizer.direct.kernels.flight import N_TIME, STORED, Scratch, drop_column
+from ares_optimizer.direct.kernels.heating import heating_at_node
+from ares_optimizer.direct.kernels.problem import (
+    AT_DROP,
+    D_EARLIEST,
+    D_LOG_LIMIT,
+    L_BEGINS,
+    L_DIRECTION,
+    L_DROP,
+    L_RATE,
+    P_FLOW,
+    P_FLOW_SLOPE,
+    P_MASS,
+    P_THRUST,
+    P_THRUST_SLOPE,
+    P_TIME,
+    RATE_SCALE,
+    TIME_SCALE,
+    Problem,
+)
+from ares_optimizer.direct.kernels.sqp import into_bounds
+from ares_optimizer.kernels.algebra import Array
+from ares_optimizer.kernels.terminal import wanted_state
+
+_SLICES = 32
+_PASSES = 3  # of placing the jettison
+
+
+@allocating
+def cutoff_for(problem: Problem, delta_v: float) -> float:
+    """Cut-off time, s, at which the ideal velocity gain is ``delta_v`` m/s."""
+    gained = 0.0
+    last = problem.profile.shape[0] - 1
+    for k in range(last + 1):
+        row = problem.profile[k]
+        begin = row[P_TIME]
+        end = problem.profile[k + 1, P_TIME] if k < last else problem.latest_cutoff
+        if k == last:
+            # constant thrust: in closed form
+            speed = row[P_THRUST] / row[P_FLOW]
+            ratio = math.exp(-max(delta_v - gained, 0.0) / speed)
+            time = begin + row[P_MASS] * (1.0 - ratio) / row[P_FLOW]
+            return min(max(time, problem.earliest_cutoff), end)
+        h = (end - begin) / _SLICES
+        for i in range(_SLICES):
+            s = (i + 0.5) * h
+            mass = row[P_MASS] - s * (row[P_FLOW] + 0.5 * s * row[P_FLOW_SLOPE])
+            gained += h * (row[P_THRUST] + s * row[P_THRUST_SLOPE]) / mass
+    return problem.latest_cutoff
+
+
+@allocating
+def set_law(p: Array, problem: Problem, direction: Vector, rate: Vector, cutoff: float) -> None:
+    """Variables of one linear-tangent law over the whole flight.
+
+    Args:
+        p: shape (n,), written except for the times of the drops, which are read.
+        problem: the flight.
+        direction: steering vector at the start.
+        rate: its rate, 1/s.
+        cutoff: s, mission elapsed time.
+    """
+    n = problem.variables
+    p[n - 1] = (cutoff - problem.start_time) / TIME_SCALE
+    size = 1.0
+    for k in range(problem.laws.shape[0]):
+        at = problem.law_time[k] - problem.start_time
+        if problem.laws[k, L_BEGINS] == AT_DROP:
+            at = p[drop_column(problem, problem.laws[k, L_DROP])] * TIME_SCALE
+        now = axpy(at, rate, direction)
+        column = problem.laws[k, L_DIRECTION]
+        if column >= 0:
+            size = norm(now)
+            for c in range(3):
+                p[column + c] = now[c] / size
+        column = problem.laws[k, L_RATE]
+        if column >= 0:
+            for c in range(3):
+                p[column + c] = rate[c] / (RATE_SCALE * size)
+
+
+@allocating
+def place_drops(p: Array, problem: Problem, scratch: Scratch) -> None:
+    """Move the free drops to where the heating of the last flight allowed them.
+
+    Args:
+        p: shape (n,), drop times written.
+        problem: the flight.
+        scratch: with the nodes of a flight.
+    """
+    environment = problem.environment[0]
+    for d in range(problem.drops.shape[0]):
+        column = drop_column(problem, d)
+        earliest = problem.drops[d, D_EARLIEST] - problem.start_time
+        limit = problem.drops[d, D_LOG_LIMIT]
+        before = math.nan
+        least = math.inf
+        for i in range(scratch.counts[STORED]):
+            t = scratch.nodes[i, N_TIME]
+            if t < earliest:
+                continue
+            level, slope = heating_at_node(scratch.nodes[i], environment, problem.atmosphere)
+            if level < least:
+                least = level
+                p[column] = t / TIME_SCALE
+            if level <= limit:
+                if slope < 0.0 and math.isfinite(before):
+                    p[column] = max(t + (limit - level) / slope, before) / TIME_SCALE
+                break
+            before = t
+    into_bounds(p, problem)
+
+
+@allocating
+def sweep(problem: Problem, scratch: Scratch, point: Point, starts: Array, misses: Array) -> int:
+    """Find starts for the solver.
+
+    Args:
+        problem: the flight.
+        scratch: from ``make_scratch``.
+        point: from ``make_point``.
+        starts: shape (k, n), written: the best, best first.
+        misses: shape (k,), written: sum of squares of what the terminal equations miss.
+
+    Returns:
+        number of starts found.
+    """
+    n = problem.variables
+    target = problem.target[0]
+    mu = problem.environment[0].mu
+    r = load(problem.state)
+    v = load(problem.state[3:])
+    up = unit(r)
+    radius = norm(r)
+    if target.kind == TARGET_RADIUS_SPEED_ANGLE_INCLINATION:
+        normal = cross(r, v)
+        if norm(normal) < 1e-6 * radius * norm(v):
+            normal = cross(r, cross((0.0, 0.0, 1.0), r))
+        normal = unit(normal)
+    else:
+        si = math.sin(target.inclination)
+        normal = (
+            si * math.sin(target.ascending_node),
+            -si * math.cos(target.ascending_node),
+            math.cos(target.inclination),
+        )
+    along = unit(cross(normal, up))
+    _, wanted, _ = wanted_state(target, mu, normal, r)
+    needed = norm(axpy(-1.0, v, wanted))
+    found = 0
+    p = np.zeros(n)
+    for a in range(4):
+        if found > 0 and problem.stop[0] != 0:
+            break
+        cutoff = cutoff_for(problem, needed * (1.05 + 0.1 * a))
+        time = cutoff - problem.start_time
+        angle = 0.5 * (norm(v) + norm(wanted)) * time / radius
+        up_end = add(scale(math.cos(angle), up), scale(math.sin(angle), along))
+        along_end = add(scale(-math.sin(angle), up), scale(math.cos(angle), along))
+        for b in range(6):
+            first = math.radians(-10.0 + 15.0 * b)
+            direction = add(scale(math.cos(first), along), scale(math.sin(first), up))
+            for c in range(5):
+                second = math.radians(-40.0 + 20.0 * c)
+                end = add(scale(math.cos(second), along_end), scale(math.sin(second), up_end))
+                rate = scale(1.0 / time, axpy(-1.0, direction, end))
+                for d in range(problem.drops.shape[0]):
+                    p[drop_column(problem, d)] = 0.5 * time / TIME_SCALE
+                set_law(p, problem, direction, rate, cutoff)
+                into_bounds(p, problem)
+                evaluate(p, problem, scratch, point)
+                s = 0.0
+                for e in point.equations:
+                    s += e * e
+                if not math.isfinite(s):
+                    continue
+                if found == misses.size and s >= misses[found - 1]:
+                    continue
+                k = min(found, misses.size - 1)
+                while k > 0 and misses[k - 1] > s:
+                    misses[k] = misses[k - 1]
+                    starts[k] = starts[k - 1]
+                    k -= 1
+                misses[k] = s
+                starts[k] = p
+                if found < misses.size:
+                    found += 1
+    for k in range(found):
+        for _ in range(_PASSES):
+            evaluate(starts[k], problem, scratch, point)
+            place_drops(starts[k], problem, scratch)
+    return found

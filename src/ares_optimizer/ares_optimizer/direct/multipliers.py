@@ -1,0 +1,279 @@
+"""Costates and prices out of the multipliers of a direct solution.
+
+The multipliers of the terminal equations are the costates at cut-off; they are carried back
+along the flight by Eqs. 3.16 and 3.17 with the gravity gradient of the mission, and jump at
+a heating-limited jettison by the multiplier of its limit (Eqs. 3.46 and, corrected, 3.47).
+The steering of the direct solution enters through the flight alone, so that setting
+lambda_v beside B + A t is a test of it.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from ares_models.arrays import MissionArrays
+from ares_models.kernels.environment import heating_rate, log_heating_gradient
+from ares_models.kernels.vectors import Vector
+from ares_optimizer.direct.kernels.evaluate import (
+    evaluate_with_gradients,
+    make_point,
+    make_scratch,
+)
+from ares_optimizer.direct.kernels.flight import gravity_gradient
+from ares_optimizer.direct.kernels.problem import (
+    D_LOG_LIMIT,
+    HEATING_FROM_JETTISON,
+    PEAKS,
+    TIME_SCALE,
+    Problem,
+)
+from ares_optimizer.direct.kernels.sqp import (
+    Frame,
+    Prices,
+    Room,
+    lagrangian_gradient,
+    reduced_hessian,
+)
+from ares_optimizer.direct.search import Found, path_peaks
+from ares_optimizer.kernels.terminal import MAX_ROWS, terminal_rows
+from ares_optimizer.proof.flight import Direction, Flight, Piece, Steering
+from ares_optimizer.solution import Costates
+from ares_optimizer.targets import target_rows
+
+Array = NDArray[np.float64]
+
+_TOLERANCE = 1e-10
+_SAME_TIME = 1e-6
+_PERIOD = 2.0  # of the samples, s
+
+
+def _vector(x: Array) -> Vector:
+    return (float(x[0]), float(x[1]), float(x[2]))
+
+
+def terminal_costates(problem: Problem, nu: Array, r: Array, v: Array) -> Array:
+    """Costates at the end of thrust, shape (6,): -d(objective)/d(state)."""
+    c = np.empty(MAX_ROWS)
+    rows = np.empty((MAX_ROWS, 6))
+    count = terminal_rows(
+        problem.target[0], problem.environment[0]["mu"], _vector(r), _vector(v), c, rows
+    )
+    return -np.asarray(nu[:count] @ rows[:count])
+
+
+@dataclass(frozen=True)
+class Jump:
+    """A point where the heating limit holds the optimum.
+
+    Attributes:
+        time_s: when.
+        multiplier: of the log of the limit, not negative.
+        drop: free drop that comes there; -1 for a later peak of the heating.
+    """
+
+    time_s: float
+    multiplier: float
+    drop: int
+
+
+def heating_jumps(found: Found) -> list[Jump]:
+    """Where the costates of a solution jump."""
+    jumps = [
+        Jump(time, float(found.inequalities[3 * d]), d) for d, time in enumerate(found.drop_times_s)
+    ]
+    return jumps + [Jump(time, mu, -1) for time, mu in path_peaks(found)]
+
+
+def _heating_gradient(problem: Problem, y: Array) -> Array:
+    """Gradient of log heating by position and velocity, shape (6,)."""
+    _, by_position, by_velocity = log_heating_gradient(
+        _vector(y[:3]), _vector(y[3:6]), problem.environment[0], problem.atmosphere
+    )
+    return np.array([*by_position, *by_velocity])
+
+
+def _carry_back(
+    arrays: MissionArrays,
+    piece: Piece,
+    direction: Direction,
+    costate: Array,
+) -> tuple[Array, Array]:
+    """Costates over one smooth piece, backwards.
+
+    Returns:
+        times, shape (k,), falling, and costates there, shape (k, 7): lambda_r, lambda_v,
+        lambda_m.
+    """
+    environment = arrays.environment[0]
+
+    def motion(t: float, x: Array) -> Array:
+        y = piece.state(t)
+        _, first, second = gravity_gradient(_vector(y), environment)
+        gradient = np.array(
+            [
+                [first[0], first[1], first[2]],
+                [first[1], second[0], second[1]],
+                [first[2], second[1], second[2]],
+            ]
+        )
+        along = float(x[3:6] @ direction(t))
+        mass_rate = along * piece.engine(t)[0] / y[6] ** 2
+        return np.concatenate((-gradient @ x[3:6], -x[:3], [mass_rate]))
+
+    begin, end = piece.begin, piece.end
+    result = solve_ivp(
+        motion,
+        (end, begin),
+        costate,
+        method="DOP853",
+        rtol=_TOLERANCE,
+        atol=1e-11 * float(np.abs(costate[:6]).max()),
+        dense_output=True,
+    )
+    if result.sol is None:
+        raise AssertionError("asked for dense output")
+    grid = np.linspace(end, begin, max(2, math.ceil((end - begin) / _PERIOD) + 1))
+    samples = result.sol(grid).T
+    samples[0] = costate
+    samples[-1] = result.y[:, -1]
+    return grid, samples
+
+
+def recover_costates(
+    arrays: MissionArrays, found: Found, flight: Flight, steering: Steering
+) -> Costates:
+    """Costates of a direct solution along its verified flight.
+
+    Args:
+        arrays: the mission.
+        found: a converged solution.
+        flight: the same flight, integrated by ``verify.fly``.
+        steering: its steering.
+
+    Returns:
+        costates scaled to |lambda_v| = 1 at the start; jump_pi per free drop.
+    """
+    problem = found.transcription.problem
+    environment = problem.environment[0]
+    jumps = heating_jumps(found)
+    final = flight.final
+    last = flight.pieces[-1].end
+    costate = np.zeros(7)
+    costate[:6] = terminal_costates(problem, found.equations, final[:3], final[3:6])
+    for jump in jumps:
+        if jump.drop < 0 and jump.time_s >= last - _SAME_TIME:
+            costate[:6] -= jump.multiplier * _heating_gradient(problem, final)
+    times: list[Array] = []
+    values: list[Array] = []
+    hamiltonians: list[Array] = []
+    spread: list[float] = []
+    pi = [0.0] * len(problem.drops)
+    for piece in reversed(flight.pieces):
+        begin, end, state, engine = piece
+        if any(abs(end - time) <= _SAME_TIME for time, _ in flight.plan.stagings):
+            costate[6] = 0.0
+        for jump in jumps:
+            if end < last and abs(end - jump.time_s) <= _SAME_TIME:
+                y = state(end)
+                costate[:6] -= jump.multiplier * _heating_gradient(problem, y)
+                if jump.drop >= 0:
+                    pi[jump.drop] = -jump.multiplier / heating_rate(
+                        _vector(y[:3]), _vector(y[3:6]), arrays.environment[0], arrays.atmosphere
+                    )
+        direction = steering(begin, end)
+        grid, samples = _carry_back(arrays, piece, direction, costate)
+        plain = np.empty(len(grid))
+        whole = np.empty(len(grid))
+        for i, (t, x) in enumerate(zip(grid, samples, strict=True)):
+            y = state(t)
+            thrust, flow = engine(t)
+            g, _, _ = gravity_gradient(_vector(y), environment)
+            along = float(x[3:6] @ direction(t))
+            plain[i] = x[:3] @ y[3:6] + x[3:6] @ np.array(g) + along * thrust / y[6]
+            whole[i] = plain[i] - x[6] * flow
+        times.append(grid)
+        values.append(samples)
+        hamiltonians.append(plain)
+        spread.append(float(np.ptp(whole)))
+        costate = samples[-1].copy()
+    table = np.concatenate(values)[::-1]
+    size = float(np.linalg.norm(table[0, 3:6]))
+    h = np.concatenate(hamiltonians)[::-1] / size
+    greatest = float(np.abs(h).max())
+    return Costates(
+        np.concatenate(times)[::-1].copy(),
+        table[:, :3] / size,
+        table[:, 3:6] / size,
+        h,
+        tuple(value / size / greatest for value in reversed(spread)),
+        tuple(value / size for value in pi),
+    )
+
+
+def prices(found: Found, flight: Flight) -> dict[str, float]:
+    """What each limit is worth: kg of final mass per unit of the limit, by name.
+
+    Keys are the fields of TARGET (per m, m/s, deg or 1) and ``heating j`` per free drop's
+    jettison (per W/m2), ``heating after jettison`` too where that limit holds.
+
+    Args:
+        found: a converged solution.
+        flight: the same flight, verified.
+    """
+    problem = found.transcription.problem
+    target = problem.target.copy()
+    mu = float(problem.environment[0]["mu"])
+    r = _vector(flight.final[:3])
+    v = _vector(flight.final[3:6])
+    per_time = found.transcription.flow_kg_s * TIME_SCALE
+
+    def lagrangian() -> float:
+        c = np.empty(MAX_ROWS)
+        count = terminal_rows(target[0], mu, r, v, c, np.empty((MAX_ROWS, 6)))
+        return float(found.equations[:count] @ c[:count])
+
+    table: dict[str, float] = {}
+    for key, _, unit, _ in target_rows(int(target["kind"][0])):
+        value = float(target[key][0])
+        step = 1e-6 * max(abs(value), 1e-2)
+        target[key] = value + step
+        above = lagrangian()
+        target[key] = value - step
+        slope = (above - lagrangian()) / (2.0 * step)
+        target[key] = value
+        table[key] = -per_time * slope * (math.pi / 180.0 if unit == "deg" else 1.0)
+    for d, j in enumerate(found.transcription.heating_jettisons):
+        limit = math.exp(problem.drops[d, D_LOG_LIMIT])
+        table[f"heating {j}"] = per_time * float(found.inequalities[3 * d]) / limit
+    if problem.heating == HEATING_FROM_JETTISON and len(problem.drops):
+        limit = math.exp(problem.drops[-1, D_LOG_LIMIT])
+        table["heating after jettison"] = (
+            per_time * float(found.inequalities[-PEAKS:].sum()) / limit
+        )
+    return table
+
+
+def least_curvature(found: Found) -> float:
+    """Least eigenvalue of the Hessian of the Lagrangian along what the constraints leave free.
+
+    Positive at a strict minimum, in the solver's units; inf when nothing is left free.
+    """
+    problem = found.transcription.problem
+    n = problem.variables
+    room = Room(make_scratch(problem), make_point(problem), make_point(problem))
+    point = room.point
+    evaluate_with_gradients(found.variables, problem, room.scratch, point)
+    active = found.inequalities > 0.0
+    rows = np.concatenate((point.equation_rows, point.inequality_rows[active]))
+    basis = np.linalg.svd(rows)[2][len(rows) :].T
+    if basis.shape[1] == 0:
+        return math.inf
+    base = np.empty(n)
+    multipliers = Prices(found.equations, found.inequalities)
+    lagrangian_gradient(point, multipliers, base)
+    frame = Frame(np.ascontiguousarray(basis), np.zeros(n), base)
+    hessian, _ = reduced_hessian(found.variables, problem, room, multipliers, frame)
+    return float(np.linalg.eigvalsh(hessian)[0])

@@ -1,0 +1,691 @@
+"""Direct solutions: linear-tangent steering, optimised on exact gradients.
+
+The 11-parameter problem is solved first, from the caller's guess if there is one, else (or
+if that fails) from starts of the solver's own. Every other method starts from its solution:
+more free parameters (``direct14``, ``direct20``), the analytic jump condition (``jump``),
+the heating limit from the jettison on. Where a limit is hard to meet, it is lowered step by
+step (``tighten``).
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models.arrays import MissionArrays, Record
+from ares_optimizer.deadline import Deadline
+from ares_optimizer.direct.kernels.evaluate import evaluate, make_point, make_scratch
+from ares_optimizer.direct.kernels.flight import (
+    LATER_PEAKS,
+    N_MASS,
+    N_POSITION,
+    N_TIME,
+    STORED,
+    drop_column,
+)
+from ares_optimizer.direct.kernels.problem import (
+    AT_DROP,
+    D_LOG_LIMIT,
+    D_MASS,
+    HEATING_FROM_JETTISON,
+    L_BEGINS,
+    L_DIRECTION,
+    L_DROP,
+    L_RATE,
+    P_FLOW,
+    P_FLOW_SLOPE,
+    P_MASS,
+    P_THRUST,
+    P_THRUST_SLOPE,
+    P_TIME,
+    PEAKS,
+    RATE_SCALE,
+    TIME_SCALE,
+    Problem,
+)
+from ares_optimizer.direct.kernels.sqp import CONVERGED, NO_PROGRESS, NOT_FEASIBLE, search
+from ares_optimizer.direct.kernels.start import place_drops, set_law, sweep
+from ares_optimizer.direct.transcription import Transcription, transcribe
+from ares_optimizer.request import Heating
+from ares_optimizer.solution import OptimizerError, SteeringArc
+
+Array = NDArray[np.float64]
+
+#: A law longer than this is cut in equal parts with a free rate each, s.
+LONGEST_LAW = 450.0
+#: Such cuts at most: in a flight so long that it would take more, the parts are longer.
+MOST_CUTS = 32
+#: Added to a log heating limit: nothing reaches it.
+LIFTED = 60.0
+
+_ITERATIONS = 40
+_GUESS_IS_RESTORED_TO = 1.0
+_SOLUTION_IS_RESTORED_TO = 10.0
+_STARTS = 4
+_SMALLEST_EASING = 3e-4  # step of a log heating limit
+_MOST_EASINGS = 120
+_SAME_TIME = 1.0  # of a jettison, s
+_JUMP_MAY_COST = 3.0  # kg against direct11
+_LATE = 2.0  # before cut-off, s
+_COSTS_NOTHING = 1e-6  # s
+_SIDE = 1e-9  # either side of an event, s
+_GAUSS = np.polynomial.legendre.leggauss(10)
+
+
+@dataclass(frozen=True)
+class Guess:
+    """Where the search may start.
+
+    Attributes:
+        direction: steering vector at the start, any length, shape (3,).
+        direction_rate: its rate, 1/s, for a unit ``direction``.
+        t_plf_s: time of the (last) heating-limited jettison; None: where the heating allows.
+        t_burn_s: from there to cut-off; from the start if there is no such jettison.
+        rate_after_jettison: rate from the jettison on; None: as before.
+    """
+
+    direction: Sequence[float]
+    direction_rate: Sequence[float]
+    t_plf_s: float | None
+    t_burn_s: float
+    rate_after_jettison: Sequence[float] | None = None
+
+
+def thesis_guess(start: Record) -> Guess:
+    """The guess of section 3.4.2: thrust along V0, rates of 1e-4 1/s (Eq. 3.41)."""
+    velocity = np.asarray(start["velocity"], dtype=np.float64)
+    unit = velocity / np.linalg.norm(velocity)
+    return Guess(unit.tolist(), (1e-4,) * 3, 420.0, 330.0)
+
+
+@dataclass
+class Found:
+    """The end of a search.
+
+    Attributes:
+        transcription: the problem that was solved.
+        variables: shape (n,).
+        end: CONVERGED, or how it failed.
+        miss: largest scaled violation.
+        curvature: least eigenvalue of the reduced Hessian.
+        equations: multipliers of the equations.
+        inequalities: multipliers of the inequalities.
+        values: the inequalities.
+        final: shape (8,): time s after the start, position, velocity, mass.
+        iterations: of all searches so far.
+        restarts: searches beyond the first.
+        base_converged: whether the 11-parameter problem was solved on the way.
+        excess: how far the logs of the heating limits are still raised above the mission's.
+    """
+
+    transcription: Transcription
+    variables: Array
+    end: int
+    miss: float
+    curvature: float
+    equations: Array
+    inequalities: Array
+    values: Array
+    final: Array
+    iterations: int = 0
+    restarts: int = 0
+    base_converged: bool = False
+    excess: float = 0.0
+
+    @property
+    def converged(self) -> bool:
+        """Whether the search ended at a point that meets the conditions of an optimum."""
+        return self.end == CONVERGED
+
+    @property
+    def cutoff_s(self) -> float:
+        """Cut-off time."""
+        return float(self.transcription.problem.start_time + TIME_SCALE * self.variables[-1])
+
+    @property
+    def drop_times_s(self) -> tuple[float, ...]:
+        """Times of the free drops."""
+        problem = self.transcription.problem
+        return tuple(
+            float(problem.start_time + TIME_SCALE * self.variables[drop_column(problem, d)])
+            for d in range(len(problem.drops))
+        )
+
+
+def run(transcription: Transcription, guess: Array, goal: float, deadline: Deadline) -> Found:
+    """One search from one guess."""
+    variables = np.array(guess, dtype=np.float64)
+    problem = transcription.problem._replace(stop=deadline.flag)
+    end, iterations, miss, curvature, nu, mu, values, final = search(
+        variables, problem, goal, _ITERATIONS
+    )
+    return Found(transcription, variables, end, miss, curvature, nu, mu, values, final, iterations)
+
+
+def guess_variables(problem: Problem, guess: Guess) -> Array:
+    """Variables of a guess.
+
+    Raises:
+        OptimizerError: a number of the guess is not finite, or the direction is zero.
+    """
+    direction = np.asarray(guess.direction, dtype=np.float64)
+    rate = np.asarray(guess.direction_rate, dtype=np.float64)
+    after = rate if guess.rate_after_jettison is None else guess.rate_after_jettison
+    after = np.asarray(after, dtype=np.float64)
+    for name, value in (
+        ("direction", direction),
+        ("direction_rate", rate),
+        ("rate_after_jettison", after),
+    ):
+        if value.shape != (3,) or not np.all(np.isfinite(value)):
+            raise OptimizerError(f"guess.{name} is {value.tolist()}; expected three finite numbers")
+    size = float(np.linalg.norm(direction))
+    if size == 0.0:
+        raise OptimizerError("guess.direction is zero; expected a vector with a direction")
+    jettison = guess.t_plf_s if guess.t_plf_s is not None else problem.start_time
+    if not (math.isfinite(jettison) and math.isfinite(guess.t_burn_s)):
+        raise OptimizerError(
+            f"guess times are {guess.t_plf_s} and {guess.t_burn_s} s; expected finite numbers"
+        )
+    variables = np.zeros(problem.variables)
+    begin = jettison if len(problem.drops) else problem.start_time
+    for d in range(len(problem.drops)):
+        variables[drop_column(problem, d)] = (jettison - problem.start_time) / TIME_SCALE
+    unit = direction / size
+    set_law(variables, problem, tuple(unit), tuple(rate), begin + guess.t_burn_s)
+    for law in problem.laws:
+        if law[L_BEGINS] == AT_DROP and law[L_RATE] >= 0:
+            variables[law[L_RATE] : law[L_RATE] + 3] = after / RATE_SCALE
+    if len(problem.drops) and guess.t_plf_s is None:
+        scratch = make_scratch(problem)
+        evaluate(variables, problem, scratch, make_point(problem))
+        place_drops(variables, problem, scratch)
+    return variables
+
+
+def law_times(problem: Problem, variables: Array) -> list[float]:
+    """Time at which each law begins, s."""
+    times = []
+    for law, fixed in zip(problem.laws, problem.law_time, strict=True):
+        if law[L_BEGINS] == AT_DROP:
+            column = drop_column(problem, int(law[L_DROP]))
+            times.append(float(problem.start_time + TIME_SCALE * variables[column]))
+        else:
+            times.append(float(fixed))
+    return times
+
+
+@dataclass(frozen=True)
+class Law:
+    """A steering law: direction + rate (t - time), not normalised."""
+
+    time: float
+    direction: Array
+    rate: Array
+
+    def at(self, t: float) -> Array:
+        """Steering vector at ``t``."""
+        return self.direction + self.rate * (t - self.time)
+
+
+def steering_laws(transcription: Transcription, variables: Array) -> list[Law]:
+    """The laws of a solution, in order of time."""
+    problem = transcription.problem
+    laws: list[Law] = []
+    times = law_times(problem, variables)
+    jumps = None
+    for k in sorted(range(len(times)), key=lambda k: (times[k], k)):
+        row = problem.laws[k]
+        direction = laws[-1].at(times[k]) if laws else np.zeros(3)
+        if row[L_DIRECTION] >= 0:
+            direction = variables[row[L_DIRECTION] : row[L_DIRECTION] + 3].copy()
+        if row[L_RATE] >= 0:
+            rate = RATE_SCALE * variables[row[L_RATE] : row[L_RATE] + 3]
+        else:
+            if jumps is None:
+                jumps = _jump_laws(problem, variables)
+            direction, rate = jumps[int(row[L_DROP])]
+        laws.append(Law(times[k], direction, rate))
+    return laws
+
+
+def _jump_laws(problem: Problem, variables: Array) -> dict[int, tuple[Array, Array]]:
+    """Steering vector and rate after each jettison by the jump condition."""
+    scratch = make_scratch(problem)
+    evaluate(variables, problem, scratch, make_point(problem))
+    return {d: (row[8:11].copy(), row[11:14].copy()) for d, row in enumerate(scratch.drops[:-1])}
+
+
+def carry_over(found: Found, transcription: Transcription) -> Array:
+    """Variables of another problem that fly the same flight, as far as it can.
+
+    Args:
+        found: a solution.
+        transcription: a problem of the same mission and start, with the same free drops.
+    """
+    problem = transcription.problem
+    laws = steering_laws(found.transcription, found.variables)
+    variables = np.zeros(problem.variables)
+    old = dict(zip(found.transcription.heating_jettisons, found.drop_times_s, strict=True))
+    for d, j in enumerate(transcription.heating_jettisons):
+        variables[drop_column(problem, d)] = (old[j] - problem.start_time) / TIME_SCALE
+    variables[-1] = found.variables[-1]
+    times = law_times(problem, variables)
+    size = 1.0
+    for k in sorted(range(len(times)), key=lambda k: (times[k], k)):
+        law = [law for law in laws if law.time <= times[k] + 1e-9][-1]
+        row = problem.laws[k]
+        if row[L_DIRECTION] >= 0:
+            direction = law.at(times[k])
+            size = float(np.linalg.norm(direction))
+            variables[row[L_DIRECTION] : row[L_DIRECTION] + 3] = direction / size
+        if row[L_RATE] >= 0:
+            variables[row[L_RATE] : row[L_RATE] + 3] = law.rate / (RATE_SCALE * size)
+    return variables
+
+
+def own_starts(transcription: Transcription, deadline: Deadline) -> Array:
+    """Starts of the solver's own, best first, shape (k, n)."""
+    problem = transcription.problem._replace(stop=deadline.flag)
+    starts = np.zeros((_STARTS, problem.variables))
+    misses = np.zeros(_STARTS)
+    count = sweep(problem, make_scratch(problem), make_point(problem), starts, misses)
+    return starts[:count]
+
+
+def _better(a: Found | None, b: Found) -> Found:
+    """The one to keep, with the work of both on its account."""
+    if a is None:
+        return b
+    keep = b
+    if a.converged == b.converged:
+        keep = a if (a.cutoff_s <= b.cutoff_s if a.converged else a.miss <= b.miss) else b
+    elif a.converged:
+        keep = a
+    keep.iterations, keep.restarts = a.iterations + b.iterations, a.restarts + b.restarts + 1
+    return keep
+
+
+def eased(transcription: Transcription, amount: float) -> Transcription:
+    """The same problem with every log heating limit raised."""
+    drops = transcription.problem.drops.copy()
+    drops[:, D_LOG_LIMIT] += amount
+    return replace(transcription, problem=transcription.problem._replace(drops=drops))
+
+
+def _first_crossing(found: Found) -> Array | None:
+    """Variables with the drops where the heating first allows them, if that is earlier."""
+    problem = found.transcription.problem
+    if not len(problem.drops):
+        return None
+    scratch = make_scratch(problem)
+    evaluate(found.variables, problem, scratch, make_point(problem))
+    moved = found.variables.copy()
+    place_drops(moved, problem, scratch)
+    for d in range(len(problem.drops)):
+        column = drop_column(problem, d)
+        if moved[column] < found.variables[column] - _SAME_TIME / TIME_SCALE:
+            return moved
+    return None
+
+
+def solve_base(transcription: Transcription, guess: Guess | None, deadline: Deadline) -> Found:
+    """Solve a problem from scratch: from the guess, then from starts of the solver's own."""
+    best: Found | None = None
+    if guess is not None:
+        start = guess_variables(transcription.problem, guess)
+        best = run(transcription, start, _GUESS_IS_RESTORED_TO, deadline)
+    if best is None or not best.converged:
+        for start in own_starts(transcription, deadline):
+            best = _better(best, run(transcription, start, _GUESS_IS_RESTORED_TO, deadline))
+            if best.converged or deadline.passed:
+                break
+    if best is None:
+        raise OptimizerError("no steering law of the sweep gives a finite flight")
+    if best.converged and not deadline.passed:
+        # a jettison at a later crossing of the limit may be a local optimum
+        moved = _first_crossing(best)
+        if moved is not None:
+            best = _better(best, run(transcription, moved, _GUESS_IS_RESTORED_TO, deadline))
+    return best
+
+
+def heating_excess(variables: Array, problem: Problem) -> float:
+    """Greatest log of heating over limit that a flight has where the limits hold."""
+    scratch = make_scratch(problem)
+    point = make_point(problem)
+    evaluate(variables, problem, scratch, point)
+    drops = len(problem.drops)
+    levels = [float(point.inequalities[3 * d]) for d in range(drops)]
+    if problem.heating == HEATING_FROM_JETTISON and drops:
+        levels += point.inequalities[-PEAKS:].tolist()
+    return max(levels, default=0.0)
+
+
+def tighten(
+    found: Found, transcription: Transcription, deadline: Deadline, bound: float = math.inf
+) -> Found:
+    """From a solution under raised heating limits down to the limits themselves.
+
+    Args:
+        found: a solution of the same flight, its heating anything.
+        transcription: the problem to be solved.
+        deadline: when to give up.
+        bound: cut-off time of a known solution, s: what is later is not worth following.
+
+    Returns:
+        the search of the lowest limits that converged (``found`` if none did); its ``excess``
+        is 0 when all is done.
+    """
+    best = replace(found, iterations=0, restarts=0)
+    variables = carry_over(found, transcription)
+    reached = max(0.0, heating_excess(variables, transcription.problem))
+    step = reached
+    iterations = 0
+    restarts = 0
+    while reached > 0.0 and step > _SMALLEST_EASING and not deadline.passed:
+        if best.cutoff_s > bound:
+            break
+        amount = max(0.0, reached - step)
+        target = eased(transcription, amount) if amount > 0.0 else transcription
+        trial = run(target, variables, _SOLUTION_IS_RESTORED_TO, deadline)
+        iterations += trial.iterations
+        restarts += 1
+        if restarts > _MOST_EASINGS:
+            break
+        if trial.converged:
+            best, variables, reached = trial, trial.variables, amount
+            step *= 1.5
+        else:
+            step = min(step, reached) * 0.4
+    best.iterations = iterations
+    best.restarts = restarts
+    best.excess = reached
+    if reached > 0.0:
+        best.end = NOT_FEASIBLE
+    return best
+
+
+def continue_from(found: Found, transcription: Transcription, deadline: Deadline) -> Found:
+    """Solve a neighbouring problem from a solution, keeping the account of the work."""
+    guess = carry_over(found, transcription)
+    more = run(transcription, guess, _SOLUTION_IS_RESTORED_TO, deadline)
+    more.iterations += found.iterations
+    more.restarts = found.restarts
+    return more
+
+
+def splits_for(found: Found) -> tuple[float, ...]:
+    """Times that cut every overlong law into equal parts."""
+    times = [*law_times(found.transcription.problem, found.variables), found.cutoff_s]
+    times.sort()
+    longest = max(LONGEST_LAW, (times[-1] - times[0]) / MOST_CUTS)
+    cuts: list[float] = []
+    for begin, end in pairwise(times):
+        parts = math.ceil((end - begin) / longest)
+        cuts += [begin + (end - begin) * k / parts for k in range(1, parts)]
+    return tuple(cuts)
+
+
+def find_direct(
+    arrays: MissionArrays,
+    start: Record,
+    method: str,
+    heating: Heating = Heating.AT_JETTISON,
+    guess: Guess | None = None,
+    deadline: Deadline | None = None,
+) -> Found:
+    """Solve a mission with ``direct11``, ``direct14``, ``direct20`` or ``jump``.
+
+    Args:
+        arrays: the mission.
+        start: record NAVIGATION.
+        method: which.
+        heating: what the heating limit asks.
+        guess: where to start; None: the solver's own start.
+        deadline: when to give up.
+
+    Raises:
+        OptimizerError: no flight can be laid out, or the guess has no sense.
+    """
+    deadline = deadline or Deadline()
+    first = Heating.AT_JETTISON if heating is Heating.FROM_JETTISON else heating
+    found = solve_base(transcribe(arrays, start, "direct11", first), guess, deadline)
+    found.base_converged = found.converged
+    if not found.converged:
+        return found
+    return continue_to(arrays, start, method, heating, found, deadline)
+
+
+def _hold_limit(
+    arrays: MissionArrays,
+    start: Record,
+    method: str,
+    splits: tuple[float, ...],
+    before: Found,
+    deadline: Deadline,
+) -> Found:
+    """From the limit at the jettison to the limit from the jettison on.
+
+    Two ways lead there: a flight that lofts more, and one that keeps the fairing until the
+    later peak of the heating is over. The better one is kept.
+
+    Args:
+        arrays, start, method: as :func:`solve_direct`.
+        splits: further times at which the rate is free, s.
+        before: solution with the limit at the jettison.
+        deadline: when to give up.
+    """
+
+    def problem(method: str, heating: Heating, more: Sequence[float] = ()) -> Transcription:
+        return transcribe(arrays, start, method, heating, splits=(*splits, *more))
+
+    path = problem(method, Heating.FROM_JETTISON)
+    found = continue_from(before, path, deadline)
+    if found.converged and found.cutoff_s <= before.cutoff_s + _COSTS_NOTHING:
+        return found
+    # with every parameter free the late jettison is found from afar
+    free = problem("direct20", Heating.AT_JETTISON)
+    late_guess = _late_drops(carry_over(before, free), free.problem)
+    late = run(free, late_guess, math.inf, deadline)
+    if late.converged:
+        late = continue_from(late, path, deadline)
+    if not found.converged:
+        bound = late.cutoff_s if late.converged else math.inf
+        tightened = tighten(before, path, deadline, bound)
+        tightened.iterations += found.iterations
+        tightened.restarts += found.restarts
+        found = tightened
+    found = _better(found, late)
+    if found.converged and method != "jump":
+        # where the limit is touched the primer's rate jumps: let the steering's do so too
+        touched = [t for t, mu in path_peaks(found) if mu > 0.0]
+        if touched:
+            refined = problem(method, Heating.FROM_JETTISON, touched)
+            better = continue_from(found, refined, deadline)
+            found = _better(found, better)
+    return found
+
+
+def path_peaks(found: Found) -> list[tuple[float, float]]:
+    """Later peaks of the heating that the limit holds down: (time s, multiplier of the log)."""
+    problem = found.transcription.problem
+    if problem.heating != HEATING_FROM_JETTISON or not len(problem.drops):
+        return []
+    scratch = make_scratch(problem)
+    evaluate(found.variables, problem, scratch, make_point(problem))
+    rows = found.inequalities[-PEAKS:]
+    return [
+        (problem.start_time + float(scratch.peaks[k]), float(rows[k]))
+        for k in range(int(scratch.counts[LATER_PEAKS]))
+    ]
+
+
+def _late_drops(variables: Array, problem: Problem) -> Array:
+    """The same variables with the last drop just before cut-off."""
+    moved = variables.copy()
+    moved[drop_column(problem, len(problem.drops) - 1)] = moved[-1] - _LATE / TIME_SCALE
+    return moved
+
+
+def continue_to(
+    arrays: MissionArrays,
+    start: Record,
+    method: str,
+    heating: Heating,
+    base: Found,
+    deadline: Deadline,
+) -> Found:
+    """From the 11-parameter solution to that of a method.
+
+    Args:
+        arrays, start, method, heating: as :func:`solve_direct`.
+        base: converged solution of ``direct11`` with the limit at the jettison (or ignored).
+        deadline: when to give up.
+    """
+    first = Heating.AT_JETTISON if heating is Heating.FROM_JETTISON else heating
+    splits: tuple[float, ...] = ()
+    found = base
+    if method == "jump":
+        found = continue_from(base, transcribe(arrays, start, method, first), deadline)
+        if (found.cutoff_s - base.cutoff_s) * base.transcription.flow_kg_s > _JUMP_MAY_COST:
+            # another root of the jump condition, no optimum
+            found.end = NO_PROGRESS
+    else:
+        splits = splits_for(base)
+        if splits or method != "direct11":
+            cut = transcribe(arrays, start, method, first, splits=splits)
+            found = continue_from(base, cut, deadline)
+        if splits and not found.converged:
+            # the cuts are a refinement: better none than no solution
+            splits = ()
+            plain = base
+            if method != "direct11":
+                plain = continue_from(base, transcribe(arrays, start, method, first), deadline)
+            found = _better(found, plain)
+    if heating is Heating.FROM_JETTISON and found.converged and found.drop_times_s:
+        found = _hold_limit(arrays, start, method, splits, found, deadline)
+    found.base_converged = True
+    return found
+
+
+def solver_nodes(found: Found) -> Array:
+    """States at the ends of the solver's own steps, shape (k, 8): s, m, m/s, kg."""
+    problem = found.transcription.problem
+    scratch = make_scratch(problem)
+    evaluate(found.variables, problem, scratch, make_point(problem))
+    used = scratch.nodes[: int(scratch.counts[STORED])]
+    nodes = np.empty((len(used), 8))
+    nodes[:, 0] = used[:, N_TIME] + problem.start_time
+    nodes[:, 1:7] = used[:, N_POSITION : N_POSITION + 6]
+    nodes[:, 7] = used[:, N_MASS]
+    # between two events at one instant no state is worth comparing
+    before = np.diff(nodes[:, 0], prepend=-math.inf) > _SIDE
+    after = np.diff(nodes[:, 0], append=math.inf) > _SIDE
+    return nodes[before | after]
+
+
+def _profile_at(problem: Problem, cutoff: float, t: float, late: bool) -> tuple[float, float]:
+    """Thrust (N) and mass with every free drop aboard (kg) at a time.
+
+    Args:
+        problem: the flight.
+        cutoff: s.
+        t: s.
+        late: at a boundary, the value after it.
+    """
+    side = _SIDE if late else -_SIDE
+    profile = problem.profile
+    k = max(int(np.searchsorted(profile[:, P_TIME], min(t + side, cutoff), side="right")) - 1, 0)
+
+    def mass_of(k: int, s: float) -> float:
+        row = profile[k]
+        return float(row[P_MASS] - s * (row[P_FLOW] + 0.5 * s * row[P_FLOW_SLOPE]))
+
+    if t + side < cutoff or not len(problem.tail):
+        s = min(t, cutoff) - profile[k, P_TIME]
+        return float(profile[k, P_THRUST] + s * profile[k, P_THRUST_SLOPE]), mass_of(k, s)
+    mass = mass_of(k, cutoff - profile[k, P_TIME])
+    thrust = 0.0
+    begins = cutoff + problem.tail[:, P_TIME]
+    for row, begin, end in zip(problem.tail, begins, [*begins[1:], math.inf], strict=True):
+        s = min(t, end) - begin
+        if s < 0.0 or (s <= 0.0 and not late):
+            break
+        thrust = float(row[P_THRUST] + s * row[P_THRUST_SLOPE])
+        mass -= float(s * (row[P_FLOW] + 0.5 * s * row[P_FLOW_SLOPE]))
+    return thrust, mass
+
+
+def steering_arcs(found: Found) -> tuple[SteeringArc, ...]:
+    """Steering law, masses and velocity gain of each piece of the flight."""
+    problem = found.transcription.problem
+    laws = steering_laws(found.transcription, found.variables)
+    cutoff = found.cutoff_s
+    drops = found.drop_times_s
+    finish = problem.start_time + float(found.final[0])
+    edges = {float(t) for t in problem.profile[:, P_TIME] if t < cutoff}
+    edges |= {law.time for law in laws} | set(drops) | {cutoff, finish}
+    edges |= {cutoff + float(t) for t in problem.tail[:, P_TIME]}
+    arcs = []
+    for begin, end in pairwise(sorted(t for t in edges if problem.start_time <= t <= finish)):
+        if end - begin <= _SIDE:
+            continue
+        gone = sum(
+            float(row[D_MASS])
+            for row, t in zip(problem.drops, drops, strict=True)
+            if t <= begin + _SIDE
+        )
+        law = [law for law in laws if law.time <= begin + _SIDE][-1]
+        vector = law.at(begin)
+        size = float(np.linalg.norm(vector))
+        thrust, mass = _profile_at(problem, cutoff, begin, True)
+        last_thrust, last_mass = _profile_at(problem, cutoff, end, False)
+        if thrust != last_thrust:
+            gain = _ramp_gain(problem, cutoff, begin, end, gone)
+        elif mass > last_mass:
+            exhaust_velocity = thrust * (end - begin) / (mass - last_mass)
+            gain = exhaust_velocity * math.log((mass - gone) / (last_mass - gone))
+        else:
+            gain = 0.0
+        arcs.append(
+            SteeringArc(
+                begin,
+                end,
+                begin,
+                _triple(vector / size),
+                _triple(law.rate / size),
+                mass - gone,
+                last_mass - gone,
+                gain,
+            )
+        )
+    return tuple(arcs)
+
+
+def _ramp_gain(problem: Problem, cutoff: float, begin: float, end: float, gone: float) -> float:
+    """Integral of thrust acceleration under a thrust that is not constant, m/s."""
+    half = 0.5 * (end - begin)
+    gain = 0.0
+    for x, w in zip(*_GAUSS, strict=True):
+        thrust, mass = _profile_at(problem, cutoff, begin + half * (1.0 + x), True)
+        gain += float(half * w * thrust / (mass - gone))
+    return gain
+
+
+def _triple(x: Array) -> tuple[float, float, float]:
+    return (float(x[0]), float(x[1]), float(x[2]))
+
+
+def jettison_times(found: Found, count: int) -> tuple[float, ...]:
+    """Time of every jettison of the mission, s; nan for what is not dropped in this flight."""
+    times = [math.nan] * count
+    for j, t in found.transcription.fixed_jettisons:
+        if t <= found.cutoff_s:
+            times[j] = t
+    for j, t in zip(found.transcription.heating_jettisons, found.drop_times_s, strict=True):
+        times[j] = t
+    return tuple(times)

@@ -1,0 +1,287 @@
+"""From a mission to the finite problem that the direct methods solve.
+
+One linear-tangent law (Eq. 3.36) per piece of the flight, its rate free or continuous at
+each boundary. For two stages and one heating-limited jettison these are the thesis' 11, 14
+and 20 parameters.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models.arrays import (
+    LONGEST_FLIGHT,
+    MISSION_TIME,
+    TIME_AFTER_IGNITION,
+    MissionArrays,
+    Record,
+)
+from ares_optimizer.direct.kernels.problem import (
+    AT_DROP,
+    AT_FIXED_TIME,
+    AT_START,
+    HEATING_AT_JETTISON,
+    HEATING_FROM_JETTISON,
+    MINIMISE_TIME,
+    P_FLOW,
+    P_FLOW_SLOPE,
+    P_MASS,
+    P_THRUST,
+    P_THRUST_SLOPE,
+    P_TIME,
+    Problem,
+)
+from ares_optimizer.kernels.timetable import (
+    HEATING_IGNORED,
+    HEATING_TIMED,
+    MAX_SEGMENTS,
+    SEGMENT,
+    build_timetable,
+    propellant_used,
+)
+from ares_optimizer.pieces import first_ignitions
+from ares_optimizer.request import Heating
+from ares_optimizer.solution import OptimizerError
+
+Array = NDArray[np.float64]
+
+#: Longest integration step, s. Order 6: positions are good to 0.05 m, the mass to 1e-3 kg.
+LONGEST_STEP = 20.0
+#: Fixed-time boundaries closer than this to another one begin no law of their own, s.
+SHORTEST_LAW = 40.0
+_FAR = 1.0e7  # a cut-off beyond every event, s
+_SHORTEST_BURN = 0.05  # of the last arc, s
+_USABLE = 0.97  # of the last stack, where the search ends; propellant is judged afterwards
+
+
+@dataclass(frozen=True)
+class Transcription:
+    """A finite problem and what its variables mean.
+
+    Attributes:
+        problem: for the compiled solver.
+        heating_jettisons: index into the mission's jettisons, per free drop.
+        fixed_jettisons: (index, time s) of the drops at known times.
+        depletion_s: cut-off time at which the last stage's propellant is spent.
+        flow_kg_s: full mass flow of the last arc.
+    """
+
+    problem: Problem
+    heating_jettisons: tuple[int, ...]
+    fixed_jettisons: tuple[tuple[int, float], ...]
+    depletion_s: float
+    flow_kg_s: float
+
+
+def _sequence(
+    arrays: MissionArrays, start: Record, heating: Heating
+) -> tuple[NDArray[np.void], NDArray[np.void]]:
+    """Pieces of the thrust profile up to cut-off and after it, free drops still aboard."""
+    segments = np.zeros(MAX_SEGMENTS, SEGMENT)
+    count = build_timetable(
+        start,
+        arrays.arcs,
+        arrays.jettisons,
+        HEATING_IGNORED if heating is Heating.IGNORED else HEATING_TIMED,
+        np.full(len(arrays.jettisons), math.inf),
+        _FAR,
+        segments,
+    )
+    if count == 0:
+        raise OptimizerError(
+            f"no flight can be laid out from arc {int(start['arc'])} at "
+            f"{float(start['time']):g} s: too many events, or the last burn does not begin"
+        )
+    segments = segments[:count]
+    return segments[segments["after_cutoff"] == 0], segments[segments["after_cutoff"] == 1]
+
+
+def _profile(main: NDArray[np.void]) -> Array:
+    profile = np.empty((len(main), 6))
+    profile[:, P_TIME] = main["start"]
+    profile[:, P_THRUST] = main["thrust"]
+    profile[:, P_THRUST_SLOPE] = main["thrust_slope"]
+    profile[:, P_FLOW] = main["flow"]
+    profile[:, P_FLOW_SLOPE] = main["flow_slope"]
+    profile[:, P_MASS] = main["mass"]
+    return profile
+
+
+def _tail(after: NDArray[np.void]) -> Array:
+    """Pieces after cut-off, as ``Problem.tail``; the last row is the end of thrust."""
+    tail = np.zeros((len(after) + 1 if len(after) else 0, 5))
+    tail[:-1, P_TIME] = after["start"] - _FAR
+    tail[:-1, P_THRUST] = after["thrust"]
+    tail[:-1, P_THRUST_SLOPE] = after["thrust_slope"]
+    tail[:-1, P_FLOW] = after["flow"]
+    tail[:-1, P_FLOW_SLOPE] = after["flow_slope"]
+    if len(after):
+        tail[-1, P_TIME] = after[-1]["end"] - _FAR
+    return tail
+
+
+def _jettisons(
+    arrays: MissionArrays, start: Record, heating: Heating, ignitions: Sequence[float]
+) -> tuple[list[int], list[tuple[int, float]]]:
+    """Drops whose time is free, that of the greatest limit first, and (index, time s) of others."""
+    now = float(start["time"])
+    free = []
+    fixed = []
+    for j, jettison in enumerate(arrays.jettisons):
+        if (int(start["jettisoned"]) >> j) & 1:
+            continue
+        ignition = ignitions[int(jettison["stage"])]
+        value = float(jettison["value"])
+        if jettison["criterion"] == MISSION_TIME:
+            fixed.append((j, max(now, ignition, value)))
+        elif jettison["criterion"] == TIME_AFTER_IGNITION:
+            fixed.append((j, max(now, ignition + value)))
+        elif heating is Heating.IGNORED:
+            fixed.append((j, max(now, ignition)))
+        else:
+            free.append(j)
+    # the greater limit is met first
+    free.sort(key=lambda j: -float(arrays.jettisons[j]["value"]))
+    return free, fixed
+
+
+def _depletion(arrays: MissionArrays, start: Record, main: NDArray[np.void]) -> float:
+    """Cut-off time at which the last stage's propellant is spent, s."""
+    arcs = arrays.arcs
+    last = arcs[-1]
+    used = 0.0
+    if arcs[start["arc"]]["stage"] == last["stage"]:
+        used = propellant_used(start, float(main[0]["mass"]), arcs, arrays.jettisons)
+    for piece in main[:-1]:
+        if arcs[piece["arc"]]["stage"] == last["stage"]:
+            length = piece["end"] - piece["start"]
+            used += length * (piece["flow"] + 0.5 * length * piece["flow_slope"])
+    return float(main[-1]["start"] + (last["propellant"] - used) / main[-1]["flow"])
+
+
+def _boundaries(start_time: float, wanted: Iterable[float], fixed: Iterable[float]) -> list[float]:
+    """Times at which a law begins, none closer than SHORTEST_LAW to the one before.
+
+    Args:
+        start_time: s.
+        wanted: s, kept whatever they are close to.
+        fixed: s, kept where there is room.
+    """
+    times = sorted({time for time in wanted if start_time < time < math.inf})
+    for time in sorted(fixed):
+        if all(abs(time - other) >= SHORTEST_LAW for other in [start_time, *times]):
+            times.append(time)
+    return sorted(times)
+
+
+def _laws(
+    method: str, start_time: float, boundaries: list[float], drops: int
+) -> tuple[NDArray[np.int64], Array, int]:
+    """Where each steering law begins and which of its parameters are variables.
+
+    Returns:
+        ``Problem.laws``, ``Problem.law_time`` and the number of variables taken.
+    """
+    rows: list[tuple[int, int, int, int]] = [(AT_START, -1, 0, 3)]
+    times = [start_time]
+    column = 6
+    for k, time in enumerate([*boundaries, *([math.nan] * drops)]):
+        begins, drop = (
+            (AT_FIXED_TIME, -1) if k < len(boundaries) else (AT_DROP, k - len(boundaries))
+        )
+        times.append(time)
+        if begins == AT_DROP and method == "jump":
+            rows.append((begins, drop, -1, -1))
+            continue
+        direction = -1
+        if method == "direct20":
+            direction = column
+            column += 3
+        rows.append((begins, drop, direction, column))
+        column += 3
+    return np.array(rows, np.int64), np.array(times), column
+
+
+def transcribe(
+    arrays: MissionArrays,
+    start: Record,
+    method: str,
+    heating: Heating = Heating.AT_JETTISON,
+    longest_step: float = LONGEST_STEP,
+    splits: Sequence[float] = (),
+) -> Transcription:
+    """Build the finite problem of a method.
+
+    Args:
+        arrays: the mission.
+        start: record NAVIGATION: time, position, velocity, mass (0: that of the stack),
+            arc, arc_start_time, jettisoned.
+        method: ``direct11``, ``direct14``, ``direct20`` or ``jump``.
+        heating: what the heating limit asks.
+        longest_step: of the integration, s.
+        splits: further times at which the rate is free, s.
+
+    Raises:
+        OptimizerError: no flight can be laid out from this start.
+    """
+    arcs = arrays.arcs
+    main, after = _sequence(arrays, start, heating)
+    ignitions = first_ignitions(start, main, arcs)
+    now = float(start["time"])
+    free, fixed = _jettisons(arrays, start, heating, ignitions)
+    drops = np.array(
+        [
+            (
+                arrays.jettisons[j]["mass"],
+                math.log(arrays.jettisons[j]["value"]),
+                max(now, ignitions[int(arrays.jettisons[j]["stage"])]),
+            )
+            for j in free
+        ]
+    ).reshape(len(free), 3)
+    wanted = list(splits)
+    if method in ("direct14", "direct20"):
+        wanted += ignitions
+    spare = [] if method == "jump" else [time for _, time in fixed]
+    boundaries = _boundaries(now, wanted, spare)
+    laws, law_times, columns = _laws(method, now, boundaries, len(free))
+    last_piece = main[-1]
+    left = float(last_piece["mass"]) - float(drops[:, 0].sum())
+    last_arc = main[main["arc"] == len(arcs) - 1][0]
+    earliest_cutoff = float(last_arc["start"]) + _SHORTEST_BURN
+    latest_cutoff = float(last_piece["start"]) + _USABLE * left / float(last_piece["flow"])
+    latest_cutoff = min(latest_cutoff, now + LONGEST_FLIGHT)
+    if not earliest_cutoff < now + LONGEST_FLIGHT:
+        raise OptimizerError(
+            f"the last burn begins at {earliest_cutoff - _SHORTEST_BURN:g} s; expected less than "
+            f"{LONGEST_FLIGHT:g} s after the start, {now:g} s"
+        )
+    problem = Problem(
+        environment=arrays.environment,
+        atmosphere=arrays.atmosphere,
+        target=arrays.target,
+        state=np.concatenate((start["position"], start["velocity"])),
+        start_time=now,
+        profile=_profile(main),
+        tail=_tail(after),
+        drops=drops,
+        laws=laws,
+        law_time=law_times,
+        longest_step=longest_step,
+        earliest_cutoff=earliest_cutoff,
+        latest_cutoff=latest_cutoff,
+        heating=HEATING_FROM_JETTISON if heating is Heating.FROM_JETTISON else HEATING_AT_JETTISON,
+        objective=MINIMISE_TIME,
+        variables=columns + len(free) + 1,
+        stop=np.zeros(1, np.int64),
+    )
+    return Transcription(
+        problem,
+        tuple(free),
+        tuple(fixed),
+        _depletion(arrays, start, main),
+        float(last_piece["flow"]),
+    )

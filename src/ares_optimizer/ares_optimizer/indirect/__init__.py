@@ -1,0 +1,1 @@
+"""The optimum as the root of a two-point problem."""

@@ -1,0 +1,651 @@
+"""The indirect method: the optimum as the root of a two-point problem.
+
+Costates of Eqs. 3.15-3.21 under inverse-square or linear gravity, thrust along lambda_v,
+the interior condition of Eqs. 3.44-3.51 with what it lacks in print, reduced
+transversality for what the target leaves free. The kernels do the work
+(``kernels/search.py``); here a mission goes in and a :class:`Solution` comes out.
+"""
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
+
+from ares_models.arrays import (
+    HEATING_LIMIT,
+    LONGEST_FLIGHT,
+    MISSION_TIME,
+    TARGET_KEPLERIAN,
+    MissionArrays,
+)
+from ares_optimizer.deadline import TIME_LIMIT_PASSED, Deadline
+from ares_optimizer.indirect.closed_form import flight_errors
+from ares_optimizer.indirect.kernels import sample
+from ares_optimizer.indirect.solver import (
+    Guess,
+    IndirectGuess,
+    Root,
+    TwoPointOptions,
+    TwoPointSolver,
+)
+from ares_optimizer.kernels import timetable
+from ares_optimizer.kernels.timetable import COLUMN_JETTISON
+from ares_optimizer.obstacles import check_obstacle, target_obstacle
+from ares_optimizer.pieces import first_ignitions
+from ares_optimizer.proof.checks import constraint_table, verification
+from ares_optimizer.proof.flight import Direction, Steering, fly
+from ares_optimizer.request import Heating
+from ares_optimizer.solution import (
+    ConstraintCheck,
+    Costates,
+    OptimizerError,
+    Solution,
+    SteeringArc,
+    Trajectory,
+    failed,
+)
+from ares_optimizer.targets import figures_of, half_turn, target_rows
+from ares_optimizer.two_point.arrays import INVERSE_SQUARE, LINEAR, PIS, RUNGE_KUTTA, TIMES
+from ares_optimizer.two_point.kernels import newton
+
+Array = NDArray[np.float64]
+
+
+_NODE_STRIDE = 10  # of the samples that the verification compares
+_SHORT_KG = 0.1  # of propellant, to count
+_SEARCH_STEP_S = 40.0
+_LEAST_STEPS = 16  # of a flight, however short
+# continuation: first part of the whole, most parts, factor on the limits to begin with
+_FIRST_PART = 0.1
+_MOST_PARTS = 60
+_HIGHEST_LIMIT = 1e4
+
+
+_TEXTS = {
+    newton.ITERATION_LIMIT: "Newton's method did not end within its iterations",
+    newton.STALLED: "no step of Newton's method brings the flight nearer to its target",
+    newton.SINGULAR: "the Jacobian of the two-point problem is singular",
+    newton.BAD_TIMETABLE: "the times make no flight",
+    newton.AT_FLOOR: "a heating limit is passed when its drop is due",
+    newton.STOPPED: TIME_LIMIT_PASSED,
+    newton.UNSOUND: "the root found is no flight: underground, or burning longer would cost less",
+}
+
+
+def solve_indirect(
+    arrays: MissionArrays,
+    start: NDArray[np.void],
+    options: TwoPointOptions | None = None,
+    *,
+    guess: Guess = None,
+    finish: bool = True,
+    deadline: Deadline | None = None,
+    verify: bool = True,
+) -> Solution:
+    """The optimal ascent by the indirect method.
+
+    Args:
+        arrays: the mission.
+        start: shape (1,), dtype NAVIGATION, see :func:`navigation`.
+        options: what is solved, and how finely.
+        guess: an :class:`IndirectGuess`, an earlier solution of this method, or its parameters,
+            shape (7 + 2 drops,); None for the solver's own. When a guess leads to a root, the
+            solver's own start is tried too and the better of both is kept.
+        finish: under inverse-square gravity, lead the closed form's root to the exact one by
+            Runge-Kutta; what the closed form came to is in ``notes``.
+        deadline: at which the search ends; None: no limit.
+        verify: fly the solution again and fill ``verification``, ``constraints``,
+            ``trajectory`` and ``costates``. Without it ``converged`` is the solver's word.
+
+    Returns:
+        the solution; its ``costates`` are sampled, and ``hamiltonian_spread`` has one entry per
+        piece of constant thrust, with the mass costate's part in the Hamiltonian.
+
+    Raises:
+        OptimizerError: a guess or mission that the method cannot take.
+    """
+    options = options or TwoPointOptions()
+    method = "closed_form" if options.in_closed_form else "indirect"
+    solver = TwoPointSolver(arrays, options, deadline)
+    unknowns = _as_unknowns(guess, solver.size(start))
+    began = time.perf_counter()
+    obstacle = target_obstacle(arrays)
+    if obstacle:
+        return failed(method, obstacle, solve_ms=_since(began))
+    if solver.deadline.passed:
+        return failed(method, TIME_LIMIT_PASSED, solve_ms=_since(began))
+    root = _find(solver, start, unknowns)
+    notes: dict[str, float] = {}
+    if root.converged and options.in_closed_form and options.gravity == "inverse_square":
+        fine = TwoPointOptions(heating=options.heating, step_s=_fine(options.step_s, start, root))
+        notes = _closed_form_notes(solver, start, root, options)
+        if finish:
+            solver = TwoPointSolver(arrays, fine, solver.deadline)
+            root = _added(solver.solve(start, root.unknowns), root, 0)
+    elapsed = _since(began)
+    if not root.converged:
+        late = solver.deadline.passed
+        reason = TIME_LIMIT_PASSED if late else _why_not(solver, start, root)
+        return replace(
+            failed(method, reason, iterations=root.iterations),
+            solve_ms=elapsed,
+            parameters=root.unknowns,
+            restarts=root.restarts,
+        )
+    solution = _solution(method, solver, start, root, elapsed, notes)
+    return _proven(solver, start, root, solution) if verify else solution
+
+
+def _since(began: float) -> float:
+    """ms since ``began``."""
+    return 1e3 * (time.perf_counter() - began)
+
+
+def _as_unknowns(guess: Guess, size: int) -> Array | None:
+    if guess is None:
+        return None
+    if isinstance(guess, IndirectGuess):
+        return guess.unknowns((size - COLUMN_JETTISON) // 2)
+    values = guess if isinstance(guess, np.ndarray) else guess.parameters
+    if values is None:
+        raise OptimizerError("guess: the solution has no parameters")
+    values = np.asarray(values, dtype=np.float64)
+    if values.shape != (size,) or not np.isfinite(values).all():
+        raise OptimizerError(
+            f"guess: parameters have shape {values.shape}; expected ({size},), finite"
+        )
+    return values
+
+
+def _find(solver: TwoPointSolver, start: NDArray[np.void], guess: Array | None) -> Root:
+    """The best root from the guess and from nothing, else by continuation; then finished.
+
+    The search goes on a coarse grid.
+    """
+    fine = float(solver.options["step"][0])
+    if solver.options["propagator"][0] == RUNGE_KUTTA:
+        solver.options["step"] = max(fine, _SEARCH_STEP_S)
+    root = solver.solve(start, guess, thorough=True)
+    if not root.converged:
+        for ladder in (_from_linear_gravity, _from_light_drops, _from_high_limits):
+            if solver.deadline.passed:
+                break
+            further = ladder(solver, start)
+            if further is not None and further.converged:
+                root = _added(further, root, 1)
+                break
+    solver.options["step"] = fine
+    if not root.converged:
+        return root
+    if solver.options["propagator"][0] == RUNGE_KUTTA:
+        solver.options["step"] = _fine(fine, start, root)
+    return _added(solver.solve(start, root.unknowns, restart=False), root, 0)
+
+
+def _fine(step_s: float, start: NDArray[np.void], root: Root) -> float:
+    """Step of the final grid, s: a short flight may turn as much as a long one."""
+    return min(step_s, float(root.cutoff_s - start["time"][0]) / _LEAST_STEPS)
+
+
+def _added(root: Root, before: Root, starts: int) -> Root:
+    """A root with the work of what went before it."""
+    return replace(
+        root,
+        iterations=root.iterations + before.iterations,
+        restarts=root.restarts + before.restarts + starts,
+    )
+
+
+def _from_linear_gravity(solver: TwoPointSolver, start: NDArray[np.void]) -> Root | None:
+    """Solved in the linear field first."""
+    if solver.options["gravity"][0] == LINEAR:
+        return None
+    corrected = int(solver.options["corrected"][0])
+    solver.options["gravity"] = LINEAR
+    solver.options["corrected"] = 0
+    root = solver.solve(start)
+    solver.options["gravity"] = INVERSE_SQUARE
+    solver.options["corrected"] = corrected
+    if not root.converged:
+        return None
+    return _added(solver.solve(start, root.unknowns, restart=False), root, 0)
+
+
+def _from_light_drops(solver: TwoPointSolver, start: NDArray[np.void]) -> Root | None:
+    """Solved with light fairings first, whose drop costs little steering."""
+    whole = solver.arrays.jettisons["mass"].copy()
+
+    def part(fraction: float) -> None:
+        solver.arrays.jettisons["mass"] = whole * fraction
+
+    return _continue(solver, start, part)
+
+
+def _from_high_limits(solver: TwoPointSolver, start: NDArray[np.void]) -> Root | None:
+    """Solved with higher heating limits first."""
+    heated = solver.arrays.jettisons["criterion"] == HEATING_LIMIT
+    whole = solver.arrays.jettisons["value"].copy()
+
+    def part(fraction: float) -> None:
+        higher = whole * _HIGHEST_LIMIT ** (1.0 - fraction)
+        solver.arrays.jettisons["value"] = np.where(heated, higher, whole)
+
+    return _continue(solver, start, part)
+
+
+def _continue(
+    solver: TwoPointSolver, start: NDArray[np.void], part: Callable[[float], None]
+) -> Root | None:
+    """Solve with little of what makes the problem hard, and with more of it step by step."""
+    if solver.drops(start) == 0:
+        return None
+    try:
+        done = 0.0
+        step = _FIRST_PART
+        part(done + step)
+        root = solver.solve(start)
+        if not root.converged:
+            return None
+        done = step
+        for _ in range(_MOST_PARTS):
+            if solver.deadline.passed:
+                return None
+            trial = min(1.0, done + step)
+            part(trial)
+            further = _added(solver.solve(start, root.unknowns, restart=False), root, 0)
+            if not further.converged:
+                step *= 0.25
+                continue
+            root = further
+            if trial == 1.0:
+                return root
+            done = trial
+            step *= 2.0
+    finally:
+        part(1.0)
+    return None
+
+
+def _propellant_obstacle(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> str:
+    """A line when the last stage runs dry before cut-off; empty otherwise."""
+    arrays = solver.arrays
+    last = arrays.arcs[-1]
+    solver.final_hamiltonian(start, root.unknowns)
+    used = 0.0
+    if arrays.arcs[start["arc"][0]]["stage"] == last["stage"]:
+        mass = timetable.begin_mass(start[0], arrays.arcs)
+        used = timetable.propellant_used(start[0], mass, arrays.arcs, arrays.jettisons)
+    for piece in _pieces(solver):
+        if arrays.arcs[piece["arc"]]["stage"] == last["stage"]:
+            length = piece["end"] - piece["start"]
+            used += length * (piece["flow"] + 0.5 * length * piece["flow_slope"])
+    short = float(used - last["propellant"])
+    if short <= _SHORT_KG:
+        return ""
+    return (
+        f"propellant of the last stage: {short:,.0f} kg short, the best flight takes "
+        f"{used:,.0f} kg of {last['propellant']:,.0f} kg"
+    )
+
+
+def _pieces(solver: TwoPointSolver) -> NDArray[np.void]:
+    """Segments of the last flight."""
+    work = solver.work[0]
+    pieces: NDArray[np.void] = work["segments"][: work["segment_count"]]
+    return pieces
+
+
+def _why_not(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> str:
+    """One line on what stands in the way."""
+    if root.status == newton.BAD_TIMETABLE or root.iterations == 0:
+        return (
+            "no flight can be laid out: the last burn does not begin, or only "
+            f"{LONGEST_FLIGHT:,.0f} s after the start, or too many events"
+        )
+    options = solver.options.copy()
+    solver.options["step"] = max(float(options["step"][0]), _SEARCH_STEP_S)
+    solver.options["heating"] = timetable.HEATING_IGNORED
+    free = solver.solve(start)
+    text = _TEXTS.get(root.status, "not solved")
+    if free.converged:
+        flight = solver.sample(start, free.unknowns)
+        stages = solver.arrays.arcs["stage"][_arc_of(solver, flight)]
+        for j, jettison in enumerate(solver.arrays.jettisons):
+            if jettison["criterion"] != HEATING_LIMIT or int(start["jettisoned"][0]) >> j & 1:
+                continue
+            after = flight[stages >= jettison["stage"]]
+            least = after[np.argmin(after[:, sample.LOG_HEATING])]
+            rate = math.exp(least[sample.LOG_HEATING])
+            if rate > jettison["value"]:
+                text = (
+                    f"no flight found that meets the heating limit of jettison {j}, "
+                    f"{jettison['value']:.6g} W/m2: without it the least is {rate:.6g} W/m2, "
+                    f"at {least[sample.TIME]:.1f} s"
+                )
+    else:
+        text = f"no flight to the target found: {_miss(solver, start, free)}"
+    solver.options[:] = options
+    return text
+
+
+def _miss(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> str:
+    """By how much the last flight tried misses the target."""
+    flight = solver.sample(start, root.unknowns)
+    if len(flight) == 0:
+        return "the times make no flight"
+    r = flight[-1, sample.POSITION : sample.POSITION + 3]
+    v = flight[-1, sample.VELOCITY : sample.VELOCITY + 3]
+    h = np.cross(r, v)
+    radius, speed = float(np.linalg.norm(r)), float(np.linalg.norm(v))
+    inclination = math.degrees(math.acos(h[2] / np.linalg.norm(h)))
+    target = solver.arrays.target[0]
+    wanted = math.degrees(target["inclination"])
+    if target["kind"] == TARGET_KEPLERIAN:
+        mu = float(solver.arrays.environment[0]["mu"])
+        axis = 1.0 / (2.0 / radius - speed**2 / mu)
+        return (
+            f"semi-major axis {axis:,.0f} m instead of {target['semi_major_axis']:,.0f} m, "
+            f"inclination {inclination:.3f} deg instead of {wanted:.3f} deg"
+        )
+    return (
+        f"radius {radius:,.0f} m instead of {target['radius']:,.0f} m, "
+        f"speed {speed:,.1f} m/s instead of {target['speed']:,.1f} m/s, "
+        f"inclination {inclination:.3f} deg instead of {wanted:.3f} deg"
+    )
+
+
+def _arc_of(solver: TwoPointSolver, flight: Array) -> NDArray[np.int64]:
+    """Arc of every sample."""
+    arcs: NDArray[np.int64] = solver.work[0]["segments"]["arc"][
+        flight[:, sample.PIECE].astype(np.int64)
+    ]
+    return arcs
+
+
+def _closed_form_notes(
+    solver: TwoPointSolver, start: NDArray[np.void], root: Root, options: TwoPointOptions
+) -> dict[str, float]:
+    """What the closed form came to, and how far from its end the exact flight of its steering."""
+    flight = solver.sample(start, root.unknowns)
+    error = flight_errors(solver.arrays, start, root.unknowns, options)
+    times = root.unknowns[TIMES]
+    return {
+        "closed_form_m_f_kg": float(flight[-1, sample.MASS]),
+        "closed_form_t_meco_s": root.cutoff_s,
+        "closed_form_t_plf_s": float(times[-1]) if times.size else math.nan,
+        "closed_form_position_error_m": error.position_m,
+        "closed_form_velocity_error_m_s": error.velocity_m_s,
+    }
+
+
+def _jettison_times(
+    solver: TwoPointSolver, start: NDArray[np.void], root: Root
+) -> tuple[float, ...]:
+    """Time of every jettison; nan where it is done already or does not come."""
+    arrays = solver.arrays
+    ignitions = first_ignitions(start[0], _pieces(solver), arrays.arcs)
+    now = float(start["time"][0])
+    times = []
+    heated = iter(root.unknowns[TIMES])
+    for j, jettison in enumerate(arrays.jettisons):
+        if (int(start["jettisoned"][0]) >> j) & 1:
+            times.append(math.nan)
+            continue
+        earliest = max(now, ignitions[int(jettison["stage"])])
+        if jettison["criterion"] == HEATING_LIMIT:
+            if solver.options["heating"][0] == timetable.HEATING_IGNORED:
+                at = earliest
+            else:
+                at = float(next(heated))
+        elif jettison["criterion"] == MISSION_TIME:
+            at = max(earliest, float(jettison["value"]))
+        else:
+            at = max(now, ignitions[int(jettison["stage"])] + float(jettison["value"]))
+        times.append(at if at <= root.cutoff_s else math.nan)
+    return tuple(times)
+
+
+def _steering_arcs(pieces: NDArray[np.void], flight: Array) -> tuple[SteeringArc, ...]:
+    """A linear-tangent law per piece: the straight line between the primers at its ends."""
+    laws = []
+    for i, piece in enumerate(pieces):
+        rows = flight[flight[:, sample.PIECE] == i]
+        first, last = rows[0], rows[-1]
+        primer = first[sample.LAMBDA_V : sample.LAMBDA_V + 3]
+        change = last[sample.LAMBDA_V : sample.LAMBDA_V + 3] - primer
+        length = float(piece["end"] - piece["start"])
+        size = float(np.linalg.norm(primer))
+        acceleration = rows[:, sample.THRUST] / rows[:, sample.MASS]
+        if piece["flow"] > 0.0 and piece["flow_slope"] == 0.0:
+            speed = float(piece["thrust"] / piece["flow"])
+            delta_v = speed * math.log(first[sample.MASS] / last[sample.MASS])
+        else:
+            delta_v = float(np.trapezoid(acceleration, rows[:, sample.TIME]))
+        direction = primer / size
+        rate = change / (size * length)
+        laws.append(
+            SteeringArc(
+                float(piece["start"]),
+                float(piece["end"]),
+                float(piece["start"]),
+                (float(direction[0]), float(direction[1]), float(direction[2])),
+                (float(rate[0]), float(rate[1]), float(rate[2])),
+                float(first[sample.MASS]),
+                float(last[sample.MASS]),
+                delta_v,
+            )
+        )
+    return tuple(laws)
+
+
+def _hamiltonian_spread(pieces: NDArray[np.void], flight: Array) -> tuple[float, ...]:
+    """Constancy of the Hamiltonian with its mass costate, per piece of constant thrust."""
+    full = flight[:, sample.HAMILTONIAN] - flight[:, sample.FLOW] * flight[:, sample.MASS_COSTATE]
+    size = float(np.abs(flight[:, sample.HAMILTONIAN]).max())
+    spread = []
+    for i, piece in enumerate(pieces):
+        if piece["thrust_slope"] == 0.0:
+            values = full[flight[:, sample.PIECE] == i]
+            spread.append(float(np.ptp(values)) / size)
+    return tuple(spread)
+
+
+def _primer_steering(flight: Array) -> Steering:
+    """Thrust direction of a sampled flight: cubic between samples, exact in value and rate."""
+
+    def steering(begin: float, end: float) -> Direction:
+        middle = 0.5 * (begin + end)
+        times = flight[:, sample.TIME]
+        piece = flight[np.searchsorted(times, middle) - 1, sample.PIECE]
+        rows = flight[flight[:, sample.PIECE] == piece]
+        primer = CubicHermiteSpline(
+            rows[:, sample.TIME],
+            rows[:, sample.LAMBDA_V : sample.LAMBDA_V + 3],
+            -rows[:, sample.LAMBDA_R : sample.LAMBDA_R + 3],
+        )
+
+        def at(t: float) -> Array:
+            vector = primer(t)
+            return np.asarray(vector / math.sqrt(vector @ vector))
+
+        return at
+
+    return steering
+
+
+def _multipliers(
+    solver: TwoPointSolver,
+    start: NDArray[np.void],
+    root: Root,
+    flight: Array,
+    final: float,
+    table: tuple[ConstraintCheck, ...],
+) -> tuple[ConstraintCheck, ...]:
+    """The table of constraints with what each is worth, from the costates.
+
+    At cut-off lambda . dx = H_f dt_f: with lambda_f written in the gradients of the terminal
+    figures, a figure's part over H_f is seconds of burning per unit of it; at a heating
+    jettison pi over H_f is seconds per unit of log heating.
+    """
+    arrays = solver.arrays
+    mu = float(arrays.environment[0]["mu"])
+    last = flight[-1]
+    state = last[sample.POSITION : sample.VELOCITY + 3]
+    costate = np.concatenate(
+        (
+            last[sample.LAMBDA_R : sample.LAMBDA_R + 3],
+            last[sample.LAMBDA_V : sample.LAMBDA_V + 3],
+        )
+    )
+    kind = int(arrays.target[0]["kind"])
+    rows = target_rows(kind)
+    steps = np.array([10.0] * 3 + [1e-2] * 3)
+    gradient = np.zeros((len(rows), 6))
+    for k in range(6):
+        move = np.zeros(6)
+        move[k] = steps[k]
+        sides = [figures_of(kind, x[:3], x[3:], mu) for x in (state + move, state - move)]
+        for i, row in enumerate(rows):
+            change = sides[0][i] - sides[1][i]
+            if row.turn:
+                change = half_turn(change)
+            gradient[i, k] = change / (2.0 * steps[k])
+    # scaled so that position and velocity weigh alike
+    worth = np.linalg.lstsq((gradient * steps).T, costate * steps, rcond=None)[0]
+    flow = -float(arrays.arcs[-1]["mass_flow"]) / final
+    per_unit = {rows[i].name: flow * float(worth[i]) for i in range(len(rows))}
+    heated = [
+        j
+        for j, jettison in enumerate(arrays.jettisons)
+        if jettison["criterion"] == HEATING_LIMIT and not (int(start["jettisoned"][0]) >> j) & 1
+    ]
+    if solver.options["heating"][0] == timetable.HEATING_OPTIMAL:
+        for j, pi in zip(heated, root.unknowns[PIS], strict=True):
+            per_unit[f"heating at jettison {j}"] = (
+                flow * float(pi) / float(arrays.jettisons[j]["value"])
+            )
+    return tuple(
+        replace(check, multiplier=per_unit[check.name]) if check.name in per_unit else check
+        for check in table
+    )
+
+
+def _solution(
+    method: str,
+    solver: TwoPointSolver,
+    start: NDArray[np.void],
+    root: Root,
+    elapsed: float,
+    notes: dict[str, float],
+) -> Solution:
+    """A root as a solution: times, mass, steering laws."""
+    flight = solver.sample(start, root.unknowns)
+    laws = _steering_arcs(_pieces(solver), flight)
+    times = _jettison_times(solver, start, root)
+    obstacle = _propellant_obstacle(solver, start, root)
+    return Solution(
+        method,
+        not obstacle,
+        obstacle or "optimal",
+        times,
+        root.cutoff_s,
+        float(flight[-1, sample.MASS]),
+        root.iterations,
+        elapsed,
+        arcs=laws,
+        trajectory=_trajectory(flight),
+        parameters=root.unknowns,
+        restarts=root.restarts,
+        notes={"residual_norm": root.residual_norm, **notes},
+    )
+
+
+def _trajectory(flight: Array) -> Trajectory:
+    """A sampled flight as the solver itself flew it."""
+    primer = flight[:, sample.LAMBDA_V : sample.LAMBDA_V + 3]
+    return Trajectory(
+        flight[:, sample.TIME].copy(),
+        flight[:, sample.POSITION : sample.POSITION + 3].copy(),
+        flight[:, sample.VELOCITY : sample.VELOCITY + 3].copy(),
+        flight[:, sample.MASS].copy(),
+        primer / np.linalg.norm(primer, axis=1, keepdims=True),
+        np.exp(flight[:, sample.LOG_HEATING]),
+        flight[:, sample.THRUST].copy(),
+    )
+
+
+def _proven(
+    solver: TwoPointSolver, start: NDArray[np.void], root: Root, solution: Solution
+) -> Solution:
+    """A solution flown again by another integrator, with its costates."""
+    arrays = solver.arrays
+    final = solver.final_hamiltonian(start, root.unknowns)
+    flight = solver.sample(start, root.unknowns)
+    pieces = _pieces(solver)
+    flown = fly(
+        arrays,
+        start[0],
+        _primer_steering(flight),
+        solution.jettison_times_s,
+        solution.t_meco_s,
+        [float(piece["start"]) for piece in pieces],
+    )
+    ignored = solver.options["heating"][0] == timetable.HEATING_IGNORED
+    held = Heating.IGNORED if ignored else Heating.AT_JETTISON
+    checks = constraint_table(arrays, start[0], flown, held)
+    nodes = np.column_stack(
+        (
+            flight[:, sample.TIME],
+            flight[:, sample.POSITION : sample.VELOCITY + 3],
+            flight[:, sample.MASS],
+        )
+    )
+    ends = np.flatnonzero(np.diff(flight[:, sample.PIECE], append=-1.0))
+    picked = nodes[np.union1d(ends, np.arange(0, len(nodes), _NODE_STRIDE))]
+    broken = check_obstacle(checks)
+    reason = solution.reason
+    if broken and solution.converged:
+        reason = broken
+        if solver.options["gravity"][0] == LINEAR:
+            reason = f"optimal in the linear field, but in inverse-square gravity {broken}"
+        elif solver.options["propagator"][0] != RUNGE_KUTTA:
+            reason = f"optimal in closed form, but flown exactly {broken}"
+    limits = [
+        float(jettison["value"])
+        for j, jettison in enumerate(arrays.jettisons)
+        if jettison["criterion"] == HEATING_LIMIT and not (int(start["jettisoned"][0]) >> j) & 1
+    ]
+    turn = np.cross(
+        flight[:, sample.POSITION : sample.POSITION + 3],
+        flight[:, sample.LAMBDA_R : sample.LAMBDA_R + 3],
+    ) + np.cross(
+        flight[:, sample.VELOCITY : sample.VELOCITY + 3],
+        flight[:, sample.LAMBDA_V : sample.LAMBDA_V + 3],
+    )
+    return replace(
+        solution,
+        converged=solution.converged and not broken,
+        reason=reason,
+        constraints=_multipliers(solver, start, root, flight, final, checks),
+        verification=verification(arrays, flown, picked),
+        trajectory=flown.trajectory,
+        costates=Costates(
+            flight[:, sample.TIME].copy(),
+            flight[:, sample.LAMBDA_R : sample.LAMBDA_R + 3].copy(),
+            flight[:, sample.LAMBDA_V : sample.LAMBDA_V + 3].copy(),
+            flight[:, sample.HAMILTONIAN].copy(),
+            _hamiltonian_spread(pieces, flight),
+            tuple(float(pi) / limit for pi, limit in zip(root.unknowns[PIS], limits, strict=False)),
+        ),
+        notes={
+            **solution.notes,
+            "final_hamiltonian_m_s2": final,
+            # C = r x lambda_r + V x lambda_v: its component along the pole is kept by every
+            # part of the flight, jettison included
+            "pole_turn_spread_m_s": float(np.ptp(turn[:, 2])),
+        },
+    )

@@ -1,0 +1,385 @@
+"""The two-point problem of one mission, solved and flown by the kernels."""
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models.arrays import BURN, NAVIGATION, MissionArrays
+from ares_optimizer.deadline import Deadline
+from ares_optimizer.indirect.kernels import sample
+from ares_optimizer.kernels import timetable
+from ares_optimizer.kernels.timetable import COLUMN_CUTOFF, COLUMN_JETTISON
+from ares_optimizer.request import Heating
+from ares_optimizer.solution import OptimizerError
+from ares_optimizer.two_point.arrays import (
+    INVERSE_SQUARE,
+    LAMBDA_R,
+    LINEAR,
+    MAX_UNKNOWNS,
+    OPTIONS,
+    PIS,
+    PRIMER,
+    RUNGE_KUTTA,
+    TIMES,
+    WORK,
+    Effort,
+)
+from ares_optimizer.two_point.kernels import closed_form, newton, search
+from ares_optimizer.two_point.kernels.shooting import shoot_with_jacobian
+
+Array = NDArray[np.float64]
+
+GravityName = Literal["inverse_square", "linear"]
+Propagator = Literal["runge_kutta", "closed_form"]
+Rule = Literal["simpson", "milne"]
+
+_GRAVITY = {"inverse_square": INVERSE_SQUARE, "linear": LINEAR}
+RULES = {"simpson": closed_form.SIMPSON, "milne": closed_form.MILNE}
+_HEATING = {
+    Heating.AT_JETTISON: timetable.HEATING_OPTIMAL,
+    Heating.PASSIVE: timetable.HEATING_PASSIVE,
+    Heating.IGNORED: timetable.HEATING_IGNORED,
+}
+
+#: Longest Runge-Kutta step, s: 0.05 mm and 0.2 um/s on the default mission.
+STEP_S = 10.0
+#: Arc of the closed form, s.
+ARC_LENGTH_S = 5.0
+_SAMPLE_S = 2.0
+
+
+@dataclass(frozen=True)
+class IndirectGuess:
+    """Where the solver starts.
+
+    Attributes:
+        lambda_v: primer at the start, any length, shape (3,). The thesis' B.
+        lambda_r: shape (3,), 1/s for a primer of length 1. The thesis' -A.
+        t_meco_s: cut-off time.
+        jettison_times_s: per heating jettison still to come, in the order of the file.
+        pi: jump of Eq. 3.44 per unit of log heating, for each of them; zeros if empty.
+    """
+
+    lambda_v: tuple[float, float, float]
+    lambda_r: tuple[float, float, float]
+    t_meco_s: float
+    jettison_times_s: tuple[float, ...] = ()
+    pi: tuple[float, ...] = ()
+
+    def unknowns(self, drops: int) -> Array:
+        """The solver's own variables, shape (7 + 2 drops,).
+
+        Raises:
+            OptimizerError: the guess does not fit the mission.
+        """
+        primer = np.asarray(self.lambda_v, dtype=np.float64)
+        rate = np.asarray(self.lambda_r, dtype=np.float64)
+        if primer.shape != (3,) or rate.shape != (3,):
+            raise OptimizerError("guess: lambda_v and lambda_r must have three components each")
+        size = float(np.linalg.norm(primer))
+        if not (size > 0.0 and math.isfinite(size) and np.isfinite(rate).all()):
+            raise OptimizerError(f"guess: lambda_v is {self.lambda_v}; expected a finite direction")
+        if len(self.jettison_times_s) != drops:
+            raise OptimizerError(
+                f"guess: jettison_times_s has {len(self.jettison_times_s)} times; the mission has "
+                f"{drops} heating jettisons to come"
+            )
+        if self.pi and len(self.pi) != drops:
+            raise OptimizerError(f"guess: pi has {len(self.pi)} values; expected {drops}")
+        unknowns = np.zeros(COLUMN_JETTISON + 2 * drops)
+        unknowns[PRIMER] = primer / size
+        unknowns[LAMBDA_R] = rate / size
+        unknowns[COLUMN_CUTOFF] = self.t_meco_s
+        unknowns[TIMES] = self.jettison_times_s
+        unknowns[PIS] = self.pi if self.pi else 0.0
+        if not np.isfinite(unknowns).all():
+            raise OptimizerError("guess: times and pi must be finite")
+        return unknowns
+
+
+@dataclass(frozen=True)
+class Root:
+    """What the compiled solver came to.
+
+    Attributes:
+        unknowns: shape (n,): lambda_v (3), lambda_r (3, 1/s), cut-off time (s), then time (s)
+            and pi (per unit of log heating) of every heating jettison to come.
+        iterations: Newton iterations, restarts included.
+        residual_norm: norm of the last residuals, without unit.
+        status: ``two_point.kernels.newton``: CONVERGED or what went wrong.
+        restarts: starts after the first.
+    """
+
+    unknowns: Array
+    iterations: int
+    residual_norm: float
+    status: int
+    restarts: int
+
+    @property
+    def cutoff_s(self) -> float:
+        """Cut-off time."""
+        return float(self.unknowns[COLUMN_CUTOFF])
+
+    @property
+    def converged(self) -> bool:
+        """True for a root that is sound."""
+        return self.status == newton.CONVERGED
+
+
+class HasParameters(Protocol):
+    """A solution that can be a guess."""
+
+    @property
+    def parameters(self) -> Array | None:
+        """The solver's own variables."""
+        ...
+
+
+Guess = IndirectGuess | HasParameters | Array | None
+
+
+@dataclass(frozen=True)
+class TwoPointOptions:
+    """What is solved, and how finely.
+
+    Attributes:
+        gravity: ``inverse_square`` (Eq. 2.13) or ``linear`` (Eq. 3.4, omega0 from the radius at
+            the start, held).
+        propagator: ``runge_kutta`` or ``closed_form`` (Eqs. 3.20-3.23, 3.27-3.29).
+        heating: where the limit holds; PASSIVE: the drop waits for the limit, the steering does
+            not know.
+        step_s: longest Runge-Kutta step.
+        arc_length_s: longest arc of the closed form.
+        rule: of the thrust integrals: ``simpson`` or ``milne``.
+        correction: under inverse-square gravity in closed form, give the rest of gravity and of
+            its gradient as impulses at the ends of the arcs; else the field is linear within
+            each arc, and Eqs. 3.20, 3.21 leave out part of its gradient.
+        tolerance: of the last Newton step, in scaled unknowns.
+        max_iterations: of one start.
+    """
+
+    gravity: GravityName = "inverse_square"
+    propagator: Propagator = "runge_kutta"
+    heating: Heating = Heating.AT_JETTISON
+    step_s: float = STEP_S
+    arc_length_s: float = ARC_LENGTH_S
+    rule: Rule = "milne"
+    correction: bool = True
+    tolerance: float = 1e-9
+    max_iterations: int = 50
+
+    def __post_init__(self) -> None:
+        """Check the choices.
+
+        Raises:
+            OptimizerError: a choice that is not there.
+        """
+        choose("gravity", self.gravity, _GRAVITY)
+        choose("propagator", self.propagator, get_args(Propagator))
+        choose("heating", self.heating, _HEATING)
+        choose("rule", self.rule, RULES)
+        for name in ("step_s", "arc_length_s"):
+            if not getattr(self, name) > 0.0:
+                raise OptimizerError(f"{name} is {getattr(self, name):g}; expected more than 0")
+
+    @property
+    def in_closed_form(self) -> bool:
+        """Whether the propagator is the closed form."""
+        return self.propagator == "closed_form"
+
+    def record(self) -> NDArray[np.void]:
+        """For the kernels: shape (1,), dtype OPTIONS."""
+        options = np.zeros(1, OPTIONS)
+        inverse_square = self.gravity == "inverse_square"
+        options["gravity"] = _GRAVITY[self.gravity]
+        options["propagator"] = RULES[self.rule] if self.in_closed_form else RUNGE_KUTTA
+        options["corrected"] = int(self.in_closed_form and self.correction and inverse_square)
+        options["heating"] = _HEATING[self.heating]
+        options["step"] = self.arc_length_s if self.in_closed_form else self.step_s
+        options["max_iterations"] = self.max_iterations
+        options["tolerance"] = self.tolerance
+        return options
+
+
+def choose(name: str, value: str, choices: Any) -> None:
+    """Refuse a choice that is not there.
+
+    Raises:
+        OptimizerError: one line with the name, the value and the choices.
+    """
+    if value not in choices:
+        raise OptimizerError(f"{name} is {str(value)!r}; expected " + " or ".join(choices))
+
+
+def navigation(
+    time_s: float,
+    position: Any,
+    velocity: Any,
+    mass_kg: float = 0.0,
+    *,
+    arc: int = 0,
+    arc_start_time_s: float | None = None,
+    jettisoned: int = 0,
+) -> NDArray[np.void]:
+    """A start of the optimizer, shape (1,), dtype NAVIGATION.
+
+    Args:
+        time_s: mission elapsed time.
+        position: m, shape (3,), frame ares_eci.
+        velocity: m/s, shape (3,).
+        mass_kg: 0 for that of the arc's stack.
+        arc: present arc of the mission.
+        arc_start_time_s: when it began; now if None.
+        jettisoned: bit k set: jettison k is done.
+    """
+    record = np.zeros(1, NAVIGATION)
+    record["time"] = time_s
+    record["position"] = position
+    record["velocity"] = velocity
+    record["mass"] = mass_kg
+    record["heating_rate"] = math.nan
+    record["arc"] = arc
+    record["arc_start_time"] = time_s if arc_start_time_s is None else arc_start_time_s
+    record["jettisoned"] = jettisoned
+    return record
+
+
+class TwoPointSolver:
+    """Solver of one mission's two-point problem, with its memory laid out once.
+
+    Attributes:
+        arrays: the mission.
+        deadline: at which a search ends, and after which no continuation begins.
+        options: shape (1,), dtype OPTIONS.
+        work: shape (1,), dtype WORK.
+    """
+
+    def __init__(
+        self,
+        arrays: MissionArrays,
+        options: TwoPointOptions | None = None,
+        deadline: Deadline | None = None,
+    ) -> None:
+        """Lay out the memory.
+
+        Args:
+            arrays: the mission.
+            options: what is solved, and how finely.
+            deadline: at which a search ends; None: no limit.
+
+        Raises:
+            OptimizerError: a mission that the method cannot take.
+        """
+        j2 = arrays.environment[0]["j2"]
+        if j2 != 0.0:
+            raise OptimizerError(
+                f"environment.j2 is {j2:g}; the two-point problem takes a spherical Earth, 0"
+            )
+        if arrays.arcs[-1]["kind"] != BURN:
+            raise OptimizerError("the last arc is a coast; the two-point problem ends with a burn")
+        self.arrays = arrays
+        self._mission = arrays.records()
+        self.deadline = deadline or Deadline()
+        self.options = (options or TwoPointOptions()).record()
+        self.work = np.zeros(1, WORK)
+        self.deadline.watch(self.work["stop"])
+
+    def drops(self, start: NDArray[np.void]) -> int:
+        """Number of heating jettisons whose time is unknown."""
+        heating = int(self.options["heating"][0])
+        return int(timetable.heating_count(start[0], self.arrays.jettisons, heating))
+
+    def size(self, start: NDArray[np.void]) -> int:
+        """Number of unknowns."""
+        return COLUMN_JETTISON + 2 * self.drops(start)
+
+    def _room(self, start: NDArray[np.void], unknowns: Array | None) -> Array:
+        """Unknowns with the room that kernels need."""
+        room = np.zeros(MAX_UNKNOWNS)
+        if unknowns is not None:
+            n = self.size(start)
+            room[:n] = unknowns[:n]
+        return room
+
+    def solve(
+        self,
+        start: NDArray[np.void],
+        guess: Array | None = None,
+        *,
+        restart: bool = True,
+        thorough: bool = False,
+    ) -> Root:
+        """The optimum, from a guess or from nothing but the start.
+
+        Args:
+            start: shape (1,), dtype NAVIGATION, see :func:`navigation`.
+            guess: shape (n,), see :attr:`Root.unknowns`; None for the solver's own.
+            restart: go on with own guesses when ``guess`` leads nowhere.
+            thorough: seek further roots, see ``Effort``, and keep the best.
+        """
+        unknowns = self._room(start, guess)
+        effort = Effort(guess is not None, restart, thorough)
+        iterations, residual, status, restarts = search.find_optimum(
+            start[0], self._mission, self.options[0], effort, unknowns, self.work[0]
+        )
+        n = self.size(start)
+        return Root(unknowns[:n].copy(), iterations, residual, status, restarts)
+
+    def newton(self, start: NDArray[np.void], unknowns: Array) -> Root:
+        """Newton's method from a guess and nothing else: what a guidance cycle calls."""
+        trial = self._room(start, unknowns)
+        self.work["pinned"] = 0
+        iterations, residual, status = newton.solve_two_point(
+            start[0], self._mission, self.options[0], trial, self.work[0]
+        )
+        return Root(trial[: self.size(start)].copy(), iterations, residual, status, 0)
+
+    def shoot(self, start: NDArray[np.void], unknowns: Array) -> tuple[Array, Array, Array]:
+        """Fly the unknowns.
+
+        Returns:
+            residuals, shape (n,); Jacobian, shape (n, n); state at the end, shape (12,): r, V,
+            lambda_v, lambda_v'.
+
+        Raises:
+            OptimizerError: the times make no flight.
+        """
+        n = self.size(start)
+        self.work["steps"] = 0
+        self.work["pinned"] = 0
+        work = self.work[0]
+        trial = self._room(start, unknowns)
+        if not shoot_with_jacobian(start[0], self._mission, self.options[0], trial, work):
+            raise OptimizerError("the times make no flight")
+        return (
+            work["residual"][:n].copy(),
+            work["jacobian"][:n, :n].copy(),
+            work["state"].copy(),
+        )
+
+    def sample(
+        self, start: NDArray[np.void], unknowns: Array, interval_s: float = _SAMPLE_S
+    ) -> Array:
+        """The flight, sampled: shape (k, ``indirect.kernels.sample.SAMPLE_COLUMNS``)."""
+        trial = np.zeros(MAX_UNKNOWNS)
+        trial[: unknowns.size] = unknowns
+        out = np.zeros((1024, sample.SAMPLE_COLUMNS))
+        while True:
+            rows = sample.sample_flight(
+                start[0], self._mission, self.options[0], trial, interval_s, out, self.work[0]
+            )
+            if rows >= 0:
+                return out[:rows].copy()
+            out = np.zeros((-rows, sample.SAMPLE_COLUMNS))
+
+    def final_hamiltonian(self, start: NDArray[np.void], unknowns: Array) -> float:
+        """lambda_r . V + lambda_v . g + |lambda_v| T/m at cut-off, m/s2: see the kernel."""
+        trial = np.zeros(MAX_UNKNOWNS)
+        trial[: unknowns.size] = unknowns
+        return float(
+            search.final_hamiltonian(start[0], self._mission, self.options[0], trial, self.work[0])
+        )

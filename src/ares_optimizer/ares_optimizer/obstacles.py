@@ -1,0 +1,38 @@
+"""What stands in the way of any method: one line each, empty where there is nothing."""
+
+from ares_models.arrays import TARGET_KEPLERIAN, MissionArrays
+from ares_optimizer.solution import ConstraintCheck
+
+
+def target_obstacle(arrays: MissionArrays) -> str:
+    """A line when the target itself cannot be flown to; empty otherwise."""
+    target = arrays.target[0]
+    environment = arrays.environment[0]
+    ground = float(min(environment["equatorial_radius"], environment["polar_radius"]))
+    if target["kind"] == TARGET_KEPLERIAN:
+        highest = float(target["semi_major_axis"] * (1.0 + target["eccentricity"]))
+        name = "target apogee radius"
+    else:
+        highest = float(target["radius"])
+        name = "target radius"
+    if 0.0 < highest < ground:
+        return (
+            f"{name} {highest:,.0f} m is {ground - highest:,.0f} m below the surface "
+            f"({ground:,.0f} m)"
+        )
+    return ""
+
+
+def check_obstacle(checks: tuple[ConstraintCheck, ...]) -> str:
+    """A line that names the constraints an independent integration finds broken."""
+    for check in checks:
+        # what is integrated through the Earth says nothing else
+        if check.name == "lowest altitude" and not check.satisfied:
+            return f"the flight goes through the ground, {-check.value:,.0f} m deep"
+    broken = [
+        f"{check.name} is {check.value:,.6g} {check.unit}, limit {check.limit:,.6g} {check.unit}, "
+        f"off by {check.value - check.limit:,.3g} {check.unit}"
+        for check in checks
+        if not check.satisfied
+    ]
+    return "; ".join(broken)

@@ -1,0 +1,1 @@
+"""The flight again, by physics written a second time."""

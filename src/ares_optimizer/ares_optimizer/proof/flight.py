@@ -1,0 +1,284 @@
+"""Proof by an integrator of another make.
+
+The flight is flown again from the mission's plain data by SciPy's DOP853 (Hairer, Norsett,
+Wanner), with the sequence of events, the gravity, the heating and the orbit written here a
+second time in NumPy: nothing of the solver's kernels is used. What differs is the solver's
+error.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.optimize import minimize_scalar
+
+from ares_models.arrays import (
+    HEATING_LIMIT,
+    MissionArrays,
+    Record,
+)
+from ares_optimizer.proof.physics import gravity, heating
+from ares_optimizer.proof.sequence import Plan, plan_flight, running, thrust_and_flow
+from ares_optimizer.solution import SteeringArc, Trajectory, joined
+
+Array = NDArray[np.float64]
+
+#: Thrust direction within one piece of the flight: unit vector, shape (3,), at a time in s.
+Direction = Callable[[float], Array]
+#: State within one piece: position, velocity and mass, shape (7,), at a time in s.
+State = Callable[[float], Array]
+#: Gives the direction for the piece between two times in s.
+Steering = Callable[[float, float], Direction]
+
+RELATIVE_TOLERANCE = 1e-11
+ABSOLUTE_TOLERANCE = np.array([1e-6] * 3 + [1e-9] * 3 + [1e-6])
+SAMPLE_PERIOD = 1.0  # s; longer where a flight would have more than MOST_SAMPLES
+MOST_SAMPLES = 5000
+_SAME_TIME = 1e-9
+_SIDE = 1e-6
+
+
+class Piece(NamedTuple):
+    """A smooth piece of a flight.
+
+    Attributes:
+        begin, end: s.
+        state: within it.
+        engine: thrust in N and mass flow in kg/s, at a time in s.
+    """
+
+    begin: float
+    end: float
+    state: State
+    engine: Callable[[float], tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A flight as integrated here.
+
+    Attributes:
+        plan: its sequence.
+        trajectory: samples, events twice.
+        final: shape (7,): position m, velocity m/s, mass kg.
+        at_jettison: per jettison of the mission, (heating W/m2, time s) or None.
+        peak_w_m2: greatest heating after the last heating-limited jettison; nan without one.
+        peak_time_s: when.
+        pieces: in order of time.
+    """
+
+    plan: Plan
+    trajectory: Trajectory
+    final: Array
+    at_jettison: tuple[tuple[float, float] | None, ...]
+    peak_w_m2: float
+    peak_time_s: float
+    pieces: tuple[Piece, ...]
+
+    def defects(self, nodes: Array) -> tuple[float, float, float]:
+        """Greatest distance of a solver's nodes from this flight.
+
+        Args:
+            nodes: shape (k, 8): time s, position m, velocity m/s, mass kg. At an event
+                either side of it counts.
+
+        Returns:
+            distance in m, in m/s and in kg.
+        """
+        worst = np.zeros(3)
+        for node in nodes:
+            sides = [
+                np.abs(piece.state(min(max(node[0], piece.begin), piece.end)) - node[1:])
+                for piece in self.pieces
+                if piece.begin - _SIDE <= node[0] <= piece.end + _SIDE
+            ]
+            if sides:
+                near = min(sides, key=lambda d: float(d[6]))
+                size = (np.linalg.norm(near[:3]), np.linalg.norm(near[3:6]), near[6])
+                worst = np.maximum(worst, size)
+        return float(worst[0]), float(worst[1]), float(worst[2])
+
+
+def steering_of(arcs: Sequence[SteeringArc]) -> Steering:
+    """Steering of a solution's arcs; a time outside keeps to the nearest arc."""
+
+    def steering(begin: float, end: float) -> Direction:
+        middle = 0.5 * (begin + end)
+        arc = min(arcs, key=lambda a: max(a.start_s - middle, middle - a.end_s))
+        direction = np.asarray(arc.direction)
+        rate = np.asarray(arc.direction_rate)
+
+        def at(t: float) -> Array:
+            vector = direction + rate * (t - arc.reference_time_s)
+            return vector / math.sqrt(vector @ vector)
+
+        return at
+
+    return steering
+
+
+def _stack_mass(arrays: MissionArrays, arc: int, done: set[int]) -> float:
+    """Mass when an arc begins a stage: its stack, and what of stages below was not dropped, kg."""
+    stage = arrays.arcs[arc]["stage"]
+    return float(arrays.arcs[arc]["stack_mass"]) + sum(
+        float(jettison["mass"])
+        for j, jettison in enumerate(arrays.jettisons)
+        if j not in done and jettison["stage"] < stage
+    )
+
+
+def _integrate(
+    arrays: MissionArrays,
+    plan: Plan,
+    direction: Direction,
+    span: tuple[float, float],
+    y: Array,
+) -> tuple[Piece, Array]:
+    """Eq. 2.1 over one smooth piece.
+
+    Returns:
+        the piece, and the state at its end, shape (7,).
+    """
+    environment = arrays.environment[0]
+    engines = running(plan.engines, *span)
+
+    def engine(t: float) -> tuple[float, float]:
+        return thrust_and_flow(arrays.arcs, engines, t)
+
+    def motion(t: float, y: Array) -> Array:
+        thrust, flow = engine(t)
+        acceleration = gravity(y[:3], environment)
+        if thrust > 0.0:
+            acceleration = acceleration + thrust / y[6] * direction(t)
+        return np.concatenate((y[3:6], acceleration, [-flow]))
+
+    result = solve_ivp(
+        motion,
+        span,
+        y,
+        method="DOP853",
+        rtol=RELATIVE_TOLERANCE,
+        atol=ABSOLUTE_TOLERANCE,
+        dense_output=True,
+    )
+    state = result.sol
+    if state is None:
+        raise AssertionError("asked for dense output")
+    return Piece(*span, state, engine), result.y[:, -1].copy()
+
+
+def _sampled(
+    arrays: MissionArrays,
+    piece: Piece,
+    direction: Direction,
+    period: float,
+    ends: tuple[Array, Array],
+) -> Trajectory:
+    """A piece every ``period`` s, and at its ends, where the states are known."""
+    count = max(2, math.ceil((piece.end - piece.begin) / period) + 1)
+    grid = np.linspace(piece.begin, piece.end, count)
+    states = np.array([piece.state(t) for t in grid])
+    states[0], states[-1] = ends
+    return Trajectory(
+        grid,
+        states[:, :3],
+        states[:, 3:6],
+        states[:, 6],
+        np.array([direction(t) for t in grid]),
+        np.array([heating(y[:3], y[3:6], arrays) for y in states]),
+        np.array([piece.engine(t)[0] for t in grid]),
+    )
+
+
+def _greatest_heating(
+    arrays: MissionArrays, state: State, track: Trajectory
+) -> tuple[float, float]:
+    """Greatest heating over one piece, W/m2, and its time, s."""
+    grid, values = track.time_s, track.heating_rate
+    best = int(np.argmax(values))
+    if not 0 < best < len(grid) - 1:
+        return float(values[best]), float(grid[best])
+    refined = minimize_scalar(
+        lambda t: -heating(state(t)[:3], state(t)[3:6], arrays),
+        bounds=(grid[best - 1], grid[best + 1]),
+        method="bounded",
+        options={"xatol": 1e-6},
+    )
+    return -float(refined.fun), float(refined.x)
+
+
+def fly(
+    arrays: MissionArrays,
+    start: Record,
+    steering: Steering,
+    jettison_times: Sequence[float],
+    t_meco: float,
+    boundaries: Sequence[float] = (),
+) -> Flight:
+    """Integrate a flight.
+
+    Args:
+        arrays: the mission.
+        start: record NAVIGATION.
+        steering: thrust direction per piece.
+        jettison_times: s, one per jettison of the mission; nan: not dropped.
+        t_meco: cut-off command, s.
+        boundaries: further times at which the steering has a kink, s.
+    """
+    jettisons = arrays.jettisons
+    plan = plan_flight(arrays, start, t_meco)
+    now = float(start["time"])
+    done = {j for j in range(len(jettisons)) if (int(start["jettisoned"]) >> j) & 1}
+    due = {
+        j: max(t, now)
+        for j, t in enumerate(jettison_times)
+        if math.isfinite(t) and t <= t_meco + _SAME_TIME and j not in done
+    }
+    breaks = plan.breaks | set(due.values()) | {t for t in boundaries if now < t < plan.end}
+    ends = sorted(t for t in breaks if t > now + _SAME_TIME)
+    arc = arrays.arcs[start["arc"]]
+    mass = float(start["mass"]) if start["mass"] > 0.0 else float(arc["stack_mass"])
+    y = np.concatenate((start["position"], start["velocity"], [mass]))
+    at_jettison: list[tuple[float, float] | None] = [None] * len(jettisons)
+    tracks: list[Trajectory] = []
+    pieces: list[Piece] = []
+    watching = False
+    period = max(SAMPLE_PERIOD, (plan.end - now) / MOST_SAMPLES)
+    peak, peak_time = -math.inf, math.nan
+    t = now
+    for end in [*ends, math.inf]:
+        for time, k in plan.stagings:
+            if abs(time - t) <= _SAME_TIME:
+                y[6] = _stack_mass(arrays, k, done)
+        for j, time in due.items():
+            if j not in done and time <= t + _SAME_TIME:
+                done.add(j)
+                y[6] -= float(jettisons[j]["mass"])
+                at_jettison[j] = (heating(y[:3], y[3:6], arrays), t)
+                if jettisons[j]["criterion"] == HEATING_LIMIT:
+                    watching, peak = True, -math.inf
+        if math.isinf(end):
+            break
+        direction = steering(t, end)
+        piece, after = _integrate(arrays, plan, direction, (t, end), y)
+        pieces.append(piece)
+        tracks.append(_sampled(arrays, piece, direction, period, (y, after)))
+        if watching:
+            level, at = _greatest_heating(arrays, piece.state, tracks[-1])
+            if level > peak:
+                peak, peak_time = level, at
+        y = after
+        t = end
+    return Flight(
+        plan,
+        joined(tracks),
+        y,
+        tuple(at_jettison),
+        peak if math.isfinite(peak) else math.nan,
+        peak_time,
+        tuple(pieces),
+    )

@@ -1,0 +1,82 @@
+"""Gravity, heating and the orbit, in NumPy."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models.arrays import (
+    ALTITUDE_SPHERICAL,
+    MissionArrays,
+    Record,
+)
+
+Array = NDArray[np.float64]
+
+
+def gravity(r: Array, environment: Record) -> Array:
+    """Gravitational acceleration, m/s2: Eq. 2.13, with J2 if the mission has it."""
+    square = float(r @ r)
+    g = -float(environment["mu"]) / square**1.5 * r
+    j2 = float(environment["j2"])
+    if j2 != 0.0:
+        z2 = 5.0 * r[2] ** 2 / square
+        factor = 1.5 * j2 * float(environment["equatorial_radius"]) ** 2 / square
+        g = g * (1.0 + factor * np.array([1.0 - z2, 1.0 - z2, 3.0 - z2]))
+    return g
+
+
+def surface_radius(r: Array, environment: Record) -> float:
+    """Distance of the ground below a position from the Earth's centre, m (Eq. 2.15)."""
+    equatorial = float(environment["equatorial_radius"])
+    if environment["altitude_model"] == ALTITUDE_SPHERICAL:
+        return equatorial
+    polar = float(environment["polar_radius"])
+    cos_square = 1.0 - float(r[2] ** 2 / (r @ r))
+    return polar / math.sqrt(1.0 + ((polar / equatorial) ** 2 - 1.0) * cos_square)
+
+
+def heating(r: Array, v: Array, arrays: MissionArrays) -> float:
+    """Free molecular heating 0.5 rho V_rel^3, W/m2 (Eqs. 2.2 to 2.5, 2.12, 2.15)."""
+    environment = arrays.environment[0]
+    height = float(np.linalg.norm(r)) - surface_radius(r, environment)
+    table = arrays.atmosphere
+    row = table[max(int(np.searchsorted(table[:, 0], height, side="right")) - 1, 0)]
+    x = height - row[0]
+    log_density = row[1] + row[2] * x
+    if x > 0.0:
+        log_density += (row[3] + row[4] * x) * x * x
+    omega = np.array([0.0, 0.0, float(environment["rotation_rate"])])
+    relative = v - np.cross(omega, r)
+    density = float(environment["density_factor"]) * math.exp(log_density)
+    return 0.5 * density * float(relative @ relative) ** 1.5
+
+
+def elements(r: Array, v: Array, mu: float) -> dict[str, float]:
+    """Orbit and flight-path figures of a state by the fields of TARGET: SI, angles in deg.
+
+    Returns:
+        radius, speed, flight_path_angle, inclination, ascending_node,
+        semi_major_axis, eccentricity, argument_of_perigee.
+    """
+    radius = float(np.linalg.norm(r))
+    speed = float(np.linalg.norm(v))
+    h = np.cross(r, v)
+    unit = h / np.linalg.norm(h)
+    node = np.array([-h[1], h[0], 0.0])
+    size = float(np.linalg.norm(node))
+    node = node / size if size > 0.0 else np.array([1.0, 0.0, 0.0])
+    e = np.cross(v, h) / mu - r / radius
+    return {
+        "radius": radius,
+        "speed": speed,
+        "flight_path_angle": math.degrees(math.asin(float(r @ v) / (radius * speed))),
+        "inclination": math.degrees(math.atan2(math.hypot(h[0], h[1]), h[2])),
+        "ascending_node": math.degrees(math.atan2(node[1], node[0])) % 360.0,
+        "semi_major_axis": 1.0 / (2.0 / radius - speed**2 / mu),
+        "eccentricity": float(np.linalg.norm(e)),
+        "argument_of_perigee": math.degrees(
+            math.atan2(float(np.cross(node, e) @ unit), float(node @ e))
+        )
+        % 360.0,
+    }

@@ -1,0 +1,190 @@
+"""Who thrusts when, and where the mass changes: laid out from the mission's plain data."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from ares_models.arrays import (
+    BURN,
+    MissionArrays,
+    Record,
+)
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Engine:
+    """One arc's thrust: its own curve, or its tail after the cut-off command."""
+
+    arc: int
+    begin: float
+    end: float
+    tail: bool
+
+
+@dataclass
+class Plan:
+    """Who thrusts when, and where the mass changes.
+
+    Attributes:
+        engines: thrust curves that run, in order of time.
+        stagings: (time s, arc that begins a stage).
+        breaks: times at which the equations of motion change their form, s.
+        end: end of thrust, s.
+        used_kg: propellant that the last stage has burnt at the end.
+    """
+
+    engines: list[Engine] = field(default_factory=list)
+    stagings: list[tuple[float, int]] = field(default_factory=list)
+    breaks: set[float] = field(default_factory=set)
+    end: float = math.nan
+    used_kg: float = 0.0
+
+
+def _curve(arc: Record, name: str) -> tuple[Array, Array]:
+    knots = int(arc[f"{name}_knots"])
+    return arc[f"{name}_time"][:knots], arc[f"{name}_fraction"][:knots]
+
+
+def thrust_fraction(arcs: NDArray[np.void], engine: Engine, t: float) -> float:
+    """Fraction of full thrust at a time."""
+    times, fractions = _curve(arcs[engine.arc], "tail" if engine.tail else "start")
+    if not len(times):
+        return 1.0
+    return float(np.interp(t - engine.begin, times, fractions))
+
+
+def _burnt(arcs: NDArray[np.void], engines: Sequence[Engine], begin: float, end: float) -> float:
+    """Propellant that the given curves take between two times, kg."""
+    total = 0.0
+    for engine in engines:
+        low, high = max(begin, engine.begin), min(end, engine.end)
+        if high <= low:
+            continue
+        times, _ = _curve(arcs[engine.arc], "tail" if engine.tail else "start")
+        knots = [low, *(t for t in engine.begin + times if low < t < high), high]
+        fractions = [thrust_fraction(arcs, engine, t) for t in knots]
+        area = float(np.trapezoid(fractions, knots))
+        total += float(arcs[engine.arc]["mass_flow"]) * area
+    return total
+
+
+def _burnout(
+    arcs: NDArray[np.void],
+    engines: Sequence[Engine],
+    begin: float,
+    left: float,
+    low: float,
+    high: float,
+) -> float:
+    """Time at which the propellant ``left`` at ``begin`` is gone, s."""
+    return float(brentq(lambda t: _burnt(arcs, engines, begin, t) - left, low, high, xtol=1e-12))
+
+
+def _left_running(arcs: NDArray[np.void], present: int, begin: float, now: float) -> list[Engine]:
+    """The tail-off that is not over when a flight starts in the coast after it."""
+    for k in range(present, 0, -1):
+        if arcs[k]["begins_stage"] == 1:
+            break
+        if arcs[k - 1]["kind"] == BURN:
+            times, _ = _curve(arcs[k - 1], "tail")
+            if len(times) and begin + times[-1] > now:
+                return [Engine(k - 1, begin, begin + float(times[-1]), True)]
+            break
+        begin -= float(arcs[k - 1]["duration"])
+    return []
+
+
+def plan_flight(arrays: MissionArrays, start: Record, t_meco: float) -> Plan:
+    """Lay the mission's arcs out in time, from the start to the end of the tail-off.
+
+    Args:
+        arrays: the mission.
+        start: record NAVIGATION.
+        t_meco: cut-off command, s.
+    """
+    arcs = arrays.arcs
+    now = float(start["time"])
+    plan = Plan()
+    k = int(start["arc"])
+    begin = float(start["arc_start_time"])
+    stage = int(arcs[k]["stage"])
+    mass = float(start["mass"]) if start["mass"] > 0.0 else float(arcs[k]["stack_mass"])
+    full = float(arcs[k]["stack_mass"])
+    for j, jettison in enumerate(arrays.jettisons):
+        gone = (int(start["jettisoned"]) >> j) & 1
+        if not gone and jettison["stage"] < stage:
+            full += float(jettison["mass"])
+        elif gone and jettison["stage"] >= stage:
+            full -= float(jettison["mass"])
+    used = max(0.0, full - mass)
+    running = _left_running(arcs, k, begin, now)  # of this stage, for its propellant
+    for tail in running:
+        plan.engines.append(tail)
+        plan.breaks.update(tail.begin + _curve(arcs[tail.arc], "tail")[0])
+    stage_begin = now
+    last = len(arcs) - 1
+    while True:
+        arc = arcs[k]
+        end = t_meco if k == last else begin + float(arc["duration"])
+        spent = False
+        if arc["kind"] == BURN:
+            engine = Engine(k, begin, end, False)
+            left = float(arc["propellant"]) - used
+            if k != last:
+                far = min(end, begin + 1e5)
+                trial = [*running, Engine(k, begin, far, False)]
+                excess = _burnt(arcs, trial, stage_begin, far) - left
+                if excess > 1e-6 * float(arc["mass_flow"]):
+                    spent = True
+                    end = _burnout(arcs, trial, stage_begin, left, max(begin, now), far)
+                    engine = Engine(k, begin, end, False)
+            running.append(engine)
+            plan.engines.append(engine)
+            plan.breaks.update(begin + _curve(arc, "start")[0])
+            tail_times, _ = _curve(arc, "tail")
+            if len(tail_times) and not spent:
+                tail = Engine(k, end, end + float(tail_times[-1]), True)
+                running.append(tail)
+                plan.engines.append(tail)
+                plan.breaks.update(end + tail_times)
+        plan.breaks.add(end)
+        if k == last:
+            plan.end = max([t_meco, *(e.end for e in running if e.tail and e.begin >= t_meco)])
+            plan.used_kg = used + _burnt(arcs, running, stage_begin, plan.end)
+            break
+        k += 1
+        while spent and k < last and arcs[k]["kind"] == BURN and arcs[k]["stage"] == arc["stage"]:
+            k += 1
+        begin = end
+        if arcs[k]["begins_stage"] == 1:
+            plan.stagings.append((begin, k))
+            # a separated stage's tail is lost
+            plan.engines = [Engine(e.arc, e.begin, min(e.end, begin), e.tail) for e in plan.engines]
+            running, used, stage_begin = [], 0.0, begin
+    plan.breaks = {t for t in plan.breaks if now < t < plan.end} | {plan.end}
+    return plan
+
+
+def thrust_and_flow(
+    arcs: NDArray[np.void], engines: Sequence[Engine], t: float
+) -> tuple[float, float]:
+    """Thrust in N and mass flow in kg/s of the given curves at a time."""
+    thrust = 0.0
+    flow = 0.0
+    for engine in engines:
+        fraction = thrust_fraction(arcs, engine, t)
+        thrust += fraction * float(arcs[engine.arc]["thrust"])
+        flow += fraction * float(arcs[engine.arc]["mass_flow"])
+    return thrust, flow
+
+
+def running(engines: Sequence[Engine], begin: float, end: float) -> list[Engine]:
+    """The curves that run all through a piece of the flight."""
+    middle = 0.5 * (begin + end)
+    return [engine for engine in engines if engine.begin < middle < engine.end]

@@ -1,0 +1,138 @@
+"""What is asked of the optimizer: method, mission, start."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models.arrays import MISSION_TIME, NAVIGATION, MissionArrays
+from ares_models.mission import Mission
+from ares_optimizer.deadline import Deadline
+from ares_optimizer.solution import OptimizerError
+
+DIRECT_METHODS = ("direct11", "direct14", "direct20", "jump")
+INDIRECT_METHODS = ("indirect", "closed_form")
+ANALYTIC_METHOD = "analytic"
+METHODS = (*DIRECT_METHODS, *INDIRECT_METHODS, ANALYTIC_METHOD)
+
+
+class Heating(StrEnum):
+    """Where a flight has to keep the heating limit of a jettison."""
+
+    AT_JETTISON = "at_jettison"
+    FROM_JETTISON = "from_jettison"
+    #: nowhere: the drop comes with the ignition of its stage
+    IGNORED = "ignored"
+    #: at the jettison, which waits for it; the steering does not know
+    PASSIVE = "passive"
+
+
+@dataclass(frozen=True)
+class Request:
+    """One request of the optimizer.
+
+    Attributes:
+        arrays: the mission.
+        state: where the flight is, shape (1,), dtype NAVIGATION.
+        method: one of METHODS.
+        guess: where to start, as the method takes it; None: the method's own.
+        heating: where the heating limit holds.
+        deadline: when to give up.
+        verify: fly the solution again.
+    """
+
+    arrays: MissionArrays
+    state: NDArray[np.void]
+    method: str
+    heating: Heating
+    deadline: Deadline
+    guess: Any = None
+    verify: bool = True
+
+
+def start_of(mission: Mission) -> NDArray[np.void]:
+    """The mission's own start, shape (1,), dtype NAVIGATION."""
+    start = mission.start()
+    record = np.zeros(1, NAVIGATION)
+    record["time"] = start.time_s
+    record["position"] = start.position
+    record["velocity"] = start.velocity
+    record["mass"] = start.mass_kg
+    record["arc_start_time"] = start.time_s
+    record["heating_rate"] = math.nan
+    return record
+
+
+def hold_jettisons(arrays: MissionArrays, times: Mapping[int, float]) -> MissionArrays:
+    """The mission with some jettisons at given times, whatever the heating.
+
+    Args:
+        arrays: the mission.
+        times: mission elapsed time in s, by index of the jettison.
+
+    Raises:
+        OptimizerError: no such jettison, or a time that is not finite.
+    """
+    jettisons = arrays.jettisons.copy()
+    for j, at in times.items():
+        if not 0 <= j < len(jettisons):
+            raise OptimizerError(
+                f"jettison {j} does not exist; the mission has {len(jettisons)}, counted from 0"
+            )
+        if not math.isfinite(at):
+            raise OptimizerError(f"jettison {j} is held at {at} s; expected a finite time")
+        jettisons[j]["criterion"] = MISSION_TIME
+        jettisons[j]["value"] = at
+    return arrays._replace(jettisons=jettisons)
+
+
+def check_state(arrays: MissionArrays, state: NDArray[np.void]) -> None:
+    """Refuse a start from which no flight can be computed.
+
+    Raises:
+        OptimizerError: one line with the field, its value and what was expected.
+    """
+    if state.dtype != NAVIGATION or state.shape != (1,):
+        raise OptimizerError(
+            f"state has shape {state.shape}; expected one record of dtype NAVIGATION, shape (1,)"
+        )
+    row = state[0]
+    for name in ("time", "arc_start_time", "position", "velocity", "mass"):
+        if not np.all(np.isfinite(row[name])):
+            raise OptimizerError(f"state.{name} is {row[name]}; expected finite numbers")
+    if not 0 <= row["arc"] < len(arrays.arcs):
+        raise OptimizerError(
+            f"state.arc is {row['arc']}; expected 0 to {len(arrays.arcs) - 1}, as the mission has"
+        )
+    if row["mass"] <= 0.0:
+        raise OptimizerError(f"state.mass is {row['mass']:g} kg; expected more than 0")
+    radius = float(np.linalg.norm(row["position"]))
+    ground = float(arrays.environment[0]["polar_radius"])
+    if radius < ground:
+        raise OptimizerError(
+            f"state.position is {radius:,.0f} m from the Earth's centre; expected at least "
+            f"{ground:,.0f} m"
+        )
+
+
+def arrays_and_state(
+    mission: Mission | MissionArrays, state: NDArray[np.void] | None
+) -> tuple[MissionArrays, NDArray[np.void]]:
+    """A mission as arrays, and a checked start: the given state or the mission's own.
+
+    Raises:
+        OptimizerError: no start, or one from which no flight can be computed.
+    """
+    if isinstance(mission, Mission):
+        arrays = mission.arrays()
+        state = start_of(mission) if state is None else state
+    else:
+        arrays = mission
+    if state is None:
+        raise OptimizerError("state is missing; a mission given as arrays has no start of its own")
+    check_state(arrays, state)
+    return arrays, state

@@ -1,0 +1,1 @@
+"""The two-point problem: what the indirect method and law `optimal` solve."""

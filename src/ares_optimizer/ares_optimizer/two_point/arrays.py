@@ -1,0 +1,117 @@
+"""Records of the two-point problem: what is asked, and the memory to work in."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ares_models.arrays import JETTISON, MAX_JETTISONS
+from ares_optimizer.kernels.nystroem import STAGES
+from ares_optimizer.kernels.timetable import COLUMN_JETTISON, MAX_SEGMENTS, SEGMENT
+
+#: Gravity: Eq. 2.13 without J2, or Eq. 3.4.
+INVERSE_SQUARE = 0
+LINEAR = 1
+
+#: Rows of a state: position, velocity, primer, rate of the primer.
+ROWS = 12
+MAX_COLUMNS = 24
+
+MAX_UNKNOWNS = COLUMN_JETTISON + 2 * MAX_JETTISONS
+#: Where the unknowns stand: primer and lambda_r at the start, then the cut-off time in
+#: COLUMN_CUTOFF, then time and pi of each heating jettison.
+PRIMER = slice(0, 3)
+LAMBDA_R = slice(3, 6)
+TIMES = slice(COLUMN_JETTISON, None, 2)
+PIS = slice(COLUMN_JETTISON + 1, None, 2)
+
+#: s after its earliest time, of a drop that is held there.
+AT_ONCE = 1e-6
+
+#: Propagators: Runge-Kutta-Nystroem, closed form with Simpson's or with Milne's rule.
+RUNGE_KUTTA = 0
+
+OPTIONS = np.dtype(
+    [
+        ("gravity", np.int64),  # INVERSE_SQUARE or LINEAR
+        ("propagator", np.int64),  # RUNGE_KUTTA, closed_form.SIMPSON or MILNE
+        ("corrected", np.int64),  # 1: closed form with the rest of gravity as impulses
+        ("heating", np.int64),  # timetable.HEATING_*
+        ("step", np.float64),  # s, longest step or closed-form arc
+        ("max_iterations", np.int64),
+        ("tolerance", np.float64),  # of the last Newton step, in scaled unknowns
+        ("max_steps", np.int64),  # of the integrator, in one search; 0: no limit
+    ],
+    align=True,
+)
+
+WORK = np.dtype(
+    [
+        ("state", np.float64, (ROWS,)),  # r, V, lambda_v, lambda_v'
+        ("tangent", np.float64, (MAX_COLUMNS, ROWS)),  # its derivative by each unknown
+        ("stage", np.float64, (STAGES, 6)),
+        ("stage_tangent", np.float64, (STAGES, MAX_COLUMNS, 6)),
+        # by column: derivatives of T/m, of a step's length, of omega and omega^2
+        ("thrust", np.float64, (MAX_COLUMNS,)),
+        ("thrust_after", np.float64, (MAX_COLUMNS,)),  # just after a drop
+        ("stretch", np.float64, (MAX_COLUMNS,)),
+        ("omega", np.float64, (MAX_COLUMNS,)),
+        ("omega_square", np.float64, (MAX_COLUMNS,)),
+        ("columns", np.int64),  # tangents carried now,
+        ("columns_wanted", np.int64),  # and by the end of the flight; 0: residuals only
+        ("residual", np.float64, (MAX_COLUMNS,)),
+        ("jacobian", np.float64, (MAX_COLUMNS, MAX_COLUMNS)),
+        ("factors", np.float64, (MAX_COLUMNS, MAX_COLUMNS)),
+        ("pivots", np.int64, (MAX_COLUMNS,)),
+        ("step", np.float64, (MAX_COLUMNS,)),
+        ("correction", np.float64, (MAX_COLUMNS,)),
+        ("trial", np.float64, (MAX_COLUMNS,)),
+        ("unit", np.float64, (MAX_COLUMNS,)),  # size of each unknown
+        ("floor", np.float64, (MAX_COLUMNS,)),  # earliest time of each unknown time
+        ("ceiling", np.float64),  # latest cut-off: the mass is gone
+        ("terminal", np.float64, (6,)),
+        ("terminal_gradient", np.float64, (6, 6)),
+        ("heating_times", np.float64, (8,)),
+        ("jettisons", JETTISON, (MAX_JETTISONS,)),  # as flown: inactive limits become times
+        ("segments", SEGMENT, (MAX_SEGMENTS + 1,)),  # one to spare
+        ("steps", np.int64, (MAX_SEGMENTS,)),
+        ("segment_count", np.int64),
+        ("lowest", np.float64),  # smallest radius of the last flight, m
+        ("evaluations", np.int64),
+        ("spent", np.int64),  # steps of the integrator, in this search
+        ("stop", np.int64),  # another thread writes 1 here to end the search
+        ("passive", np.int64),  # 1: the steering does not know of the drops
+        ("stuck", np.int64),  # heating unknown that ran into its earliest time
+        ("pinned", np.int64, (MAX_JETTISONS,)),  # 1: this heating unknown stays there
+        ("waiting_pays", np.int64, (MAX_JETTISONS,)),  # 1: a later drop would be better
+    ],
+    align=True,
+)
+
+
+class Gravity(NamedTuple):
+    """The field in which a flight is flown.
+
+    Attributes:
+        mu: m3/s2.
+        omega_square: 1/s2, of linear gravity; 0 for the other.
+        model: INVERSE_SQUARE or LINEAR.
+    """
+
+    mu: float
+    omega_square: float
+    model: int
+
+
+class Effort(NamedTuple):
+    """How far a search goes.
+
+    Attributes:
+        guessed: the unknowns hold a guess; it is tried first.
+        restart: go on with own guesses when the guess leads nowhere.
+        thorough: seek one root from the guess, one from own guesses and, with a free node, one
+            in the other plane, and take that which cuts off first; else take the first root.
+    """
+
+    guessed: bool
+    restart: bool
+    thorough: bool

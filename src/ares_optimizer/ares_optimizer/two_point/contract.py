@@ -1,0 +1,25 @@
+"""What flight software may call of the optimizer: the two-point problem, solved on board.
+
+Law `optimal` imports from here and from `arrays.py` beside it, and from nothing else in this
+package (`tests/test_architecture.py`). It finds an optimum once by :func:`find_optimum` and
+keeps it up by :func:`shoot` and one back substitution per cycle.
+"""
+
+from ares_optimizer.kernels.algebra import back_substitute
+from ares_optimizer.kernels.timetable import COLUMN_CUTOFF, COLUMN_JETTISON, HEATING_OPTIMAL
+from ares_optimizer.two_point.kernels.newton import CONVERGED, scaled_length
+from ares_optimizer.two_point.kernels.search import find_optimum
+from ares_optimizer.two_point.kernels.shooting import gravity_terms, shoot, unknown_count
+
+__all__ = [
+    "COLUMN_CUTOFF",
+    "COLUMN_JETTISON",
+    "CONVERGED",
+    "HEATING_OPTIMAL",
+    "back_substitute",
+    "find_optimum",
+    "gravity_terms",
+    "scaled_length",
+    "shoot",
+    "unknown_count",
+]

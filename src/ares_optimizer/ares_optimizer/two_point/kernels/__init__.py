@@ -1,0 +1,1 @@
+"""Compiled: costates, shooting, Newton, search."""

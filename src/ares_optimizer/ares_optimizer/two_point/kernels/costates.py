@@ -1,0 +1,434 @@
+"""States and costates along a segment, with their derivatives by the unknowns.
+
+In place of lambda_r the kernels carry the rate of the primer, lambda_v' = -lambda_r
+(Eq. 3.17): position r and primer p = lambda_v then obey two equations of second order,
+
+    r'' = g(r) + (T/m) p/|p|        p'' = G(r) p,        G = dg/dr,
+
+Eqs. 3.14-3.17 with lambda_r' = -G^T lambda_v for any gravity; under linear gravity
+G = -omega^2 and the second is Eq. 3.18. No first derivative stands on the right, so a
+Runge-Kutta-Nystroem method takes five evaluations for order 6.
+
+Tangents are exact derivatives of the discrete map: every column follows one unknown, and
+the unknown times stretch the steps of the segments that they bound.
+
+Sources: Bryson and Ho, *Applied Optimal Control*, section 3.5 for the interior condition (Eqs.
+3.44, 3.45); the method stands in ``kernels/nystroem.py``.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models.arrays import ALTITUDE_SPHERICAL, Record
+from ares_models.jit import kernel
+from ares_models.kernels.environment import (
+    altitude,
+    altitude_gradient,
+    log_density,
+    relative_velocity,
+)
+from ares_models.kernels.vectors import Vector, axpy, dot, scale
+from ares_optimizer.kernels.nystroem import NODES, STAGES, VELOCITY_WEIGHTS, WEIGHTS
+from ares_optimizer.two_point.arrays import LINEAR, Gravity
+
+
+@kernel
+def thrust_acceleration_tangents(
+    segment: Record,
+    s: float,
+    fraction: float,
+    columns: int,
+    tangents: NDArray[np.float64],
+) -> float:
+    """T/m at ``s`` seconds into a segment, and its derivative by column.
+
+    Args:
+        segment: record SEGMENT.
+        s: s from its start.
+        fraction: s over the segment's length; a moving end carries it along.
+        columns: how many columns to carry.
+        tangents: shape (columns,), written.
+
+    Returns:
+        m/s2.
+    """
+    thrust = segment.thrust + segment.thrust_slope * s
+    flow = segment.flow + segment.flow_slope * s
+    mass = segment.mass - s * (segment.flow + 0.5 * s * segment.flow_slope)
+    value = thrust / mass
+    for c in range(columns):
+        tangents[c] = 0.0
+    i = segment.start_column
+    j = segment.end_column
+    by_s = (segment.thrust_slope + value * flow) / mass
+    if 0 <= i < columns:
+        by_start = (
+            segment.thrust_by_start - value * (segment.mass_by_start - s * segment.flow_by_start)
+        ) / mass
+        tangents[i] += by_start - fraction * by_s
+    if 0 <= j < columns:
+        tangents[j] += fraction * by_s
+    return value
+
+
+class _Stage(NamedTuple):
+    """A stage of a step.
+
+    Attributes:
+        number: in the tableau.
+        h: length of the step, s.
+        r: position there, m.
+        p: primer there.
+        by_r, by_p: weighted sums of the accelerations before: what h^2 multiplies.
+    """
+
+    number: int
+    h: float
+    r: Vector
+    p: Vector
+    by_r: Vector
+    by_p: Vector
+
+
+@kernel
+def _stage_at(index: int, h: float, work: Record) -> _Stage:
+    """Position and primer at a stage, from the accelerations of those before it."""
+    state = work.state
+    stage = work.stage
+    ch = NODES[index] * h
+    h_square = h * h
+    x0 = x1 = x2 = x3 = x4 = x5 = 0.0
+    for q in range(index):
+        a = WEIGHTS[index, q]
+        x0 += a * stage[q, 0]
+        x1 += a * stage[q, 1]
+        x2 += a * stage[q, 2]
+        x3 += a * stage[q, 3]
+        x4 += a * stage[q, 4]
+        x5 += a * stage[q, 5]
+    return _Stage(
+        index,
+        h,
+        (
+            state[0] + ch * state[3] + h_square * x0,
+            state[1] + ch * state[4] + h_square * x1,
+            state[2] + ch * state[5] + h_square * x2,
+        ),
+        (
+            state[6] + ch * state[9] + h_square * x3,
+            state[7] + ch * state[10] + h_square * x4,
+            state[8] + ch * state[11] + h_square * x5,
+        ),
+        (x0, x1, x2),
+        (x3, x4, x5),
+    )
+
+
+@kernel
+def _stage_column(at: _Stage, c: int, work: Record) -> tuple[Vector, Vector]:
+    """Derivatives of position and primer at a stage by unknown ``c``."""
+    state = work.state
+    tangent = work.tangent
+    stage_tangent = work.stage_tangent
+    ch = NODES[at.number] * at.h
+    h_square = at.h * at.h
+    a0 = tangent[c, 0] + ch * tangent[c, 3]
+    a1 = tangent[c, 1] + ch * tangent[c, 4]
+    a2 = tangent[c, 2] + ch * tangent[c, 5]
+    b0 = tangent[c, 6] + ch * tangent[c, 9]
+    b1 = tangent[c, 7] + ch * tangent[c, 10]
+    b2 = tangent[c, 8] + ch * tangent[c, 11]
+    for q in range(at.number):
+        a = h_square * WEIGHTS[at.number, q]
+        a0 += a * stage_tangent[q, c, 0]
+        a1 += a * stage_tangent[q, c, 1]
+        a2 += a * stage_tangent[q, c, 2]
+        b0 += a * stage_tangent[q, c, 3]
+        b1 += a * stage_tangent[q, c, 4]
+        b2 += a * stage_tangent[q, c, 5]
+    w = work.stretch[c]
+    if w != 0.0:
+        # a moving end changes the step itself
+        x = w * NODES[at.number]
+        z = 2.0 * w * at.h
+        a0 += x * state[3] + z * at.by_r[0]
+        a1 += x * state[4] + z * at.by_r[1]
+        a2 += x * state[5] + z * at.by_r[2]
+        b0 += x * state[9] + z * at.by_p[0]
+        b1 += x * state[10] + z * at.by_p[1]
+        b2 += x * state[11] + z * at.by_p[2]
+    return (a0, a1, a2), (b0, b1, b2)
+
+
+@kernel
+def _put_accelerations(at: _Stage, thrust: float, gravity: Gravity, work: Record) -> None:
+    """Accelerations of position and primer at a stage into ``work``, and their tangents.
+
+    Args:
+        at: the stage; of the last one, its tangents become those of the state.
+        thrust: T/m, m/s2; its tangents stand in ``work.thrust``.
+        gravity: the field.
+        work: record WORK.
+    """
+    y0, y1, y2 = at.r
+    y3, y4, y5 = at.p
+    inverse_p = 1.0 / math.sqrt(y3 * y3 + y4 * y4 + y5 * y5)
+    u0, u1, u2 = y3 * inverse_p, y4 * inverse_p, y5 * inverse_p
+    if gravity.model == LINEAR:
+        k = gravity.omega_square
+        three = 0.0
+        third = 0.0
+        e0, e1, e2 = 0.0, 0.0, 0.0
+    else:
+        inverse_r = 1.0 / math.sqrt(y0 * y0 + y1 * y1 + y2 * y2)
+        k = gravity.mu * inverse_r * inverse_r * inverse_r
+        three = 3.0 * k
+        third = three * inverse_r
+        e0, e1, e2 = y0 * inverse_r, y1 * inverse_r, y2 * inverse_r
+    ep = e0 * y3 + e1 * y4 + e2 * y5
+    stage = work.stage
+    m = at.number
+    stage[m, 0] = thrust * u0 - k * y0
+    stage[m, 1] = thrust * u1 - k * y1
+    stage[m, 2] = thrust * u2 - k * y2
+    stage[m, 3] = three * ep * e0 - k * y3
+    stage[m, 4] = three * ep * e1 - k * y4
+    stage[m, 5] = three * ep * e2 - k * y5
+    turn = thrust * inverse_p
+    tangent = work.tangent
+    stage_tangent = work.stage_tangent
+    for c in range(work.columns):
+        (a0, a1, a2), (b0, b1, b2) = _stage_column(at, c, work)
+        if m == STAGES - 1:
+            # the last stage is the end of the step
+            tangent[c, 0] = a0
+            tangent[c, 1] = a1
+            tangent[c, 2] = a2
+            tangent[c, 6] = b0
+            tangent[c, 7] = b1
+            tangent[c, 8] = b2
+        ea = e0 * a0 + e1 * a1 + e2 * a2
+        eb = e0 * b0 + e1 * b1 + e2 * b2
+        ub = u0 * b0 + u1 * b1 + u2 * b2
+        pa = y3 * a0 + y4 * a1 + y5 * a2
+        along = work.thrust[c] - turn * ub
+        w = three * ea
+        stage_tangent[m, c, 0] = turn * b0 + along * u0 + w * e0 - k * a0
+        stage_tangent[m, c, 1] = turn * b1 + along * u1 + w * e1 - k * a1
+        stage_tangent[m, c, 2] = turn * b2 + along * u2 + w * e2 - k * a2
+        w = three * eb + third * (pa - 5.0 * ea * ep)
+        x = third * ea
+        z = third * ep
+        stage_tangent[m, c, 3] = w * e0 - k * b0 + x * y3 + z * a0
+        stage_tangent[m, c, 4] = w * e1 - k * b1 + x * y4 + z * a1
+        stage_tangent[m, c, 5] = w * e2 - k * b2 + x * y5 + z * a2
+
+
+@kernel
+def _end_step(last: _Stage, work: Record) -> None:
+    """State and tangents at the end of a step; ``last`` is its last stage."""
+    state = work.state
+    stage = work.stage
+    tangent = work.tangent
+    stage_tangent = work.stage_tangent
+    h = last.h
+    x0 = x1 = x2 = x3 = x4 = x5 = 0.0
+    for q in range(STAGES):
+        b = VELOCITY_WEIGHTS[q]
+        x0 += b * stage[q, 0]
+        x1 += b * stage[q, 1]
+        x2 += b * stage[q, 2]
+        x3 += b * stage[q, 3]
+        x4 += b * stage[q, 4]
+        x5 += b * stage[q, 5]
+    for c in range(work.columns):
+        a0 = a1 = a2 = b0 = b1 = b2 = 0.0
+        for q in range(STAGES):
+            b = VELOCITY_WEIGHTS[q]
+            a0 += b * stage_tangent[q, c, 0]
+            a1 += b * stage_tangent[q, c, 1]
+            a2 += b * stage_tangent[q, c, 2]
+            b0 += b * stage_tangent[q, c, 3]
+            b1 += b * stage_tangent[q, c, 4]
+            b2 += b * stage_tangent[q, c, 5]
+        w = work.stretch[c]
+        tangent[c, 3] += h * a0 + w * x0
+        tangent[c, 4] += h * a1 + w * x1
+        tangent[c, 5] += h * a2 + w * x2
+        tangent[c, 9] += h * b0 + w * x3
+        tangent[c, 10] += h * b1 + w * x4
+        tangent[c, 11] += h * b2 + w * x5
+    for n in range(3):
+        state[n] = last.r[n]
+        state[6 + n] = last.p[n]
+    state[3] += h * x0
+    state[4] += h * x1
+    state[5] += h * x2
+    state[9] += h * x3
+    state[10] += h * x4
+    state[11] += h * x5
+
+
+@kernel
+def set_stretch(segment: Record, parts: int, work: Record) -> None:
+    """How much each unknown stretches one of the equal parts of a segment, into ``work``."""
+    i = segment.start_column if segment.start_column < work.columns else -1
+    j = segment.end_column if segment.end_column < work.columns else -1
+    for c in range(work.columns):
+        work.stretch[c] = 0.0
+    if i == j:
+        return
+    if i >= 0:
+        work.stretch[i] = -1.0 / parts
+    if j >= 0:
+        work.stretch[j] = 1.0 / parts
+
+
+@kernel
+def integrate_segment(segment: Record, steps: int, gravity: Gravity, work: Record) -> None:
+    """Carry ``work.state`` and ``work.tangent`` over one segment, in equal steps.
+
+    Args:
+        segment: record SEGMENT.
+        steps: number of steps.
+        gravity: the field.
+        work: record WORK; ``columns`` says how many tangents to carry.
+    """
+    h = (segment.end - segment.start) / steps
+    set_stretch(segment, steps, work)
+    part = 0.0 if segment.start_column == segment.end_column else 1.0 / steps
+    stage = work.stage
+    stage_tangent = work.stage_tangent
+    for step in range(steps):
+        first = 0
+        if step > 0:
+            # first same as last: thrust is continuous within a segment
+            first = 1
+            for n in range(6):
+                stage[0, n] = stage[STAGES - 1, n]
+            for c in range(work.columns):
+                for n in range(6):
+                    stage_tangent[0, c, n] = stage_tangent[STAGES - 1, c, n]
+        for m in range(first, STAGES):
+            at = _stage_at(m, h, work)
+            into = step + NODES[m]
+            thrust = thrust_acceleration_tangents(
+                segment, into * h, into * part, work.columns, work.thrust
+            )
+            _put_accelerations(at, thrust, gravity, work)
+            if m == STAGES - 1:
+                _end_step(at, work)
+
+
+@kernel
+def log_density_curvature(h: float, atmosphere: NDArray[np.float64]) -> float:
+    """Second derivative of log density with altitude, 1/m2; 0 beyond the table's ends.
+
+    Args:
+        h: altitude, m.
+        atmosphere: shape (n, 5), see ``ares_models.arrays``.
+    """
+    low = 0
+    high = atmosphere.shape[0]
+    while high - low > 1:
+        middle = (low + high) // 2
+        if h >= atmosphere[middle, 0]:
+            low = middle
+        else:
+            high = middle
+    x = h - atmosphere[low, 0]
+    if x < 0.0:
+        return 0.0
+    return 2.0 * atmosphere[low, 3] + 6.0 * atmosphere[low, 4] * x
+
+
+@kernel
+def altitude_hessian_product(r: Vector, dr: Vector, environment: Record) -> Vector:
+    """Second derivative of altitude (Eq. 2.15) by position, times ``dr``; 1/m times m.
+
+    Args:
+        r: position, m.
+        dr: any vector.
+        environment: record ENVIRONMENT.
+    """
+    square = dot(r, r)
+    inverse = 1.0 / math.sqrt(square)
+    up = scale(inverse, r)
+    out = scale(inverse, axpy(-dot(up, dr), up, dr))
+    if environment.altitude_model == ALTITUDE_SPHERICAL:
+        return out
+    ratio = environment.polar_radius / environment.equatorial_radius
+    k = 1.0 - ratio * ratio
+    z = r[2]
+    base = 1.0 - k * (r[0] * r[0] + r[1] * r[1]) / square
+    # surface radius as a function of w = cos^2 of the latitude
+    first = environment.polar_radius * 0.5 * k / (base * math.sqrt(base))
+    second = first * 1.5 * k / base
+    zz = z * z / square
+    along = dot(r, dr) / square
+    w_gradient = (
+        2.0 * zz * r[0] / square,
+        2.0 * zz * r[1] / square,
+        2.0 * zz * r[2] / square - 2.0 * z / square,
+    )
+    radial = 4.0 * z * dr[2] / square - 8.0 * zz * along
+    pole = -2.0 * dr[2] + 4.0 * z * along
+    w_change = (
+        (radial * r[0] + 2.0 * zz * dr[0]) / square,
+        (radial * r[1] + 2.0 * zz * dr[1]) / square,
+        (radial * r[2] + 2.0 * zz * dr[2] + pole) / square,
+    )
+    return axpy(-first, w_change, axpy(-second * dot(w_gradient, dr), w_gradient, out))
+
+
+@kernel
+def log_heating_hessian_product(
+    r: Vector,
+    v: Vector,
+    dr: Vector,
+    dv: Vector,
+    environment: Record,
+    atmosphere: NDArray[np.float64],
+) -> tuple[Vector, Vector]:
+    """Change of the gradient of log heating when the state changes by (dr, dv).
+
+    Args:
+        r: position, m.
+        v: velocity, m/s.
+        dr: change of position, m.
+        dv: change of velocity, m/s.
+        environment: record ENVIRONMENT.
+        atmosphere: shape (n, 5).
+
+    Returns:
+        changes of the gradients by position and by velocity, 1/m and s/m.
+    """
+    rate = environment.rotation_rate
+    relative = relative_velocity(r, v, environment)
+    d_relative = relative_velocity(dr, dv, environment)
+    square = dot(relative, relative)
+    d_velocity = axpy(
+        -6.0 * dot(relative, d_relative) / (square * square),
+        relative,
+        scale(3.0 / square, d_relative),
+    )
+    h = altitude(r, environment)
+    _, slope = log_density(h, atmosphere)
+    curvature = log_density_curvature(h, atmosphere)
+    up = altitude_gradient(r, environment)
+    d_position = axpy(
+        curvature * dot(up, dr),
+        up,
+        scale(slope, altitude_hessian_product(r, dr, environment)),
+    )
+    return (
+        (
+            d_position[0] - rate * d_velocity[1],
+            d_position[1] + rate * d_velocity[0],
+            d_position[2],
+        ),
+        d_velocity,
+    )

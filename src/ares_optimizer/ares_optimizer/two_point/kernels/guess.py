@@ -1,0 +1,281 @@
+"""A first guess of the two-point problem, from the state alone."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models.arrays import TARGET_RADIUS_SPEED_ANGLE_INCLINATION, MissionRecords, Record
+from ares_models.jit import kernel
+from ares_models.kernels.vectors import (
+    Vector,
+    add,
+    axpy,
+    cross,
+    dot,
+    load,
+    norm,
+    scale,
+    sub,
+    unit,
+)
+from ares_optimizer.kernels.terminal import target_normal, wanted_state
+from ares_optimizer.kernels.timetable import (
+    COLUMN_CUTOFF,
+    COLUMN_JETTISON,
+    begin_mass,
+    segment_mass,
+)
+from ares_optimizer.two_point.kernels.newton import find_floors, prepare
+from ares_optimizer.two_point.kernels.shooting import begin_flight, unknown_count
+
+_PANEL = 60.0  # s, of Simpson's rule
+_MOST_PANELS = 2000
+
+
+@kernel
+def steering_integrals(
+    omega: float, origin: float, work: Record
+) -> tuple[float, float, float, float]:
+    """Integrals of a, a cos^2, a cos sin, a sin^2 of omega (t - origin) over the segments.
+
+    Args:
+        omega: 1/s.
+        origin: s.
+        work: record WORK with its segments laid out.
+
+    Returns:
+        m/s each.
+    """
+    total = 0.0
+    cc = 0.0
+    cs = 0.0
+    ss = 0.0
+    for i in range(work.segment_count):
+        segment = work.segments[i]
+        length = segment.end - segment.start
+        panels = int(math.ceil(min(max(length / _PANEL, 1.0), _MOST_PANELS)))
+        h = length / panels
+        for j in range(2 * panels + 1):
+            weight = h / 6.0
+            if j % 2 == 1:
+                weight = 4.0 * weight
+            elif 0 < j < 2 * panels:
+                weight = 2.0 * weight
+            s = 0.5 * j * h
+            thrust = segment.thrust + segment.thrust_slope * s
+            mass = segment.mass - s * (segment.flow + 0.5 * s * segment.flow_slope)
+            wa = weight * thrust / mass
+            angle = omega * (segment.start + s - origin)
+            cos = math.cos(angle)
+            sin = math.sin(angle)
+            total += wa
+            cc += wa * cos * cos
+            cs += wa * cos * sin
+            ss += wa * sin * sin
+    return total, cc, cs, ss
+
+
+class OwnStart(NamedTuple):
+    """A guess of the solver's own.
+
+    Attributes:
+        rounds: of the iteration; a few are enough.
+        wait: s from the earliest drop to the guessed time of a heating jettison.
+        branch: 1, or -1 to guess the other of two planes through the end point.
+    """
+
+    rounds: int
+    wait: float
+    branch: float
+
+
+class _Burn(NamedTuple):
+    """The present guess as the steering sees it.
+
+    Attributes:
+        start: s.
+        omega: 1/s, of linear gravity.
+        end: s, of the thrust.
+        total: m/s, integral of T/m; cc, cs, ss: with cos^2, cos sin, sin^2 of omega t.
+    """
+
+    start: float
+    omega: float
+    end: float
+    total: float
+    cc: float
+    cs: float
+    ss: float
+
+
+@kernel
+def _first_cutoff(
+    start: Record, mission: MissionRecords, gain: float, work: Record
+) -> tuple[float, float]:
+    """A first cut-off time, s, and the least burn of the last arc to be guessed, s.
+
+    Args:
+        start: record NAVIGATION.
+        mission: what is flown.
+        gain: velocity to the target, m/s.
+        work: record WORK with its floors.
+    """
+    arcs = mission.arcs
+    floor = work.floor[COLUMN_CUTOFF]
+    span = work.ceiling - floor
+    if start.arc < arcs.shape[0] - 1:
+        return floor + 0.5 * span, 0.02 * span
+    # the last burn runs: little may be left of it
+    final = arcs[arcs.shape[0] - 1]
+    mass = begin_mass(start, arcs)
+    cutoff = floor - math.expm1(-gain / final.exhaust_velocity) * mass / final.mass_flow
+    return cutoff, 1e-6 * span
+
+
+@kernel
+def _guess_times(
+    n: int, cutoff: float, wait: float, unknowns: NDArray[np.float64], work: Record
+) -> None:
+    """Cut-off and jettison times into ``unknowns``."""
+    unknowns[COLUMN_CUTOFF] = cutoff
+    for i in range(COLUMN_JETTISON, n, 2):
+        earliest = work.floor[i]
+        unknowns[i] = earliest + min(wait, 0.5 * (cutoff - earliest))
+        unknowns[i + 1] = 0.0
+
+
+@kernel
+def _steer(
+    start: Record,
+    mission: MissionRecords,
+    burn: _Burn,
+    normal: Vector,
+    reached: Vector,
+    unknowns: NDArray[np.float64],
+) -> tuple[Vector, float]:
+    """Steering that leads to the target near a point, into ``unknowns``.
+
+    Args:
+        start: record NAVIGATION.
+        mission: its target is read.
+        burn: times and integrals.
+        normal: unit normal of the target plane.
+        reached: m, where the flight is thought to end.
+        unknowns: lambda_v and lambda_r are written.
+
+    Returns:
+        where it ends, m, and |lambda_v| at the middle of the impulse.
+    """
+    r0 = load(start.position)
+    v0 = load(start.velocity)
+    radius = norm(r0)
+    target = mission.target
+    omega, cc, cs, ss = burn.omega, burn.cc, burn.cs, burn.ss
+    # |lambda_v| stands for 1 where the impulse has its middle
+    middle = math.atan2(cs, cc)
+    angle = omega * (burn.end - burn.start)
+    cos = math.cos(angle)
+    sin = math.sin(angle)
+    wanted, wanted_v, downrange = wanted_state(target, mission.environment.mu, normal, reached)
+    a = axpy(omega, wanted, scale(-1.0, axpy(omega * cos, r0, scale(sin, v0))))
+    b = add(wanted_v, axpy(omega * sin, r0, scale(-cos, v0)))
+    determinant = cc * ss - cs * cs
+    # rate at the middle per metre that the wanted position is moved, along that move
+    move = omega * (
+        -math.cos(middle) * (cc * cos + cs * sin) - math.sin(middle) * (ss * sin + cs * cos)
+    )
+    slope = move / determinant
+    shift = 0.0
+    lateral = 0.0
+    p = v0
+    q = v0
+    size = 1.0
+    for _ in range(3):
+        x = axpy(omega, axpy(shift, downrange, scale(lateral, normal)), a)
+        ic = add(scale(sin, x), scale(cos, b))
+        js = sub(scale(sin, b), scale(cos, x))
+        p = scale(1.0 / determinant, sub(scale(ss, ic), scale(cs, js)))
+        q = scale(1.0 / determinant, sub(scale(cc, js), scale(cs, ic)))
+        primer = add(scale(math.cos(middle), p), scale(math.sin(middle), q))
+        rate = sub(scale(math.cos(middle), q), scale(math.sin(middle), p))
+        size = norm(primer)
+        shift -= dot(rate, primer) / (slope * dot(downrange, primer))
+        shift = min(max(shift, -0.3 * radius), 0.3 * radius)
+        if target.kind == TARGET_RADIUS_SPEED_ANGLE_INCLINATION:
+            lateral -= dot(rate, normal) / slope
+            lateral = min(max(lateral, -0.1 * radius), 0.1 * radius)
+    length = norm(p)
+    for i in range(3):
+        unknowns[i] = p[i] / length
+        unknowns[3 + i] = -omega * q[i] / length
+    return axpy(shift, downrange, axpy(lateral, normal, wanted)), size
+
+
+@kernel
+def guess_two_point(
+    start: Record,
+    mission: MissionRecords,
+    options: Record,
+    own: OwnStart,
+    unknowns: NDArray[np.float64],
+    work: Record,
+) -> bool:
+    """A first guess from the state alone.
+
+    Under linear gravity the primer is lambda_v = B cos wt + (A/w) sin wt (Eq. 3.34), and the
+    integrals Ic, Is that lead to a wanted end state follow from Eqs. 3.27-3.29. With
+    |lambda_v| = 1 inside them they are linear in A and B. The burn time is then moved until
+    |lambda_v| is 1 at the middle of the impulse, and the downrange until the rate there is
+    at right angles to it: a rate along the thrust gains nothing. With a free node the end
+    point is moved across the plane until there is no rate across it either.
+
+    Args:
+        start: record NAVIGATION.
+        mission: what is flown.
+        options: record OPTIONS.
+        own: which guess.
+        unknowns: shape (at least n,), written.
+        work: record WORK.
+
+    Returns:
+        False if the sequence makes no flight.
+    """
+    n = unknown_count(start, mission.jettisons, options)
+    prepare(n, work)
+    if not find_floors(start, mission, work):
+        return False
+    target = mission.target
+    mu = mission.environment.mu
+    r0 = load(start.position)
+    v0 = load(start.velocity)
+    h0 = cross(r0, v0)
+    radius = norm(r0)
+    normal = target_normal(target, r0, h0, own.branch)
+    wanted, wanted_v, _ = wanted_state(target, mu, normal, r0)
+    mean = 0.5 * (radius + min(norm(wanted), 1.5 * radius))
+    omega = math.sqrt(mu / (mean * mean * mean))
+    cutoff, least = _first_cutoff(start, mission, norm(sub(wanted_v, v0)), work)
+    # half the way round that the mean speed makes
+    way = min(1.5, 0.5 * (norm(v0) + norm(wanted_v)) * (cutoff - start.time) / radius)
+    ahead = unit(cross(h0, r0))
+    reached = add(scale(math.cos(way), r0), scale(radius * math.sin(way), ahead))
+    for _ in range(own.rounds):
+        _guess_times(n, cutoff, own.wait, unknowns, work)
+        begin_flight(start, mission, options, unknowns, work)
+        if work.segment_count == 0:
+            return False
+        last = work.segments[work.segment_count - 1]
+        total, cc, cs, ss = steering_integrals(omega, start.time, work)
+        burn = _Burn(start.time, omega, last.end, total, cc, cs, ss)
+        normal = target_normal(target, reached, h0, own.branch)
+        reached, size = _steer(start, mission, burn, normal, reached, unknowns)
+        # rocket equation on the last burn
+        gain = (min(max(size, 0.5), 2.0) - 1.0) * total
+        final = mission.arcs[mission.arcs.shape[0] - 1]
+        mass = segment_mass(last, last.end)
+        cutoff -= math.expm1(-gain / final.exhaust_velocity) * mass / final.mass_flow
+        span = work.ceiling - work.floor[COLUMN_CUTOFF]
+        cutoff = min(max(cutoff, work.floor[COLUMN_CUTOFF] + least), work.ceiling - 0.02 * span)
+    return True

@@ -1,0 +1,467 @@
+"""The optimum from a guess or from nothing: restarts, limits that do not bind, soundness."""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models.arrays import (
+    HEATING_LIMIT,
+    MAX_JETTISONS,
+    MISSION_TIME,
+    TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
+    TIME_AFTER_IGNITION,
+    MissionRecords,
+    Record,
+)
+from ares_models.jit import allocating, inlined, kernel
+from ares_models.kernels.environment import log_heating_gradient
+from ares_models.kernels.sequence import awaits_heating
+from ares_models.kernels.vectors import dot, load, norm
+from ares_optimizer.kernels.timetable import (
+    COLUMN_CUTOFF,
+    COLUMN_JETTISON,
+    HEATING_OPTIMAL,
+    heating_count,
+    heating_index,
+    segment_mass,
+    segment_thrust,
+)
+from ares_optimizer.two_point.arrays import AT_ONCE, INVERSE_SQUARE, Effort, Gravity
+from ares_optimizer.two_point.kernels.guess import OwnStart, guess_two_point
+from ares_optimizer.two_point.kernels.newton import (
+    AT_FLOOR,
+    CONVERGED,
+    STALLED,
+    STOPPED,
+    UNSOUND,
+    find_floors,
+    solve_two_point,
+)
+from ares_optimizer.two_point.kernels.shooting import (
+    begin_flight,
+    fly_segment,
+    gravity_terms,
+    search_is_over,
+    shoot,
+    step_count,
+    unknown_count,
+    which_jettison,
+)
+
+#: Own guesses, tried in this order.
+_OWN_STARTS = (
+    OwnStart(6, 100.0, 1.0),
+    OwnStart(1, 100.0, 1.0),
+    OwnStart(2, 60.0, 1.0),
+    OwnStart(12, 150.0, 1.0),
+    OwnStart(6, 100.0, -1.0),
+    OwnStart(3, 30.0, 1.0),
+    OwnStart(1, 60.0, -1.0),
+)
+_ROUNDING = 1e-6  # of pi, where a drop weighs nothing
+_SCAN = 5.0  # s, between looks at the heating
+_MOST_SCANS = 2000
+
+
+@kernel
+def fly_to(
+    start: Record,
+    mission: MissionRecords,
+    options: Record,
+    unknowns: NDArray[np.float64],
+    time: float,
+    work: Record,
+) -> None:
+    """Fly the unknowns up to ``time``; ``work.state`` holds the state there.
+
+    No costate jump is made on the way: meant for times before the first heating jettison.
+    """
+    gravity = begin_flight(start, mission, options, unknowns, work)
+    work.columns = 0
+    for i in range(work.segment_count):
+        segment = work.segments[i]
+        end = segment.end
+        if end < time:
+            steps = step_count(segment, options.step)
+            work.spent += steps
+            fly_segment(segment, steps, gravity, options, work)
+            continue
+        segment.end = max(segment.start, time)
+        if segment.end > segment.start:
+            fly_segment(segment, step_count(segment, options.step), gravity, options, work)
+        segment.end = end
+        return
+
+
+@kernel
+def _log_heating_now(mission: MissionRecords, work: Record) -> float:
+    """Log of heating at ``work.state``, W/m2."""
+    s = work.state
+    rate, _, _ = log_heating_gradient(
+        (s[0], s[1], s[2]), (s[3], s[4], s[5]), mission.environment, mission.atmosphere
+    )
+    return rate
+
+
+@kernel
+def final_hamiltonian(
+    start: Record,
+    mission: MissionRecords,
+    options: Record,
+    unknowns: NDArray[np.float64],
+    work: Record,
+) -> float:
+    """lambda_r . V + lambda_v . g + |lambda_v| T/m at cut-off, m/s2; nan if not flown.
+
+    It is what a second of burning is worth; on an optimum it is positive.
+    """
+    shoot(start, mission, options, unknowns, work)
+    # a drop that comes at once has no condition to meet, but it is flown
+    if work.segment_count == 0:
+        return math.nan
+    s = work.state
+    last = work.segment_count - 1
+    while work.segments[last].after_cutoff == 1:
+        last -= 1
+    segment = work.segments[last]
+    r = (s[0], s[1], s[2])
+    v = (s[3], s[4], s[5])
+    p = (s[6], s[7], s[8])
+    q = (s[9], s[10], s[11])
+    g, _ = gravity_terms(r, Gravity(mission.environment.mu, 0.0, INVERSE_SQUARE), p)
+    thrust = segment_thrust(segment, segment.end)
+    return -dot(q, v) + dot(p, g) + norm(p) * thrust / segment_mass(segment, segment.end)
+
+
+@kernel
+def _sound(
+    start: Record,
+    mission: MissionRecords,
+    options: Record,
+    unknowns: NDArray[np.float64],
+    work: Record,
+) -> bool:
+    """Whether a root is a flight: above ground, burning worth its time, drops worth theirs."""
+    value = final_hamiltonian(start, mission, options, unknowns, work)
+    ground = min(mission.environment.polar_radius, norm(load(start.position)))
+    if not value > 0.0 or work.lowest < ground:
+        return False
+    if options.heating == HEATING_OPTIMAL:
+        n = unknown_count(start, mission.jettisons, options)
+        for i in range((n - COLUMN_JETTISON) // 2):
+            # a drop must wait for the limit because it would rather come sooner
+            if unknowns[COLUMN_JETTISON + 2 * i + 1] > _ROUNDING:
+                return False
+            if work.pinned[i] == 1 and work.waiting_pays[i] == 1:
+                return False
+    return True
+
+
+@kernel
+def _column_of(start: Record, mission: MissionRecords, jettison: int) -> int:
+    """Column of the time of a heating jettison."""
+    return COLUMN_JETTISON + 2 * heating_index(start, mission.jettisons, jettison)
+
+
+@kernel
+def _take_out(n: int, index: int, unknowns: NDArray[np.float64], work: Record) -> None:
+    """Close the gap that a heating unknown leaves."""
+    for i in range(COLUMN_JETTISON + 2 * index, n - 2):
+        unknowns[i] = unknowns[i + 2]
+    for i in range(index, MAX_JETTISONS - 1):
+        work.pinned[i] = work.pinned[i + 1]
+
+
+@kernel
+def _put_in(n: int, index: int, time: float, unknowns: NDArray[np.float64], work: Record) -> None:
+    """Make room for a heating unknown, not held; ``n`` counts the unknowns without it."""
+    column = COLUMN_JETTISON + 2 * index
+    for i in range(n - 1, column - 1, -1):
+        unknowns[i + 2] = unknowns[i]
+    for i in range(MAX_JETTISONS - 1, index, -1):
+        work.pinned[i] = work.pinned[i - 1]
+    unknowns[column] = time
+    unknowns[column + 1] = 0.0
+    work.pinned[index] = 0
+
+
+@inlined
+def as_flown(mission: MissionRecords, work: Record) -> MissionRecords:
+    """The mission with its jettisons as ``work`` has them: limits that do not bind are times."""
+    return MissionRecords(
+        mission.environment,
+        mission.atmosphere,
+        mission.arcs,
+        work.jettisons[: mission.jettisons.shape[0]],
+        mission.target,
+    )
+
+
+@kernel
+def _hold_passed_limit(
+    start: Record,
+    mission: MissionRecords,
+    options: Record,
+    unknowns: NDArray[np.float64],
+    work: Record,
+) -> bool:
+    """Whether a limit that was left out is passed at its drop, which is then held there."""
+    flown = as_flown(mission, work)
+    for j in range(mission.jettisons.shape[0]):
+        limit = mission.jettisons[j]
+        if limit.criterion != HEATING_LIMIT or flown.jettisons[j].criterion == HEATING_LIMIT:
+            continue
+        find_floors(start, mission, work)
+        earliest = work.floor[_column_of(start, mission, j)]
+        fly_to(start, flown, options, unknowns, earliest, work)
+        if _log_heating_now(mission, work) > math.log(limit.value) + 1e-9:
+            n = unknown_count(start, flown.jettisons, options)
+            work.jettisons[j] = limit
+            index = heating_index(start, flown.jettisons, j)
+            _put_in(n, index, earliest + AT_ONCE, unknowns, work)
+            work.pinned[index] = 1
+            return True
+    return False
+
+
+@kernel
+def _solve_with_floors(
+    start: Record,
+    mission: MissionRecords,
+    options: Record,
+    unknowns: NDArray[np.float64],
+    work: Record,
+) -> tuple[int, float, int]:
+    """Newton, and what to do when a limit is met as soon as its drop is possible.
+
+    The drop is then made at once, without the limit; if the limit turns out to be passed
+    there, it is kept with the drop held at its earliest time.
+    """
+    count = mission.jettisons.shape[0]
+    flown = as_flown(mission, work)
+    total = 0
+    residual = math.inf
+    status = STALLED
+    for _ in range(2 * count + 1):
+        iterations, residual, status = solve_two_point(start, flown, options, unknowns, work)
+        total += iterations
+        if status == AT_FLOOR:
+            n = unknown_count(start, flown.jettisons, options)
+            j = which_jettison(start, flown, work.stuck)
+            _take_out(n, work.stuck, unknowns, work)
+            work.jettisons[j].criterion = TIME_AFTER_IGNITION
+            work.jettisons[j].value = 0.0
+            continue
+        if status != CONVERGED:
+            return total, residual, status
+        if not _hold_passed_limit(start, mission, options, unknowns, work):
+            break
+    if status != CONVERGED:
+        return total, residual, status
+    if not _sound(start, flown, options, unknowns, work):
+        return total, residual, UNSOUND
+    find_floors(start, mission, work)
+    for j in range(count):
+        left_out = flown.jettisons[j].criterion != HEATING_LIMIT
+        if mission.jettisons[j].criterion == HEATING_LIMIT and left_out:
+            n = unknown_count(start, flown.jettisons, options)
+            earliest = work.floor[_column_of(start, mission, j)]
+            work.jettisons[j].criterion = HEATING_LIMIT
+            index = heating_index(start, flown.jettisons, j)
+            _put_in(n, index, earliest, unknowns, work)
+    return total, residual, CONVERGED
+
+
+@kernel
+def _crossing(
+    start: Record,
+    mission: MissionRecords,
+    options: Record,
+    unknowns: NDArray[np.float64],
+    earliest: float,
+    limit: float,
+    work: Record,
+) -> float:
+    """First time at which heating is at or below ``limit``; inf if not before cut-off."""
+    time = earliest
+    before = 0.0
+    goal = math.log(limit)
+    for _ in range(_MOST_SCANS):
+        if not time < unknowns[COLUMN_CUTOFF] or search_is_over(options, work):
+            break
+        fly_to(start, mission, options, unknowns, time, work)
+        rate = _log_heating_now(mission, work) - goal
+        if rate <= 0.0:
+            if time == earliest:
+                return time
+            return time - _SCAN * rate / (rate - before)
+        before = rate
+        time += _SCAN
+    return math.inf
+
+
+@kernel
+def _reset(jettisons: NDArray[Any], work: Record) -> None:
+    """Jettisons as the mission has them, none held."""
+    for j in range(jettisons.shape[0]):
+        work.jettisons[j] = jettisons[j]
+    for i in range(MAX_JETTISONS):
+        work.pinned[i] = 0
+
+
+@kernel
+def _solve_timed_first(
+    start: Record,
+    mission: MissionRecords,
+    options: Record,
+    own: OwnStart,
+    unknowns: NDArray[np.float64],
+    work: Record,
+) -> tuple[int, float, int]:
+    """Solve with the drops at fixed times; where that flight meets the limits is the guess."""
+    flown = as_flown(mission, work)
+    find_floors(start, mission, work)
+    for j in range(mission.jettisons.shape[0]):
+        if awaits_heating(mission.jettisons, start.jettisoned, j):
+            earliest = work.floor[_column_of(start, mission, j)]
+            work.jettisons[j].criterion = MISSION_TIME
+            work.jettisons[j].value = earliest + own.wait
+    guess_two_point(start, flown, options, OwnStart(own.rounds, 0.0, own.branch), unknowns, work)
+    total, residual, status = solve_two_point(start, flown, options, unknowns, work)
+    if status != CONVERGED:
+        return total, residual, status
+    find_floors(start, mission, work)
+    for j in range(mission.jettisons.shape[0]):
+        if awaits_heating(mission.jettisons, start.jettisoned, j):
+            column = _column_of(start, mission, j)
+            limit = mission.jettisons[j].value
+            earliest = work.floor[column]
+            time = _crossing(start, flown, options, unknowns, earliest, limit, work)
+            unknowns[column] = min(time, unknowns[COLUMN_CUTOFF] - 1.0)
+            unknowns[column + 1] = 0.0
+    _reset(mission.jettisons, work)
+    iterations, residual, status = _solve_with_floors(start, mission, options, unknowns, work)
+    return total + iterations, residual, status
+
+
+class _Sought(NamedTuple):
+    """What the search has come to.
+
+    Attributes:
+        iterations: so far.
+        residual: norm of the best start's residuals.
+        status: of the best start.
+        starts: tried.
+    """
+
+    iterations: int
+    residual: float
+    status: int
+    starts: int
+
+
+@allocating
+def _search_from_guesses(
+    start: Record,
+    mission: MissionRecords,
+    options: Record,
+    effort: Effort,
+    unknowns: NDArray[np.float64],
+    work: Record,
+) -> _Sought:
+    """The best root from the guess and from own guesses in turn; see :func:`find_optimum`."""
+    best = unknowns.copy()
+    best_residual = math.inf
+    best_status = STALLED
+    total = 0
+    starts = 0
+    last = len(_OWN_STARTS) if effort.restart or not effort.guessed else 0
+    one_plane = mission.target.kind != TARGET_RADIUS_SPEED_ANGLE_INCLINATION
+    solved_near = False
+    solved_far = False
+    for attempt in range(-1 if effort.guessed else 0, last):
+        if search_is_over(options, work):
+            if best_status != CONVERGED:
+                best_status = STOPPED
+            break
+        own = _OWN_STARTS[max(0, attempt)]
+        near = attempt < 0 or own.branch > 0.0
+        if attempt >= 0 and (solved_near if near else solved_far):
+            continue
+        _reset(mission.jettisons, work)
+        starts += 1
+        if attempt >= 0 and not guess_two_point(start, mission, options, own, unknowns, work):
+            continue
+        iterations, residual, status = _solve_with_floors(start, mission, options, unknowns, work)
+        total += iterations
+        if status == CONVERGED:
+            if not effort.thorough:
+                return _Sought(total, residual, status, starts)
+            if attempt >= 0:
+                solved_near = solved_near or near or one_plane
+                solved_far = solved_far or not near or one_plane
+            better = best_status != CONVERGED or unknowns[COLUMN_CUTOFF] < best[COLUMN_CUTOFF]
+        else:
+            better = best_status != CONVERGED and residual < best_residual
+        if better:
+            best_residual = residual
+            best_status = status
+            best[:] = unknowns
+    unknowns[:] = best
+    return _Sought(total, best_residual, best_status, starts)
+
+
+@allocating
+def find_optimum(
+    start: Record,
+    mission: MissionRecords,
+    options: Record,
+    effort: Effort,
+    unknowns: NDArray[np.float64],
+    work: Record,
+) -> tuple[int, float, int, int]:
+    """The optimum, from the guess in ``unknowns`` if there is one, else from nothing.
+
+    Own guesses are tried in turn. When none leads there, the flight with its drops at fixed
+    times is solved first, and the time at which it meets the limit is the next guess.
+
+    Args:
+        start: record NAVIGATION, see :func:`newton.solve_two_point`.
+        mission: what is flown.
+        options: record OPTIONS.
+        effort: how far to go.
+        unknowns: shape (MAX_UNKNOWNS,), see :func:`shooting.shoot`. A limit that is met
+            from the earliest possible drop on comes back with that time and pi = 0.
+        work: record WORK.
+
+    Returns:
+        iterations, norm of the residuals, status (newton.CONVERGED or why not), number of
+        starts after the first. A failure leaves the start that came nearest in ``unknowns``.
+    """
+    work.spent = 0
+    sought = _search_from_guesses(start, mission, options, effort, unknowns, work)
+    total = sought.iterations
+    status = sought.status
+    starts = sought.starts
+    last = len(_OWN_STARTS) if effort.restart or not effort.guessed else 0
+    if status == CONVERGED or heating_count(start, mission.jettisons, options.heating) == 0:
+        last = 0
+    best = unknowns.copy()
+    for attempt in range(last):
+        if search_is_over(options, work):
+            status = STOPPED
+            break
+        _reset(mission.jettisons, work)
+        starts += 1
+        own = _OWN_STARTS[attempt]
+        iterations, residual, ended = _solve_timed_first(
+            start, mission, options, own, unknowns, work
+        )
+        total += iterations
+        if ended == CONVERGED:
+            return total, residual, ended, starts - 1
+    # the nearest miss
+    unknowns[:] = best
+    return total, sought.residual, status, starts - 1

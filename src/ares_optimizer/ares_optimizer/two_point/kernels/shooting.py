@@ -1,0 +1,510 @@
+"""The optimum as a root: shooting and its Jacobian.
+
+Unknowns: lambda_v and lambda_r at the start, the cut-off time, and for every heating
+jettison still to come its time and pi. Equations: |lambda_v| = 1 at the start (the scale is
+free; printed: H_f = 1, Eq. 3.30), the terminal set with its reduced transversality
+conditions, and per heating jettison log heating = log limit and a continuous Hamiltonian.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models.arrays import TARGET_KEPLERIAN, MissionRecords, Record
+from ares_models.jit import kernel
+from ares_models.kernels.environment import log_heating_gradient
+from ares_models.kernels.sequence import awaits_heating
+from ares_models.kernels.vectors import (
+    Vector,
+    add,
+    axpy,
+    cross,
+    dot,
+    norm,
+    scale,
+    sub,
+)
+from ares_optimizer.kernels.terminal import SCALE, terminal_rows
+from ares_optimizer.kernels.timetable import (
+    COLUMN_CUTOFF,
+    COLUMN_JETTISON,
+    HEATING_OPTIMAL,
+    build_timetable,
+    heating_count,
+)
+from ares_optimizer.two_point.arrays import AT_ONCE, LINEAR, ROWS, RUNGE_KUTTA, Gravity
+from ares_optimizer.two_point.kernels.closed_form import closed_form_segment
+from ares_optimizer.two_point.kernels.costates import (
+    integrate_segment,
+    log_heating_hessian_product,
+    thrust_acceleration_tangents,
+)
+
+
+@kernel
+def gravity_terms(r: Vector, gravity: Gravity, p: Vector) -> tuple[Vector, Vector]:
+    """Gravity g, m/s2, and its gradient times ``p``."""
+    if gravity.model == LINEAR:
+        return scale(-gravity.omega_square, r), scale(-gravity.omega_square, p)
+    square = dot(r, r)
+    k = gravity.mu / (square * math.sqrt(square))
+    return scale(-k, r), axpy(3.0 * k * dot(r, p) / square, r, scale(-k, p))
+
+
+@kernel
+def _row(
+    out: NDArray[np.float64],
+    tangent: NDArray[np.float64],
+    columns: int,
+    by_r: Vector,
+    by_v: Vector,
+    by_p: Vector,
+    by_q: Vector,
+) -> None:
+    """A row of the Jacobian from the gradient by the state."""
+    for c in range(columns):
+        out[c] = (
+            by_r[0] * tangent[c, 0]
+            + by_r[1] * tangent[c, 1]
+            + by_r[2] * tangent[c, 2]
+            + by_v[0] * tangent[c, 3]
+            + by_v[1] * tangent[c, 4]
+            + by_v[2] * tangent[c, 5]
+            + by_p[0] * tangent[c, 6]
+            + by_p[1] * tangent[c, 7]
+            + by_p[2] * tangent[c, 8]
+            + by_q[0] * tangent[c, 9]
+            + by_q[1] * tangent[c, 10]
+            + by_q[2] * tangent[c, 11]
+        )
+
+
+@kernel
+def _end_rows(target: Record, mu: float, work: Record) -> None:
+    """Terminal set and reduced transversality: residuals and Jacobian rows 1 to 6.
+
+    A motion that the terminal set leaves free must not change the cost: lambda . dx = 0 for
+    the turn of the whole state about an axis e, which is e . C = 0 with
+    C = r x lambda_r + V x lambda_v. Free downrange: e along h; free node: e along the pole.
+    On a Keplerian target the free motion is that along the orbit,
+    lambda_r . V + lambda_v . g = 0.
+
+    Args:
+        target: record TARGET.
+        mu: m3/s2.
+        work: record WORK with the end of the thrust in ``state`` and ``tangent``; rows of
+            ``residual`` and ``jacobian`` are written, without unit.
+    """
+    state = work.state
+    tangent = work.tangent
+    columns = work.columns
+    r = (state[0], state[1], state[2])
+    v = (state[3], state[4], state[5])
+    p = (state[6], state[7], state[8])
+    q = (state[9], state[10], state[11])
+    residual = work.residual
+    jacobian = work.jacobian
+    rows = terminal_rows(target, mu, r, v, work.terminal[:], work.terminal_gradient[:])
+    for i in range(rows):
+        residual[1 + i] = work.terminal[i] / SCALE
+        for c in range(columns):
+            total = 0.0
+            for n in range(6):
+                total += work.terminal_gradient[i, n] * tangent[c, n]
+            jacobian[1 + i, c] = total / SCALE
+    row = 1 + rows
+    radius = norm(r)
+    h = cross(r, v)
+    # C with lambda_r = -q
+    turn = sub(cross(v, p), cross(r, q))
+    if rows == 4:
+        pole = (0.0, 0.0, 1.0)
+        size = 1.0 / target.speed
+        residual[row] = size * turn[2]
+        _row(
+            jacobian[row],
+            tangent,
+            columns,
+            scale(-size, cross(q, pole)),
+            scale(size, cross(p, pole)),
+            scale(size, cross(pole, v)),
+            scale(-size, cross(pole, r)),
+        )
+        row += 1
+    if target.kind == TARGET_KEPLERIAN:
+        k = mu / (radius * radius * radius)
+        e = scale(1.0 / radius, r)
+        size = target.semi_major_axis * target.semi_major_axis / mu
+        ep = dot(e, p)
+        residual[row] = size * (-dot(q, v) - k * radius * ep)
+        _row(
+            jacobian[row],
+            tangent,
+            columns,
+            scale(size * k, axpy(3.0 * ep, e, scale(-1.0, p))),
+            scale(-size, q),
+            scale(-size * k, r),
+            scale(-size, v),
+        )
+    else:
+        size = 1.0 / (target.radius * target.speed * target.speed)
+        residual[row] = size * dot(turn, h)
+        by_r = sub(cross(v, turn), cross(q, h))
+        by_v = add(cross(turn, r), cross(p, h))
+        _row(
+            jacobian[row],
+            tangent,
+            columns,
+            scale(size, by_r),
+            scale(size, by_v),
+            scale(size, cross(h, v)),
+            scale(-size, cross(h, r)),
+        )
+
+
+class _Drop(NamedTuple):
+    """A heating jettison, as the interior condition meets it.
+
+    Attributes:
+        row: of its two residuals, the first: its limit.
+        weight: its pi where the steering knows of it, else 0.
+        passive: the steering does not know of it.
+        pinned: it is held at its earliest time.
+        before, after: T/m on both sides, m/s2.
+        by_r, by_v: gradient of log heating, 1/m and s/m.
+        gravity: acceleration there, m/s2.
+    """
+
+    row: int
+    weight: float
+    passive: bool
+    pinned: bool
+    before: float
+    after: float
+    by_r: Vector
+    by_v: Vector
+    gravity: Vector
+
+
+@kernel
+def _meet_drop(
+    i: int, limit: float, pi: float, mission: MissionRecords, gravity: Gravity, work: Record
+) -> _Drop:
+    """Residuals of the interior condition at the end of segment ``i``; see _jettison_rows."""
+    state = work.state
+    segment = work.segments[i]
+    index = segment.end_heating
+    r = (state[0], state[1], state[2])
+    v = (state[3], state[4], state[5])
+    p = (state[6], state[7], state[8])
+    before = thrust_acceleration_tangents(
+        segment, segment.end - segment.start, 1.0, work.columns, work.thrust
+    )
+    after = thrust_acceleration_tangents(
+        work.segments[i + 1], 0.0, 0.0, work.columns, work.thrust_after
+    )
+    rate, by_r, by_v = log_heating_gradient(r, v, mission.environment, mission.atmosphere)
+    passive = work.passive == 1
+    pinned = work.pinned[index] == 1
+    weight = 0.0 if passive else pi
+    g, _ = gravity_terms(r, gravity, p)
+    drift = dot(by_r, v) + dot(by_v, g)
+    row = COLUMN_JETTISON + 2 * index
+    size = 1.0 / after if after > 0.0 else 1.0
+    work.residual[row] = rate - math.log(limit)
+    # H(-) - H(+): what a second of waiting is worth
+    worth = before * norm(p) - after * norm(axpy(-weight, by_v, p)) + weight * drift
+    work.waiting_pays[index] = 1 if worth > 0.0 else 0
+    if passive:
+        work.residual[row + 1] = pi
+    elif pinned:
+        # no choice of time, no condition on the Hamiltonian
+        work.residual[row + 1] = (segment.end - work.floor[row] - AT_ONCE) / 100.0
+    else:
+        work.residual[row + 1] = size * worth
+    return _Drop(row, weight, passive, pinned, before, after, by_r, by_v, g)
+
+
+@kernel
+def _drop_column(
+    c: int, drop: _Drop, mission: MissionRecords, gravity: Gravity, work: Record
+) -> None:
+    """Column ``c`` of the Jacobian's rows of a drop that the steering knows of; its jump."""
+    state = work.state
+    tangent = work.tangent
+    row = drop.row
+    r = (state[0], state[1], state[2])
+    v = (state[3], state[4], state[5])
+    p = (state[6], state[7], state[8])
+    dr = (tangent[c, 0], tangent[c, 1], tangent[c, 2])
+    dv = (tangent[c, 3], tangent[c, 4], tangent[c, 5])
+    dp = (tangent[c, 6], tangent[c, 7], tangent[c, 8])
+    dq = (tangent[c, 9], tangent[c, 10], tangent[c, 11])
+    d_by_r, d_by_v = log_heating_hessian_product(
+        r, v, dr, dv, mission.environment, mission.atmosphere
+    )
+    dp_after = axpy(-drop.weight, d_by_v, dp)
+    dq_after = axpy(drop.weight, d_by_r, dq)
+    _, d_gravity = gravity_terms(r, gravity, dr)
+    change = drop.weight * (
+        dot(d_by_r, v) + dot(drop.by_r, dv) + dot(d_by_v, drop.gravity) + dot(drop.by_v, d_gravity)
+    )
+    if c == row + 1:
+        dp_after = axpy(-1.0, drop.by_v, dp_after)
+        dq_after = axpy(1.0, drop.by_r, dq_after)
+        change += dot(drop.by_r, v) + dot(drop.by_v, drop.gravity)
+    if drop.pinned:
+        work.jacobian[row + 1, c] = 0.01 if c == row else 0.0
+    else:
+        size = 1.0 / drop.after if drop.after > 0.0 else 1.0
+        p_after = axpy(-drop.weight, drop.by_v, p)
+        length = norm(p)
+        length_after = norm(p_after)
+        work.jacobian[row + 1, c] = size * (
+            work.thrust[c] * length
+            + drop.before * dot(scale(1.0 / length, p), dp)
+            - work.thrust_after[c] * length_after
+            - drop.after * dot(scale(1.0 / length_after, p_after), dp_after)
+            + change
+        )
+        # the scale follows the acceleration
+        work.jacobian[row + 1, c] -= work.residual[row + 1] * size * work.thrust_after[c]
+    for n in range(3):
+        tangent[c, 6 + n] = dp_after[n]
+        tangent[c, 9 + n] = dq_after[n]
+
+
+@kernel
+def _jettison_rows(
+    i: int, limit: float, pi: float, mission: MissionRecords, gravity: Gravity, work: Record
+) -> None:
+    """Interior condition at a heating jettison: residuals, Jacobian rows, costate jump.
+
+    lambda_r(-) = lambda_r(+) + pi N_r and lambda_v(-) = lambda_v(+) + pi N_v with N the
+    logarithm of heating, and H(-) = H(+) across the mass drop (printed in 3.44-3.51:
+    without N_v). As a mass costate does not jump, it cancels.
+
+    Args:
+        i: segment that the drop ends.
+        limit: W/m2.
+        pi: per unit of log heating.
+        mission: environment and atmosphere are read.
+        gravity: the field.
+        work: record WORK; ``state`` and ``tangent`` come out after the jump.
+    """
+    state = work.state
+    tangent = work.tangent
+    drop = _meet_drop(i, limit, pi, mission, gravity, work)
+    row = drop.row
+    for c in range(work.columns):
+        dr = (tangent[c, 0], tangent[c, 1], tangent[c, 2])
+        dv = (tangent[c, 3], tangent[c, 4], tangent[c, 5])
+        work.jacobian[row, c] = dot(drop.by_r, dr) + dot(drop.by_v, dv)
+        work.jacobian[row + 1, c] = 1.0 if c == row + 1 else 0.0
+        if not drop.passive:
+            _drop_column(c, drop, mission, gravity, work)
+    for n in range(3):
+        state[6 + n] -= drop.weight * drop.by_v[n]
+        state[9 + n] += drop.weight * drop.by_r[n]
+
+
+@kernel
+def unknown_count(start: Record, jettisons: NDArray[Any], options: Record) -> int:
+    """Number of unknowns: 7, and 2 per heating jettison still to come."""
+    return COLUMN_JETTISON + 2 * heating_count(start, jettisons, options.heating)
+
+
+@kernel
+def which_jettison(start: Record, mission: MissionRecords, index: int) -> int:
+    """Jettison that the heating unknown ``index`` belongs to."""
+    unknown = 0
+    for j in range(mission.jettisons.shape[0]):
+        if awaits_heating(mission.jettisons, start.jettisoned, j):
+            if unknown == index:
+                return j
+            unknown += 1
+    return -1
+
+
+@kernel
+def search_is_over(options: Record, work: Record) -> bool:
+    """Whether the time or the work that a search may take has ended."""
+    return work.stop != 0 or 0 < options.max_steps <= work.spent
+
+
+@kernel
+def begin_flight(
+    start: Record,
+    mission: MissionRecords,
+    options: Record,
+    unknowns: NDArray[np.float64],
+    work: Record,
+) -> Gravity:
+    """Segments, state and costates at the start into ``work``; the field of the flight.
+
+    Args:
+        start: record NAVIGATION.
+        mission: what is flown; its J2 plays no part.
+        options: record OPTIONS.
+        unknowns: see :func:`shoot`.
+        work: record WORK; ``segment_count`` is 0 where the times make no flight.
+    """
+    n = unknown_count(start, mission.jettisons, options)
+    for i in range((n - COLUMN_JETTISON) // 2):
+        work.heating_times[i] = unknowns[COLUMN_JETTISON + 2 * i]
+    work.segment_count = build_timetable(
+        start,
+        mission.arcs,
+        mission.jettisons,
+        options.heating,
+        work.heating_times[:],
+        unknowns[COLUMN_CUTOFF],
+        work.segments[:],
+    )
+    work.passive = 0 if options.heating == HEATING_OPTIMAL else 1
+    state = work.state
+    for i in range(3):
+        state[i] = start.position[i]
+        state[3 + i] = start.velocity[i]
+        state[6 + i] = unknowns[i]
+        state[9 + i] = -unknowns[3 + i]
+    square = state[0] * state[0] + state[1] * state[1] + state[2] * state[2]
+    work.lowest = math.sqrt(square)
+    mu = mission.environment.mu
+    omega_square = 0.0
+    if options.gravity == LINEAR:
+        # omega0 of the radius at the start (Eq. 3.4; printed without the root)
+        omega_square = mu / (square * work.lowest)
+    return Gravity(mu, omega_square, options.gravity)
+
+
+@kernel
+def part_of(segment: Record, k: int, parts: int, part: Record) -> None:
+    """One of the equal parts of a segment, no end of which moves, into ``part``."""
+    length = segment.end - segment.start
+    s = length * k / parts
+    part.start = segment.start + s
+    part.end = segment.end if k == parts - 1 else part.start + length / parts
+    part.thrust = segment.thrust + segment.thrust_slope * s
+    part.thrust_slope = segment.thrust_slope
+    part.flow = segment.flow + segment.flow_slope * s
+    part.flow_slope = segment.flow_slope
+    part.mass = segment.mass - s * (segment.flow + 0.5 * s * segment.flow_slope)
+    part.start_column = -1
+    part.end_column = -1
+
+
+@kernel
+def step_count(segment: Record, longest: float) -> int:
+    """Number of equal steps in a segment, none longer than ``longest`` s."""
+    return max(1, int(math.ceil((segment.end - segment.start) / longest - 1e-9)))
+
+
+@kernel
+def fly_segment(
+    segment: Record, steps: int, gravity: Gravity, options: Record, work: Record
+) -> None:
+    """Carry ``work.state`` and ``work.tangent`` over a segment by the chosen propagator."""
+    if options.propagator == RUNGE_KUTTA:
+        integrate_segment(segment, steps, gravity, work)
+    else:
+        closed_form_segment(segment, steps, gravity, options, work)
+    state = work.state
+    radius = math.sqrt(state[0] * state[0] + state[1] * state[1] + state[2] * state[2])
+    work.lowest = min(work.lowest, radius)
+
+
+@kernel
+def _begin_rows(unknowns: NDArray[np.float64], work: Record) -> None:
+    """Tangents at the start, and the first equation, |lambda_v| = 1."""
+    work.columns = min(6, work.columns_wanted)
+    for c in range(work.columns_wanted):
+        for i in range(ROWS):
+            work.tangent[c, i] = 0.0
+        work.jacobian[0, c] = unknowns[c] if c < 3 else 0.0
+    for i in range(min(3, work.columns)):
+        work.tangent[i, 6 + i] = 1.0
+        work.tangent[3 + i, 9 + i] = -1.0
+    work.residual[0] = 0.5 * (
+        unknowns[0] * unknowns[0] + unknowns[1] * unknowns[1] + unknowns[2] * unknowns[2] - 1.0
+    )
+
+
+@kernel
+def _shoot(
+    start: Record,
+    mission: MissionRecords,
+    options: Record,
+    unknowns: NDArray[np.float64],
+    work: Record,
+) -> bool:
+    """Fly to the end with the tangents that ``work.columns_wanted`` asks for."""
+    work.evaluations += 1
+    gravity = begin_flight(start, mission, options, unknowns, work)
+    count = work.segment_count
+    if count == 0:
+        return False
+    _begin_rows(unknowns, work)
+    met = 0
+    for i in range(count):
+        segment = work.segments[i]
+        if segment.end_column >= 0:
+            work.columns = work.columns_wanted
+        # the number of steps only grows within a solve: no chatter between two grids
+        steps = max(step_count(segment, options.step), work.steps[i])
+        work.steps[i] = steps
+        work.spent += steps
+        fly_segment(segment, steps, gravity, options, work)
+        if segment.end_heating >= 0 and i + 1 < count:
+            met += 1
+            limit = mission.jettisons[which_jettison(start, mission, segment.end_heating)].value
+            pi = unknowns[COLUMN_JETTISON + 2 * segment.end_heating + 1]
+            _jettison_rows(i, limit, pi, mission, gravity, work)
+    n = unknown_count(start, mission.jettisons, options)
+    if COLUMN_JETTISON + 2 * met != n:
+        return False
+    _end_rows(mission.target, gravity.mu, work)
+    total = 0.0
+    for i in range(n):
+        total += work.residual[i]
+    return math.isfinite(total)
+
+
+@kernel
+def shoot(
+    start: Record,
+    mission: MissionRecords,
+    options: Record,
+    unknowns: NDArray[np.float64],
+    work: Record,
+) -> bool:
+    """Fly the unknowns to the end; residuals only.
+
+    Args:
+        start: record NAVIGATION.
+        mission: what is flown; its J2 plays no part.
+        options: record OPTIONS.
+        unknowns: shape (at least n,): lambda_v (3), lambda_r (3, 1/s), cut-off time (s), then
+            per heating jettison its time (s) and pi (per unit of log heating).
+        work: record WORK; ``residual`` is written, ``state`` holds the end.
+
+    Returns:
+        False if the times make no flight, or something is not finite.
+    """
+    work.columns_wanted = 0
+    return _shoot(start, mission, options, unknowns, work)
+
+
+@kernel
+def shoot_with_jacobian(
+    start: Record,
+    mission: MissionRecords,
+    options: Record,
+    unknowns: NDArray[np.float64],
+    work: Record,
+) -> bool:
+    """As :func:`shoot`; ``work.jacobian`` is written too."""
+    work.columns_wanted = unknown_count(start, mission.jettisons, options)
+    return _shoot(start, mission, options, unknowns, work)
