@@ -196,6 +196,6 @@ def test_the_methods_seed_each_other(ares_v):
 
 def test_mission_arrays_are_left_alone(ares_v):
     arrays = ares_v.arrays()
-    before = [a.copy() for a in vars(arrays).values()]
+    before = [a.copy() for a in arrays]
     solve(arrays, state=start_of(ares_v), jettison_times={0: 430.0}, heating="from_jettison")
-    assert all(np.array_equal(a, b) for a, b in zip(before, vars(arrays).values(), strict=True))
+    assert all(np.array_equal(a, b) for a, b in zip(before, arrays, strict=True))
