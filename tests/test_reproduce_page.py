@@ -162,7 +162,7 @@ def open_page(browser, folder):
             lambda request: request.url.startswith("file://") or complaints.append(request.url),
         )
         page.goto((folder / PAGE).as_uri())
-        page.wait_for_function("document.documentElement.dataset.drawn", timeout=60_000)
+        page.wait_for_function("document.documentElement.dataset.drawn", timeout=240_000)
         return page
 
     yield opener
@@ -260,7 +260,7 @@ def test_the_button_changes_the_theme_of_page_and_plots(open_page):
     before = page.evaluate(colours)
     page.evaluate("delete document.documentElement.dataset.drawn")
     page.click(".theme")
-    page.wait_for_function("document.documentElement.dataset.drawn", timeout=60_000)
+    page.wait_for_function("document.documentElement.dataset.drawn", timeout=240_000)
     after = page.evaluate(colours)
     assert all(one != other for one, other in zip(before, after, strict=True))
     assert not [text for text in page.evaluate(TEXTS) if text["contrast"] < LEAST_CONTRAST]
