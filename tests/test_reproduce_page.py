@@ -175,7 +175,6 @@ def open_page(browser, folder):
 @pytest.mark.parametrize("size", SIZES)
 def test_the_page_is_legible(open_page, folder, report, size, theme):
     page = open_page(size, theme)
-    page.screenshot(path=folder / f"{size}-{theme}.png", full_page=True)
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
 
     figures = page.evaluate(FIGURES)
