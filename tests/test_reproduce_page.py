@@ -173,7 +173,7 @@ def open_page(browser, folder):
 
 @pytest.mark.parametrize("theme", THEMES)
 @pytest.mark.parametrize("size", SIZES)
-def test_the_page_is_legible(open_page, folder, report, size, theme):
+def test_the_page_is_legible(open_page, report, size, theme):
     page = open_page(size, theme)
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
 
