@@ -61,11 +61,14 @@ class Graph:
         assert node.start(), node.failure
         return node
 
-    def spin(self, condition: Callable[[], bool], timeout=30.0):
+    def spin(self, condition: Callable[[], bool], timeout=240.0):
         assert spin_until(self.executor, condition, timeout), self.reports
 
     def reported(self, text: str) -> bool:
         return any(text in report for report in self.reports)
+
+    def wait_for_report(self, text: str):
+        self.spin(lambda: self.reported(text))
 
 
 class Done(NamedTuple):

@@ -122,7 +122,7 @@ def test_the_service_answers_from_a_navigation_state(graph):
         mission="ares_v", method="analytic", use_nav_state=True, nav_state=state
     )
     call = client.call_async(request)
-    graph.spin(call.done, 240.0)
+    graph.spin(call.done)
     answer = call.result()
     assert answer.error_code == SolveTrajectory.Response.NONE, answer.message
     assert answer.converged

@@ -229,7 +229,7 @@ def test_an_interrupted_flight_keeps_its_bag_and_leaves_nothing(domain, bags, tm
     children = children_of(parent.pid)
     assert len(children) == 3
     parent.send_signal(number)
-    out, _ = parent.communicate(timeout=60.0)
+    out, _ = parent.communicate(timeout=TIMEOUT)
     assert parent.returncode == 130
     assert json.loads(out)["outcome"] == "interrupted"
     assert not [pid for pid in children if Path(f"/proc/{pid}").exists()]

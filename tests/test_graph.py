@@ -57,7 +57,7 @@ def answers(graph) -> int:
 def test_two_nodes_fly_the_default_mission(graph):
     simulator = graph.start(VehicleSimNode)
     graph.start(GuidanceNode)
-    graph.spin(lambda: any(e.type == FlightEvent.FLIGHT_COMPLETE for e in graph.events), 60.0)
+    graph.spin(lambda: any(e.type == FlightEvent.FLIGHT_COMPLETE for e in graph.events))
     kinds = [event.type for event in graph.events]
     assert kinds == [
         FlightEvent.FLIGHT_STARTED,
@@ -103,8 +103,8 @@ def test_a_command_that_cannot_be_flown_is_refused_and_the_flight_goes_on(
     simulator = graph.start(VehicleSimNode)
     graph.add(ScriptedGuidance(graph.context, spoil))
     graph.spin(lambda: answers(graph) > 50)
-    assert graph.reported("vehicle_sim: command refused: ")
-    assert graph.reported(complaint)
+    graph.wait_for_report("vehicle_sim: command refused: ")
+    graph.wait_for_report(complaint)
     assert np.all(np.isfinite(simulator.simulator.plant["position"]))
     assert np.linalg.norm(simulator.simulator.plant["direction"]) == pytest.approx(1.0)
 
@@ -137,7 +137,7 @@ def test_a_stale_command_is_refused(graph):
     graph.start(VehicleSimNode)
     graph.guidance = graph.add(ScriptedGuidance(graph.context, repeat_the_first))
     graph.spin(lambda: answers(graph) > 20)
-    assert graph.reported("command refused: nav_stamp is 155.9 s; expected 156.")
+    graph.wait_for_report("command refused: nav_stamp is 155.9 s; expected 156.")
 
 
 def test_a_second_answer_to_the_same_state_is_refused(graph):
@@ -147,14 +147,14 @@ def test_a_second_answer_to_the_same_state_is_refused(graph):
     )
     guidance._change = lambda _n, command: guidance._out.publish(command) or command
     graph.spin(lambda: answers(graph) > 20)
-    assert graph.reported("command refused: ")
+    graph.wait_for_report("command refused: ")
 
 
 def test_a_lost_answer_is_flown_over(graph):
     graph.start(VehicleSimNode, command_timeout_s=0.05)
     graph.add(ScriptedGuidance(graph.context, lambda n, command: None if n == 7 else command))
     graph.spin(lambda: answers(graph) > 30)
-    assert graph.reported("no answer within 0.05 s; flying on with the last good command")
+    graph.wait_for_report("no answer within 0.05 s; flying on with the last good command")
     assert not graph.reported("without guidance")
 
 
@@ -166,7 +166,7 @@ def test_guidance_that_falls_silent_leaves_a_flight_on_its_last_command(graph):
     graph.start(VehicleSimNode, command_timeout_s=0.05)
     graph.add(ScriptedGuidance(graph.context, fall_silent))
     graph.spin(lambda: any(e.type == FlightEvent.FLIGHT_COMPLETE for e in graph.events))
-    assert graph.reported("3 answers lost in a row: flying on without guidance")
+    graph.wait_for_report("3 answers lost in a row: flying on without guidance")
     cutoff = next(e for e in graph.events if e.type == FlightEvent.CUTOFF)
     assert cutoff.time == pytest.approx(170.05, abs=1e-9)
 
@@ -177,7 +177,7 @@ def test_guidance_that_comes_back_is_listened_to_again(graph):
 
     simulator = graph.start(VehicleSimNode, command_timeout_s=0.02)
     graph.add(ScriptedGuidance(graph.context, pause))
-    graph.spin(lambda: graph.reported("without guidance"))
+    graph.wait_for_report("without guidance")
     # on a busy machine an answer can be late again
     graph.spin(lambda: answers(graph) > 120 and simulator._lost_in_a_row == 0)
     kinds = [event.type for event in graph.events if event.type >= FlightEvent.GUIDANCE_LOST]
@@ -251,7 +251,7 @@ def test_guidance_refuses_a_navigation_state_that_is_not_finite(graph):
     bad.stamp.sec = 156
     out.publish(bad)
     graph.spin(lambda: len(commands) == 2)
-    graph.spin(lambda: graph.reported("guidance: navigation state refused"))
+    graph.wait_for_report("guidance: navigation state refused")
     # the answer is still there, so that the vehicle does not wait, and it is the last good one
     assert commands[1].direction == pytest.approx(commands[0].direction)
     assert commands[1].nav_stamp == bad.stamp
@@ -263,7 +263,7 @@ def test_status_tells_the_story_of_a_flight(graph):
     graph.observer.create_subscription(GuidanceStatus, "guidance_status", statuses.append, FLIGHT)
     graph.start(VehicleSimNode)
     graph.start(GuidanceNode)
-    graph.spin(lambda: any(e.type == FlightEvent.FLIGHT_COMPLETE for e in graph.events), 60.0)
+    graph.spin(lambda: any(e.type == FlightEvent.FLIGHT_COMPLETE for e in graph.events))
     assert [status.cycle for status in statuses] == list(range(1, len(statuses) + 1))
     assert statuses[0].converged
     assert statuses[0].iterations <= 30
@@ -302,10 +302,10 @@ def test_two_flights_on_one_graph_fly_as_if_alone(graph):
     for flight_id, mission in ((11, "ares_v"), (12, "saturn_v_as506")):
         flights.append(graph.start(VehicleSimNode, flight_id=flight_id, mission=mission))
         graph.start(GuidanceNode, flight_id=flight_id, mission=mission)
-    graph.spin(lambda: all(end_of(graph, flight) for flight in flights), 120.0)
+    graph.spin(lambda: all(end_of(graph, flight) for flight in flights))
     masses = [end_of(graph, flight).mass for flight in flights]
     assert masses == pytest.approx([174_117.62, 136_416.8], abs=0.1)
-    assert graph.reported("vehicle_sim: another simulator, /ares/vehicle_sim: it has no part")
+    graph.wait_for_report("vehicle_sim: another simulator, /ares/vehicle_sim: it has no part")
 
 
 def test_a_second_guidance_is_told_and_has_no_effect(graph):
@@ -313,9 +313,9 @@ def test_a_second_guidance_is_told_and_has_no_effect(graph):
     graph.start(GuidanceNode)
     graph.spin(lambda: answers(graph) > 20)
     second = graph.start(GuidanceNode, law="igm")
-    graph.spin(lambda: graph.reported("a second guidance, /ares/guidance: it has no part"))
-    graph.spin(lambda: graph.reported("has another guidance: this one has no part in it"))
-    graph.spin(lambda: end_of(graph, simulator), 60.0)
+    graph.wait_for_report("a second guidance, /ares/guidance: it has no part")
+    graph.wait_for_report("has another guidance: this one has no part in it")
+    graph.spin(lambda: end_of(graph, simulator))
     assert end_of(graph, simulator).mass == pytest.approx(174_117.62, abs=0.01)
     assert second._membership.state is State.PRESENT
 
@@ -331,8 +331,8 @@ def test_commands_of_strangers_are_refused(graph):
     simulator = graph.start(VehicleSimNode, command_timeout_s=0.02)
     graph.add(ScriptedGuidance(graph.context, spoil))
     graph.spin(lambda: answers(graph) > 20)
-    assert graph.reported("command refused: of another flight, ")
-    assert graph.reported("command refused: of a guidance without part, ")
+    graph.wait_for_report("command refused: of another flight, ")
+    graph.wait_for_report("command refused: of a guidance without part, ")
     assert simulator._membership.foreign == 5
 
 
@@ -341,15 +341,15 @@ def test_guidance_of_another_mission_has_no_part(graph):
     graph.start(GuidanceNode, mission="saturn_v_as506")
     graph.spin(lambda: simulator.done)
     assert simulator.failure == "no guidance for mission ares_v on the graph after 1 s"
-    assert graph.reported("guidance is for saturn_v_as506: it has no part in it")
+    graph.wait_for_report("guidance is for saturn_v_as506: it has no part in it")
 
 
 def test_guidance_left_over_joins_the_next_flight(graph):
     first = graph.start(VehicleSimNode, navigation_period_s=1.0)
     guidance = graph.start(GuidanceNode)
-    graph.spin(lambda: end_of(graph, first), 60.0)
+    graph.spin(lambda: end_of(graph, first))
     second = graph.start(VehicleSimNode, navigation_period_s=1.0)
-    graph.spin(lambda: end_of(graph, second), 60.0)
+    graph.spin(lambda: end_of(graph, second))
     assert first.flight_id != second.flight_id
     assert end_of(graph, first).mass == end_of(graph, second).mass
     assert guidance._membership.flight_id == second.flight_id
@@ -360,7 +360,7 @@ def test_new_guidance_takes_over_where_the_old_one_is_lost(graph):
     lost = graph.add(ScriptedGuidance(graph.context, lambda n, c: c if n < 20 else None))
     graph.spin(lambda: answers(graph) > 10)
     graph.start(GuidanceNode)
-    graph.spin(lambda: graph.reported("takes over from lost guidance"))
+    graph.wait_for_report("takes over from lost guidance")
     graph.spin(lambda: any(e.type == FlightEvent.GUIDANCE_BACK for e in graph.events))
     assert simulator._membership.guidance_id != lost.membership.member_id
 
@@ -370,7 +370,7 @@ def test_a_viewer_is_not_taken_for_the_recorder(graph, tmp_path):
     graph.start(GuidanceNode)
     graph.spin(lambda: simulator._missing()[0] == "recorder")
     recorder = graph.start(RecorderNode, bag=str(tmp_path / "bag"))
-    graph.spin(lambda: end_of(graph, simulator), 60.0)
+    graph.spin(lambda: end_of(graph, simulator))
     graph.spin(lambda: recorder._membership.state is State.OVER)
     assert recorder.error is None
     count = simulator.simulator.sequence
@@ -392,5 +392,5 @@ def test_a_pause_of_guidance_is_not_made_up_for_in_a_rush(graph):
     graph.spin(lambda: answers(graph) > 8)
     begun = simulator._started_at
     graph.spin(lambda: answers(graph) > 20)
-    assert graph.reported("behind its pace by ")
+    graph.wait_for_report("behind its pace by ")
     assert simulator._started_at - begun >= 0.9

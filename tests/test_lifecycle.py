@@ -42,12 +42,12 @@ def test_the_same_nodes_fly_one_mission_after_the_other(graph, tmp_path):
     recorder = graph.start(RecorderNode, bag=str(tmp_path / "first"))
     guidance = graph.start(GuidanceNode)
     simulator = graph.start(VehicleSimNode, expected_recorders=1, navigation_period_s=1.0)
-    graph.spin(lambda: len(flights_over(graph)) == 1 and recorder._writer is None, 60.0)
+    graph.spin(lambda: len(flights_over(graph)) == 1 and recorder._writer is None)
 
     again(recorder, bag=str(tmp_path / "second"))
     again(guidance, mission="delta_iii")
     again(simulator, mission="delta_iii")
-    graph.spin(lambda: len(flights_over(graph)) == 2 and recorder._writer is None, 60.0)
+    graph.spin(lambda: len(flights_over(graph)) == 2 and recorder._writer is None)
 
     bags = [open_bag(tmp_path / name) for name in ("first", "second")]
     starts = [next(bag.messages("nav_state"))[1] for bag in bags]
@@ -65,7 +65,7 @@ def test_guidance_that_pauses_goes_on(graph):
     graph.spin(lambda: guidance._held_back is not None)
     flown = len(graph.states)
     assert guidance.trigger_activate() == SUCCESS
-    graph.spin(lambda: bool(flights_over(graph)), 60.0)
+    graph.spin(lambda: bool(flights_over(graph)))
     assert len(graph.states) > flown
     assert_on_target(graph)
     assert not graph.reports
@@ -79,7 +79,7 @@ def test_a_stopped_flight_is_not_taken_up_but_a_new_one_is(graph):
     assert simulator.trigger_activate() != SUCCESS
     assert simulator.failure.startswith("the flight was stopped and cannot go on, at ")
     again(simulator)
-    graph.spin(lambda: bool(flights_over(graph)), 60.0)
+    graph.spin(lambda: bool(flights_over(graph)))
     assert_on_target(graph)
 
     assert simulator.trigger_deactivate() == SUCCESS

@@ -84,7 +84,7 @@ def test_flight_k_of_a_campaign_is_flight_k_of_the_graph(graph, files, name, law
         command_timeout_s=60.0,
     )
     graph.start(GuidanceNode, law=law)
-    graph.spin(lambda: any(e.type == FlightEvent.FLIGHT_COMPLETE for e in graph.events), 240.0)
+    graph.spin(lambda: any(e.type == FlightEvent.FLIGHT_COMPLETE for e in graph.events))
     flown = {event.type: event for event in graph.events}
     end, drop = flown[FlightEvent.FLIGHT_COMPLETE], flown[FlightEvent.JETTISON]
     assert end.time == pytest.approx(result["end_time"], rel=1e-9)

@@ -20,7 +20,7 @@ def fly(graph, **parameters):
     graph.observer.create_subscription(GuidanceStatus, "guidance_status", statuses.append, FLIGHT)
     graph.start(VehicleSimNode, mission="ares_v", navigation_period_s=1.0, command_timeout_s=60.0)
     graph.start(GuidanceNode, mission="ares_v", law="optimal", **parameters)
-    graph.spin(lambda: any(e.type == FlightEvent.FLIGHT_COMPLETE for e in graph.events), 240.0)
+    graph.spin(lambda: any(e.type == FlightEvent.FLIGHT_COMPLETE for e in graph.events))
     return statuses
 
 

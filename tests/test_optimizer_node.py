@@ -33,7 +33,7 @@ def served(graph):
 
     def ask(count=1, **fields):
         calls = [client.call_async(SolveTrajectory.Request(**fields)) for _ in range(count)]
-        graph.spin(lambda: all(call.done() for call in calls), 240.0)
+        graph.spin(lambda: all(call.done() for call in calls))
         answers = [call.result() for call in calls]
         return answers if count > 1 else answers[0]
 
@@ -171,7 +171,7 @@ def fly(graph, **parameters):
     graph.start(GuidanceNode, initial_guess="optimizer", **parameters)
     # a slow machine is not a lost command; navigation as often as guidance needs it
     graph.start(VehicleSimNode, command_timeout_s=60.0, navigation_period_s=1.0)
-    graph.spin(lambda: any(e.type == FlightEvent.FLIGHT_COMPLETE for e in graph.events), 240.0)
+    graph.spin(lambda: any(e.type == FlightEvent.FLIGHT_COMPLETE for e in graph.events))
     cutoff = next(event for event in graph.events if event.type == FlightEvent.CUTOFF)
     assert np.linalg.norm(cutoff.position) == pytest.approx(6_518_889.0, abs=1.0)
     assert np.linalg.norm(cutoff.velocity) == pytest.approx(7840.675, abs=0.01)
@@ -189,7 +189,7 @@ def test_guidance_starts_from_the_optimizers_guess(graph):
 def test_guidance_flies_without_an_optimizer(graph):
     statuses = fly(graph, optimizer_timeout_s=0.3)
     assert statuses[0].converged
-    assert graph.reported("optimizer: no such service on the graph; starting from the navigation")
+    graph.wait_for_report("optimizer: no such service on the graph; starting from the navigation")
 
 
 @pytest.mark.parametrize(
@@ -229,4 +229,4 @@ def test_guidance_flies_without_a_late_or_wrong_answer(graph, answer, complaint)
         if server is not graph.observer:
             server.destroy_node()
     assert statuses[0].converged
-    assert graph.reported(complaint)
+    graph.wait_for_report(complaint)

@@ -46,7 +46,9 @@ class Flight:
     graph: object
 
     def in_the_air(self):
-        self.graph.spin(lambda: len(self.graph.states) > 5, PATIENCE)
+        # one that has ended has an output that says why
+        states, ended = self.graph.states, self.process.poll
+        self.graph.spin(lambda: len(states) > 5 or ended() is not None, PATIENCE)
 
     def node(self, name):
         for child in self.process.children(recursive=True):

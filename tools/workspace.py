@@ -931,29 +931,31 @@ def print_environment(workspace: Workspace, environ: Mapping[str, str]) -> None:
 def run_tests(workspace: Workspace, environ: Mapping[str, str], arguments: Sequence[str]) -> int:
     """Run the linters, the type checker and the tests; returns the exit status.
 
-    pytest runs even if a linter objects, and comes last.
+    pytest runs even if a linter objects. The type checker works beside it, where a processor
+    is free now and then, and says what it found in the end.
     """
     environment = workspace.environment(environ)
 
-    def run(options: Sequence[str]) -> int:
-        command = [str(workspace.interpreter), *options]
-        return subprocess.run(command, cwd=workspace.root, env=environment, check=False).returncode
+    def begin(*options: str, stdout: int | None = None) -> subprocess.Popen[str]:
+        command = [str(workspace.interpreter), "-m", *options]
+        return subprocess.Popen(
+            command, cwd=workspace.root, env=environment, text=True, stdout=stdout
+        )
 
     failed: list[str] = []
-    steps = {
-        "ruff check": ["ruff", "check", "."],
-        "ruff format": ["ruff", "format", "--check", "."],
-        "mypy": ["mypy"],
-    }
-    for name, (module, *options) in steps.items():
+    for options in (("ruff", "check", "."), ("ruff", "format", "--check", ".")):
+        name = " ".join(options[:2])
         say(f"running {name}")
-        if run(["-m", module, *options]) != 0:
+        if begin(*options).wait() != 0:
             failed.append(name)
     if failed:
         say(f"failed: {', '.join(failed)}; this run fails whatever the tests say")
-    say("running the tests")
-    status = run(["-m", "pytest", "--numprocesses=2", "--dist=worksteal", *arguments])
-    return status or (1 if failed else 0)
+    say("running the tests, and mypy beside them")
+    with begin("mypy", stdout=subprocess.PIPE) as types:
+        status = begin("pytest", "--numprocesses=2", "--dist=worksteal", *arguments).wait()
+        found, _ = types.communicate()
+    say(f"mypy: {found.strip()}")
+    return status or types.returncode or (1 if failed else 0)
 
 
 def main(arguments: list[str]) -> int:

@@ -46,7 +46,7 @@ def alive(pid):
     return state != "Z"
 
 
-def wait_until(condition, timeout=20.0):
+def wait_until(condition, timeout=120.0):
     deadline = time.monotonic() + timeout
     while not condition() and time.monotonic() < deadline:
         time.sleep(0.02)

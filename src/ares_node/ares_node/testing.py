@@ -52,7 +52,7 @@ def ros_environment(ros_domain: int) -> dict[str, str]:
     return {**os.environ, "ROS_DOMAIN_ID": str(ros_domain), "PYTHONUNBUFFERED": "1"}
 
 
-def spin_until(executor: Executor, condition: Callable[[], bool], timeout: float = 10.0) -> bool:
+def spin_until(executor: Executor, condition: Callable[[], bool], timeout: float = 120.0) -> bool:
     """Spin until the condition holds; whether it held within the timeout (s)."""
     deadline = time.monotonic() + timeout
     while not condition():

@@ -172,7 +172,7 @@ def test_reports_carry_name_stamp_and_values(
     node.create_subscription(DiagnosticArray, "/diagnostics", heard.append, 10)
     process = start(ros_environment)
     try:
-        assert spin_until(executor, lambda: bool(heard), timeout=120.0)
+        assert spin_until(executor, lambda: bool(heard))
     finally:
         process.terminate()
         process.communicate(timeout=120)
@@ -194,7 +194,7 @@ def log_records(context: Context, environment: dict[str, str], mode: str, wanted
     node.create_subscription(Log, LOG, heard.append, LOG_QOS)
     process = start(environment, "--ros-args", "-p", f"mode:={mode}")
     try:
-        assert spin_until(executor, lambda: wanted in [record.msg for record in heard], 20.0)
+        assert spin_until(executor, lambda: wanted in [record.msg for record in heard])
     finally:
         process.terminate()
         process.communicate(timeout=30)
@@ -223,7 +223,7 @@ def test_the_reason_of_a_refused_start_goes_to_rosout(ros_context: Context) -> N
     executor.add_node(node)
     try:
         assert not node.start()
-        assert spin_until(executor, lambda: bool(heard), timeout=60.0)
+        assert spin_until(executor, lambda: bool(heard))
     finally:
         node.stop()
         executor.shutdown()
