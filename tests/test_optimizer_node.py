@@ -12,7 +12,8 @@ from ares_models.mission import MISSION
 from ares_msgs.msg import FlightEvent, GuidanceStatus, NavState
 from ares_msgs.srv import SolveTrajectory
 from ares_node.qos import FLIGHT
-from ares_optimizer.node import OptimizerNode
+from ares_optimizer.node import ERROR_CODES, OptimizerNode
+from ares_optimizer.solution import Cause, Status, failed
 from ares_vehicle_sim.node import VehicleSimNode
 
 Response = SolveTrajectory.Response
@@ -96,6 +97,34 @@ def test_a_bad_request_gets_a_code_a_line_and_no_numbers(served, fields, code, t
     lists = [name for name in answer.get_fields_and_field_types() if name.startswith(LISTS)]
     assert len(lists) == 13
     assert not any(len(getattr(answer, name)) for name in lists)
+
+
+@pytest.mark.parametrize(
+    ("status", "code"),
+    [
+        (Status.INFEASIBLE, Response.INFEASIBLE),
+        (Status.ITERATION_LIMIT, Response.NOT_CONVERGED),
+        (Status.TIME_LIMIT, Response.TIME_LIMIT),
+    ],
+)
+def test_the_error_code_follows_from_the_status(served, monkeypatch, status, code):
+    """Not from words of the reason, nor from how long it took."""
+    cause = Cause(status, "it did not converge, they say")
+
+    def late(*_args, **_options):
+        time.sleep(0.05)
+        return failed("direct11", cause)
+
+    monkeypatch.setattr("ares_optimizer.node.solve", late)
+    answer = served(method="direct11", time_limit=0.01)
+    assert answer.error_code == code
+    assert answer.message == cause.reason
+    assert not answer.converged
+
+
+def test_every_failure_has_its_code():
+    assert set(ERROR_CODES) == set(Status) - {Status.CONVERGED}
+    assert Response.NONE not in ERROR_CODES.values()
 
 
 def test_a_mission_file_is_read_again_when_it_has_changed(served, tmp_path):

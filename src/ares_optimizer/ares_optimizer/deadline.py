@@ -8,9 +8,6 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
-#: What a search says that the limit has ended.
-TIME_LIMIT_PASSED = "the time limit passed before the search ended"
-
 Flag = NDArray[np.int64]
 
 

@@ -20,9 +20,8 @@ from ares_node.node import FlightNode
 from ares_node.parameters import Parameter
 from ares_node.qos import SOLVE_TRAJECTORY
 from ares_node.time import NANOSECONDS, ns_from_stamp
-from ares_optimizer.deadline import TIME_LIMIT_PASSED
 from ares_optimizer.request import INDIRECT_METHODS, METHODS, start_of
-from ares_optimizer.solution import OptimizerError, Solution, SteeringArc, UnfitMethod
+from ares_optimizer.solution import OptimizerError, Solution, Status, SteeringArc, UnfitMethod
 from ares_optimizer.solve import solve
 
 Response: Any = SolveTrajectory.Response
@@ -44,6 +43,17 @@ PARAMETERS = (
         maximum=LONGEST,
     ),
 )
+
+
+#: Error code of a status that is not CONVERGED.
+ERROR_CODES = {
+    Status.INFEASIBLE: Response.INFEASIBLE,
+    Status.NOT_OPTIMAL: Response.NOT_CONVERGED,
+    Status.ITERATION_LIMIT: Response.NOT_CONVERGED,
+    Status.STALLED: Response.NOT_CONVERGED,
+    Status.TIME_LIMIT: Response.TIME_LIMIT,
+    Status.ILLEGAL_START: Response.INVALID_STATE,
+}
 
 
 class Refused(Exception):
@@ -174,12 +184,7 @@ class OptimizerNode(FlightNode):
         _fill(response, solution)
         if solution.converged:
             return
-        code = Response.INFEASIBLE
-        if solution.reason == TIME_LIMIT_PASSED or response.solve_time > limit:
-            code = Response.TIME_LIMIT
-        elif "did not converge" in solution.reason:
-            code = Response.NOT_CONVERGED
-        raise Refused(code, solution.reason)
+        raise Refused(ERROR_CODES[solution.status], solution.reason)
 
     def _limit(self, asked: float) -> float:
         if asked == 0.0:

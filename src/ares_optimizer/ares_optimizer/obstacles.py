@@ -1,7 +1,7 @@
 """What stands in the way of any method: one line each, empty where there is nothing."""
 
 from ares_models.arrays import TARGET_KEPLERIAN, MissionArrays
-from ares_optimizer.solution import ConstraintCheck
+from ares_optimizer.solution import Check, ConstraintCheck
 
 
 def target_obstacle(arrays: MissionArrays) -> str:
@@ -27,7 +27,7 @@ def check_obstacle(checks: tuple[ConstraintCheck, ...]) -> str:
     """A line that names the constraints an independent integration finds broken."""
     for check in checks:
         # what is integrated through the Earth says nothing else
-        if check.name == "lowest altitude" and not check.satisfied:
+        if check.key is Check.LOWEST_ALTITUDE and not check.satisfied:
             return f"the flight goes through the ground, {-check.value:,.0f} m deep"
     broken = [
         f"{check.name} is {check.value:,.6g} {check.unit}, limit {check.limit:,.6g} {check.unit}, "

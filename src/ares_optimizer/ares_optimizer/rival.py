@@ -21,7 +21,7 @@ from ares_optimizer.indirect.solve import solve_indirect
 from ares_optimizer.indirect.solver import IndirectGuess, TwoPointOptions
 from ares_optimizer.kernels.terminal import target_normal, wanted_state
 from ares_optimizer.request import DIRECT_METHODS, Heating, Request
-from ares_optimizer.solution import OptimizerError, Solution, UnfitMethod
+from ares_optimizer.solution import OptimizerError, Solution, Status, UnfitMethod
 
 _SAME_KG = 1.0
 #: Of the velocity that takes a vehicle to its target in two manoeuvres, one after the other.
@@ -127,7 +127,7 @@ def beside_rival(
     rival = None if request.deadline.passed else find_rival(request)
     if rival is None or not rival.found.converged:
         detour = detour_line(request.arrays, request.state, solution) if solution.converged else ""
-        return replace(solution, converged=False, reason=detour) if detour else solution
+        return replace(solution, status=Status.NOT_OPTIMAL, reason=detour) if detour else solution
     if rival.beats(solution):
         again = extremal(rival.guess())
         better = again.converged and not rival.beats(again)
@@ -140,7 +140,7 @@ def beside_rival(
         if solution.converged and not better:
             solution = replace(
                 solution,
-                converged=False,
+                status=Status.NOT_OPTIMAL,
                 reason=f"no optimum found: the extremal that was found reaches "
                 f"{solution.m_f_kg:,.1f} kg, direct11 {rival.m_f_kg:,.1f} kg",
             )

@@ -6,12 +6,67 @@ Times are mission elapsed time in s, vectors stand in the frame ``ares_eci``.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from enum import StrEnum
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+
+class Status(StrEnum):
+    """How a request ended."""
+
+    #: an optimum, proven if that was asked for; of ``analytic``, its own conditions are met
+    CONVERGED = "converged"
+    #: the target or a limit on the way cannot be met
+    INFEASIBLE = "infeasible"
+    #: what was found is stationary and no optimum: a saddle, a detour, beaten by another
+    NOT_OPTIMAL = "not_optimal"
+    #: the iterations were used up
+    ITERATION_LIMIT = "iteration_limit"
+    #: no step led on, and nothing is known to stand in the way
+    STALLED = "stalled"
+    #: the time limit passed
+    TIME_LIMIT = "time_limit"
+    #: no flight can be laid out from the start
+    ILLEGAL_START = "illegal_start"
+
+
+class Cause(NamedTuple):
+    """How a request ended, and why in one line."""
+
+    status: Status
+    reason: str
+
+
+OPTIMAL = Cause(Status.CONVERGED, "optimal")
+OUT_OF_TIME = Cause(Status.TIME_LIMIT, "the time limit passed before the search ended")
+
+
+def infeasible(line: str) -> Cause | None:
+    """The cause that a line on an obstacle tells of; None for an empty line."""
+    return Cause(Status.INFEASIBLE, line) if line else None
+
+
+class Check(StrEnum):
+    """What a constraint check is about; a figure of the target by its field of TARGET."""
+
+    RADIUS = "radius"
+    SPEED = "speed"
+    FLIGHT_PATH_ANGLE = "flight_path_angle"
+    INCLINATION = "inclination"
+    ASCENDING_NODE = "ascending_node"
+    SEMI_MAJOR_AXIS = "semi_major_axis"
+    ECCENTRICITY = "eccentricity"
+    ARGUMENT_OF_PERIGEE = "argument_of_perigee"
+    #: of one jettison each
+    HEATING_AT_JETTISON = "heating_at_jettison"
+    JETTISON_BEFORE_CUTOFF = "jettison_before_cutoff"
+    HEATING_FROM_JETTISON = "heating_from_jettison"
+    LOWEST_ALTITUDE = "lowest_altitude"
+    PROPELLANT = "propellant"
 
 
 class OptimizerError(ValueError):
@@ -54,7 +109,8 @@ class ConstraintCheck:
     """One constraint as the independent integration finds it.
 
     Attributes:
-        name: what is constrained, in words.
+        key: what is constrained,
+        name: and in words.
         value: what it came to, in ``unit``.
         limit: what it must be (an equality) or must not pass.
         active: True when it holds the optimum: an equality, or an inequality at its limit.
@@ -62,8 +118,10 @@ class ConstraintCheck:
         satisfied: within the tolerance of the verification.
         multiplier: kg of final mass per ``unit`` of the limit, positive when more of it
             helps; nan when the method does not give it.
+        jettison: of the mission, that it is about; None: of none.
     """
 
+    key: Check
     name: str
     value: float
     limit: float
@@ -71,6 +129,7 @@ class ConstraintCheck:
     unit: str
     satisfied: bool
     multiplier: float = math.nan
+    jettison: int | None = None
 
 
 @dataclass(frozen=True)
@@ -159,8 +218,9 @@ class Solution:
     Attributes:
         method: ``direct11``, ``direct14``, ``direct20``, ``jump``, ``indirect``,
             ``closed_form``, ``analytic``.
-        converged: optimal and verified; never True for anything else. Of ``analytic``, an
-            approximation and not an optimum: its iteration met its own conditions.
+        status: how it ended. CONVERGED: optimal and verified; never for anything else. Of
+            ``analytic``, an approximation and not an optimum: its iteration met its own
+            conditions.
         reason: one line; on failure it names the constraint in the way and by how much.
         jettison_times_s: one per jettison of the mission; nan: not dropped, or before the start.
         t_meco_s: cut-off time; nan without a trajectory.
@@ -178,7 +238,7 @@ class Solution:
     """
 
     method: str
-    converged: bool
+    status: Status
     reason: str
     jettison_times_s: tuple[float, ...]
     t_meco_s: float
@@ -193,6 +253,11 @@ class Solution:
     parameters: Array | None = None
     restarts: int = 0
     notes: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def converged(self) -> bool:
+        """Whether the status is CONVERGED."""
+        return self.status is Status.CONVERGED
 
     @property
     def t_plf_s(self) -> float:
@@ -229,6 +294,6 @@ def _number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def failed(method: str, reason: str, *, iterations: int = 0, solve_ms: float = 0.0) -> Solution:
+def failed(method: str, cause: Cause, *, iterations: int = 0, solve_ms: float = 0.0) -> Solution:
     """A failure without a trajectory."""
-    return Solution(method, False, reason, (), math.nan, math.nan, iterations, solve_ms)
+    return Solution(method, *cause, (), math.nan, math.nan, iterations, solve_ms)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ares_models.arrays import MissionArrays
 from ares_models.mission import Mission
 from ares_optimizer.analytic.solve import solve_analytic
-from ares_optimizer.deadline import TIME_LIMIT_PASSED, Deadline
+from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.solve import solve_direct
 from ares_optimizer.request import (
     ANALYTIC_METHOD,
@@ -21,7 +21,7 @@ from ares_optimizer.request import (
     hold_jettisons,
 )
 from ares_optimizer.rival import solve_beside_rival
-from ares_optimizer.solution import OptimizerError, Solution, UnfitMethod, failed
+from ares_optimizer.solution import OUT_OF_TIME, OptimizerError, Solution, UnfitMethod, failed
 
 #: PASSIVE is no optimum: it is there to set one beside.
 CHOICES = (Heating.AT_JETTISON, Heating.FROM_JETTISON, Heating.IGNORED)
@@ -93,7 +93,7 @@ def _solve_analytic(request: Request) -> Solution:
     if request.heating is not Heating.AT_JETTISON:
         raise UnfitMethod(f"heating is {str(request.heating)!r}; analytic takes at_jettison")
     if request.deadline.passed:
-        return failed(ANALYTIC_METHOD, TIME_LIMIT_PASSED)
+        return failed(ANALYTIC_METHOD, OUT_OF_TIME)
     return solve_analytic(
         request.arrays, state=request.state, verify=request.verify, deadline=request.deadline
     ).solution

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ares_models.arrays import TARGET_KEPLERIAN, TARGET_RADIUS_SPEED_ANGLE_PLANE
 from ares_models.orbits import Elements, Insertion
+from ares_optimizer.solution import Check
 
 Array = NDArray[np.float64]
 
@@ -22,25 +23,25 @@ class TargetRow(NamedTuple):
         turn: whether it is an angle of a whole turn.
     """
 
-    key: str
+    key: Check
     name: str
     unit: str
     turn: bool = False
 
 
 _STATE = (
-    TargetRow("radius", "radius at cut-off", "m"),
-    TargetRow("speed", "speed at cut-off", "m/s"),
-    TargetRow("flight_path_angle", "flight-path angle at cut-off", "deg"),
-    TargetRow("inclination", "inclination", "deg"),
+    TargetRow(Check.RADIUS, "radius at cut-off", "m"),
+    TargetRow(Check.SPEED, "speed at cut-off", "m/s"),
+    TargetRow(Check.FLIGHT_PATH_ANGLE, "flight-path angle at cut-off", "deg"),
+    TargetRow(Check.INCLINATION, "inclination", "deg"),
 )
-_NODE = TargetRow("ascending_node", "ascending node", "deg", turn=True)
+_NODE = TargetRow(Check.ASCENDING_NODE, "ascending node", "deg", turn=True)
 _ORBIT = (
-    TargetRow("semi_major_axis", "semi-major axis", "m"),
-    TargetRow("eccentricity", "eccentricity", "1"),
-    TargetRow("inclination", "inclination", "deg"),
+    TargetRow(Check.SEMI_MAJOR_AXIS, "semi-major axis", "m"),
+    TargetRow(Check.ECCENTRICITY, "eccentricity", "1"),
+    TargetRow(Check.INCLINATION, "inclination", "deg"),
     _NODE,
-    TargetRow("argument_of_perigee", "argument of perigee", "deg", turn=True),
+    TargetRow(Check.ARGUMENT_OF_PERIGEE, "argument of perigee", "deg", turn=True),
 )
 
 

@@ -8,10 +8,11 @@ import pytest
 
 from ares_models.arrays import ALTITUDE_SPHERICAL
 from ares_models.mission import load_mission
-from ares_optimizer.deadline import TIME_LIMIT_PASSED, Deadline
+from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.search import Guess, find_direct, thesis_guess
 from ares_optimizer.proof.physics import elements
 from ares_optimizer.request import start_of
+from ares_optimizer.solution import OUT_OF_TIME
 from ares_optimizer.solve import solve
 
 METHODS = ("direct11", "direct14", "direct20")
@@ -243,7 +244,7 @@ def test_deadline_ends_a_search(ares_v, monkeypatch):
     monkeypatch.setattr(Deadline, "passed", property(lambda _: next(asked, True)))
     solution = solve(arrays, state=start, time_limit_s=60.0)
     assert not solution.converged
-    assert solution.reason == TIME_LIMIT_PASSED
+    assert solution.reason == OUT_OF_TIME.reason
     assert solution.iterations < 300
 
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from ares_models.mission import load_mission
-from ares_optimizer.deadline import TIME_LIMIT_PASSED, Deadline
+from ares_optimizer.deadline import Deadline
 from ares_optimizer.indirect.solver import TwoPointSolver, navigation
 from ares_optimizer.proof.flight import fly, steering_of
 from ares_optimizer.request import DIRECT_METHODS, INDIRECT_METHODS, Heating, Request, start_of
 from ares_optimizer.rival import ample_delta_v, beside_rival, find_rival
-from ares_optimizer.solution import OptimizerError, failed
+from ares_optimizer.solution import OUT_OF_TIME, Cause, OptimizerError, Status, failed
 from ares_optimizer.solve import solve
 
 SAME_KG = 0.2
@@ -193,7 +193,7 @@ class TestRival:
             assert solver.newton(start, guess.unknowns(1)).converged
             return ares_v.solution
 
-        nothing = failed("indirect", "not found", iterations=7)
+        nothing = failed("indirect", Cause(Status.STALLED, "not found"), iterations=7)
         end = beside_rival(indirect(ares_v, start), nothing, again)
         assert end.converged
         assert end.iterations > 7 + ares_v.solution.iterations
@@ -236,7 +236,7 @@ class TestTimeLimit:
     def test_no_time_at_all(self, ares_v, method):
         solution = solve(ares_v.mission, method, time_limit_s=0.0)
         assert not solution.converged
-        assert solution.reason == TIME_LIMIT_PASSED
+        assert solution.reason == OUT_OF_TIME.reason
         assert solution.iterations == 0
 
     @pytest.mark.parametrize("method", ["direct11", "indirect"])
@@ -248,7 +248,7 @@ class TestTimeLimit:
         arrays.target["radius"] = 2.0e7
         solution = solve(arrays, method, state=start_of(ares_v.mission), time_limit_s=60.0)
         assert not solution.converged
-        assert solution.reason == TIME_LIMIT_PASSED
+        assert solution.reason == OUT_OF_TIME.reason
 
     def test_stops_a_continuation(self, ares_v):
         from ares_optimizer.indirect.solve import _from_light_drops

@@ -7,7 +7,7 @@ import pytest
 
 from ares_models.arrays import COAST, LONGEST_FLIGHT
 from ares_models.mission import load_mission
-from ares_optimizer.deadline import TIME_LIMIT_PASSED, Deadline
+from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.kernels import sqp
 from ares_optimizer.direct.kernels.evaluate import evaluate, make_point, make_scratch, most_breaks
 from ares_optimizer.direct.kernels.flight import BREAKS, STORED
@@ -15,7 +15,7 @@ from ares_optimizer.direct.search import MOST_CUTS, own_starts, run, splits_for
 from ares_optimizer.direct.transcription import transcribe
 from ares_optimizer.indirect.solver import TwoPointSolver
 from ares_optimizer.request import METHODS, start_of
-from ares_optimizer.solution import OptimizerError
+from ares_optimizer.solution import OUT_OF_TIME, OptimizerError
 from ares_optimizer.solve import solve
 from ares_optimizer.two_point.kernels import newton
 
@@ -142,4 +142,4 @@ def test_a_nearer_deadline_cuts_no_search_short():
 def test_no_time_at_all(method):
     solution = solve(load_mission("ares_v"), method, time_limit_s=0.0)
     assert not solution.converged
-    assert solution.reason == TIME_LIMIT_PASSED
+    assert solution.reason == OUT_OF_TIME.reason

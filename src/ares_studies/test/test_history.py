@@ -5,7 +5,7 @@ import pytest
 
 from ares_guidance.law import Law
 from ares_models.mission import load_mission
-from ares_optimizer.solution import failed
+from ares_optimizer.solution import Cause, Status, failed
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import fly_stepwise
 from ares_studies.history import pitch_deg, profile_of, record_flight
@@ -86,4 +86,4 @@ def test_the_profile_of_an_optimum(mission):
 
 def test_a_solution_without_a_flight_has_no_profile(mission):
     with pytest.raises(ValueError, match="no luck"):
-        profile_of(mission, failed("direct11", "no luck"))
+        profile_of(mission, failed("direct11", Cause(Status.STALLED, "no luck")))

@@ -14,9 +14,16 @@ from ares_optimizer.analytic.kernels import target as target_search
 from ares_optimizer.analytic.kernels.plane import Plane
 from ares_optimizer.analytic.options import POSITION_INTEGRALS, STEERINGS, AnalyticOptions
 from ares_optimizer.analytic.plane import tilted_plane
-from ares_optimizer.deadline import TIME_LIMIT_PASSED, Deadline
+from ares_optimizer.deadline import Deadline
 from ares_optimizer.kernels.timetable import propellant_used
-from ares_optimizer.solution import OptimizerError, Solution, UnfitMethod
+from ares_optimizer.solution import (
+    OUT_OF_TIME,
+    Cause,
+    OptimizerError,
+    Solution,
+    Status,
+    UnfitMethod,
+)
 
 Array = NDArray[np.float64]
 
@@ -219,7 +226,15 @@ def _cutoff_target(arrays: MissionArrays) -> tuple[float, float, float]:
 
 
 class NoSolution(Exception):
-    """The reason why there is none, one line."""
+    """Why there is none.
+
+    Attributes:
+        cause: in one line.
+    """
+
+    def __init__(self, cause: Cause) -> None:
+        super().__init__(cause.reason)
+        self.cause = cause
 
 
 def target_of_mission(ascent: Ascent) -> tuple[JettisonTarget, int]:
@@ -239,12 +254,17 @@ def target_of_mission(ascent: Ascent) -> tuple[JettisonTarget, int]:
         whole[0], whole_burns, parts, before, after, ascent.heating()
     )
     if status == target_search.NO_FLIGHT:
-        raise NoSolution(f"the projected flight to the target {_errors(whole[0])}")
+        raise NoSolution(
+            Cause(Status.ITERATION_LIMIT, f"the projected flight to the target {_errors(whole[0])}")
+        )
     if status == target_search.TOO_HOT:
         limit = float(ascent.arrays.jettisons[0]["value"])
         raise NoSolution(
-            f"heating limit of jettison 0: {limit:,.6g} W/m2 is not met on the projected arc, "
-            f"the least is {limit * math.exp(level):,.6g} W/m2"
+            Cause(
+                Status.INFEASIBLE,
+                f"heating limit of jettison 0: {limit:,.6g} W/m2 is not met on the projected arc, "
+                f"the least is {limit * math.exp(level):,.6g} W/m2",
+            )
         )
     first = parts[0]
     return JettisonTarget(
@@ -259,7 +279,9 @@ def target_of_mission(ascent: Ascent) -> tuple[JettisonTarget, int]:
 def target_of_optimum(optimum: Solution) -> JettisonTarget:
     """State of a solution at its jettison, just before it."""
     if not optimum.converged or optimum.trajectory is None:
-        raise NoSolution(f"no jettison target from the optimizer: {optimum.reason}")
+        raise NoSolution(
+            Cause(optimum.status, f"no jettison target from the optimizer: {optimum.reason}")
+        )
     flight = optimum.trajectory
     at = int(np.argmin(np.abs(flight.time_s - optimum.t_plf_s)))
     r, v = flight.position[at], flight.velocity[at]
@@ -305,9 +327,9 @@ class Work:
             row["iterations"] += before
         self.converged = bool(met and row["time_to_go"] >= 0.0)
         if not self.converged and deadline.passed:
-            raise NoSolution(TIME_LIMIT_PASSED)
+            raise NoSolution(OUT_OF_TIME)
         if not self.converged:
-            raise NoSolution(f"{name} {_errors(row)}")
+            raise NoSolution(Cause(Status.ITERATION_LIMIT, f"{name} {_errors(row)}"))
 
 
 def _errors(part: Any) -> str:
@@ -337,7 +359,10 @@ def part_one(ascent: Ascent, options: AnalyticOptions, target: JettisonTarget) -
     if time_to_go < _SAME_TIME:
         if not options.ties.solved:
             raise NoSolution(
-                "part one: the jettison falls on staging, which profile thesis has not"
+                Cause(
+                    Status.INFEASIBLE,
+                    "part one: the jettison falls on staging, which profile thesis has not",
+                )
             )
         row["timed"] = 1
         time_to_go = 0.0

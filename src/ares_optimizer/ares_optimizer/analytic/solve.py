@@ -42,18 +42,23 @@ from ares_optimizer.proof.checks import constraint_table, verification
 from ares_optimizer.proof.flight import fly, steering_of
 from ares_optimizer.request import ANALYTIC_METHOD, Heating, Request, arrays_and_state
 from ares_optimizer.solution import (
+    Cause,
     OptimizerError,
     Solution,
+    Status,
     SteeringArc,
     Trajectory,
     UnfitMethod,
     failed,
+    infeasible,
 )
 
 Array = NDArray[np.float64]
 
 
-APPROXIMATION = "analytic approximation, not an optimum: the iteration converged"
+APPROXIMATION = Cause(
+    Status.CONVERGED, "analytic approximation, not an optimum: the iteration converged"
+)
 
 _SAMPLE_PERIOD = 1.0  # s
 _SHORTEST = 1e-6  # s, of a burn worth an arc
@@ -232,26 +237,27 @@ def solve_analytic(
             "are assumed are those of a start before staging"
         )
     found = _Found()
-    reason = target_obstacle(arrays)
+    cause = infeasible(target_obstacle(arrays))
     if ascent.jettisoned or options.jettison_target == "mission":
         optimum = None
-    elif optimum is None and not reason:
+    elif optimum is None and cause is None:
         with Deadline() as unlimited:
             optimum = solve_direct(
                 Request(arrays, state, "direct11", Heating.AT_JETTISON, unlimited)
             )
     began = time.perf_counter()
     try:
-        if not reason:
+        if cause is None:
             _search(ascent, options, optimum, found, deadline or Deadline())
     except NoSolution as failure:
-        reason = str(failure)
+        cause = failure.cause
     elapsed = 1e3 * (time.perf_counter() - began)
     one, two = (None if work is None else _report(work) for work in (found.one, found.two))
     iterations = sum(part.iterations for part in (one, two) if part is not None)
     planar = None
-    solution = failed(ANALYTIC_METHOD, reason)
-    if not reason:
+    if cause is not None:
+        solution = failed(ANALYTIC_METHOD, cause)
+    else:
         pieces = _pieces(ascent, found)
         plane = _plane(ascent, pieces)
         planar, trajectory = _sampled(ascent, plane, pieces)
@@ -497,11 +503,10 @@ def _solution(ascent: Ascent, plane: Plane, pieces: Sequence[_Piece]) -> Solutio
     """Times, masses and steering; no trajectory and no counts yet."""
     arcs = tuple(_steering_arc(ascent, plane, piece) for piece in pieces)
     last = arcs[-1]
-    reason = _propellant_line(ascent, last.end_s)
+    cause = infeasible(_propellant_line(ascent, last.end_s)) or APPROXIMATION
     return Solution(
         ANALYTIC_METHOD,
-        converged=not reason,
-        reason=reason or APPROXIMATION,
+        **cause._asdict(),
         jettison_times_s=(math.nan if ascent.jettisoned else last.start_s,),
         t_meco_s=last.end_s,
         m_f_kg=last.end_mass_kg,

@@ -16,9 +16,11 @@ from ares_optimizer.direct.kernels.problem import (
     HEATING_FROM_JETTISON,
     MINIMISE_HEATING,
 )
+from ares_optimizer.direct.kernels.sqp import TOO_MANY_ITERATIONS
 from ares_optimizer.direct.search import LIFTED, Found, eased, run, solve_base, tighten
 from ares_optimizer.direct.transcription import Transcription, transcribe
 from ares_optimizer.request import Heating
+from ares_optimizer.solution import Cause, Status, infeasible
 from ares_optimizer.targets import figures_of, half_turn, target_rows
 
 Array = NDArray[np.float64]
@@ -92,16 +94,18 @@ def terminal_miss(found: Found) -> float:
     return float(np.abs(point.equations).max())
 
 
-def no_flight_line(arrays: MissionArrays, found: Found) -> str:
+def why_no_flight(arrays: MissionArrays, found: Found) -> Cause:
     """Why a search ended without a solution, as far as its last flight tells."""
     if terminal_miss(found) > _NEAR:
-        return f"no flight to the target found, the nearest: {miss_line(arrays, found)}"
+        line = f"no flight to the target found, the nearest: {miss_line(arrays, found)}"
+        return Cause(Status.INFEASIBLE, line)
     obstacle = ground_obstacle(found) or propellant_obstacle(found)
-    if obstacle:
-        return obstacle
-    if found.transcription.problem.heating == HEATING_FROM_JETTISON:
-        return path_obstacle(found)
-    return "flights to the target exist, but the search for the best one did not end"
+    if not obstacle and found.transcription.problem.heating == HEATING_FROM_JETTISON:
+        obstacle = path_obstacle(found)
+    return infeasible(obstacle) or Cause(
+        Status.ITERATION_LIMIT if found.end == TOO_MANY_ITERATIONS else Status.STALLED,
+        "flights to the target exist, but the search for the best one did not end",
+    )
 
 
 def path_obstacle(found: Found) -> str:
@@ -128,7 +132,7 @@ def path_obstacle(found: Found) -> str:
 
 def rescue(
     arrays: MissionArrays, start: Record, heating: Heating, found: Found, deadline: Deadline
-) -> tuple[Found, str]:
+) -> tuple[Found, Cause | None]:
     """Last attempt on a mission that did not converge, or the reason why it cannot.
 
     The heating limit is lifted; if the target can then be reached, the flight with the least
@@ -143,7 +147,7 @@ def rescue(
         deadline: when to give up.
 
     Returns:
-        a search that converged and an empty line, or ``found`` and the reason.
+        a search that converged and None, or ``found`` and why.
     """
     first = Heating.AT_JETTISON if heating is Heating.FROM_JETTISON else heating
     base = transcribe(arrays, start, "direct11", first)
@@ -153,20 +157,20 @@ def rescue(
         found.iterations += lifted.iterations
         found.restarts += lifted.restarts + 1
     if not lifted.converged:
-        return found, no_flight_line(arrays, lifted)
+        return found, why_no_flight(arrays, lifted)
     obstacle = ground_obstacle(lifted)
     if obstacle:
-        return found, obstacle
+        return found, infeasible(obstacle)
     obstacle = propellant_obstacle(lifted)
     if obstacle:
-        return found, propellant_obstacle(found) if found.converged else obstacle
+        return found, infeasible(propellant_obstacle(found) if found.converged else obstacle)
     within = _within_propellant(base)
     lowered = tighten(lifted, within, deadline)
     found.iterations += lowered.iterations
     found.restarts += lowered.restarts
     if lowered.excess <= 0.0:
         lowered.iterations, lowered.restarts = found.iterations, found.restarts
-        return lowered, ""
+        return lowered, None
     best = math.inf
     coolest = lowered.variables
     for fraction in _PLACES:
@@ -188,15 +192,15 @@ def rescue(
         again.iterations += found.iterations
         again.restarts = found.restarts + 1
         if again.converged:
-            return again, ""
-        return found, no_flight_line(arrays, again)
+            return again, None
+        return found, why_no_flight(arrays, again)
     j = base.heating_jettisons[-1]
     if not math.isfinite(best):
-        return found, (
+        return found, infeasible(
             f"heating limit of jettison {j}: no flight found to the target that meets "
             f"{math.exp(limit):,.6g} W/m2"
         )
-    return found, (
+    return found, infeasible(
         f"heating limit of jettison {j}: {math.exp(limit):,.6g} W/m2 is not met by any flight "
         f"found to the target, the least is {math.exp(best):,.6g} W/m2, "
         f"{math.exp(best) - math.exp(limit):,.6g} W/m2 too much"

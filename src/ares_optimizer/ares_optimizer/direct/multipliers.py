@@ -40,7 +40,7 @@ from ares_optimizer.direct.kernels.sqp import (
 from ares_optimizer.direct.search import Found, path_peaks
 from ares_optimizer.kernels.terminal import MAX_ROWS, terminal_rows
 from ares_optimizer.proof.flight import Direction, Flight, Piece, Steering
-from ares_optimizer.solution import Costates
+from ares_optimizer.solution import Check, Costates
 from ares_optimizer.targets import target_rows
 
 Array = NDArray[np.float64]
@@ -48,6 +48,10 @@ Array = NDArray[np.float64]
 _TOLERANCE = 1e-10
 _SAME_TIME = 1e-6
 _PERIOD = 2.0  # of the samples, s
+
+
+#: A check, and the jettison that it is about.
+Priced = tuple[Check, int | None]
 
 
 def _vector(x: Array) -> Vector:
@@ -213,11 +217,10 @@ def recover_costates(
     )
 
 
-def prices(found: Found, flight: Flight) -> dict[str, float]:
-    """What each limit is worth: kg of final mass per unit of the limit, by name.
+def prices(found: Found, flight: Flight) -> dict[Priced, float]:
+    """What each limit is worth: kg of final mass per unit of the limit.
 
-    Keys are the fields of TARGET (per m, m/s, deg or 1) and ``heating j`` per free drop's
-    jettison (per W/m2), ``heating after jettison`` too where that limit holds.
+    Figures of the target per m, m/s, deg or 1, heating limits per W/m2.
 
     Args:
         found: a converged solution.
@@ -235,7 +238,7 @@ def prices(found: Found, flight: Flight) -> dict[str, float]:
         count = terminal_rows(target[0], mu, r, v, c, np.empty((MAX_ROWS, 6)))
         return float(found.equations[:count] @ c[:count])
 
-    table: dict[str, float] = {}
+    table: dict[Priced, float] = {}
     for key, _, unit, _ in target_rows(int(target["kind"][0])):
         value = float(target[key][0])
         step = 1e-6 * max(abs(value), 1e-2)
@@ -244,13 +247,13 @@ def prices(found: Found, flight: Flight) -> dict[str, float]:
         target[key] = value - step
         slope = (above - lagrangian()) / (2.0 * step)
         target[key] = value
-        table[key] = -per_time * slope * (math.pi / 180.0 if unit == "deg" else 1.0)
+        table[key, None] = -per_time * slope * (math.pi / 180.0 if unit == "deg" else 1.0)
     for d, j in enumerate(found.transcription.heating_jettisons):
         limit = math.exp(problem.drops[d, D_LOG_LIMIT])
-        table[f"heating {j}"] = per_time * float(found.inequalities[3 * d]) / limit
+        table[Check.HEATING_AT_JETTISON, j] = per_time * float(found.inequalities[3 * d]) / limit
     if problem.heating == HEATING_FROM_JETTISON and len(problem.drops):
         limit = math.exp(problem.drops[-1, D_LOG_LIMIT])
-        table["heating after jettison"] = (
+        table[Check.HEATING_FROM_JETTISON, None] = (
             per_time * float(found.inequalities[-PEAKS:].sum()) / limit
         )
     return table

@@ -7,15 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from ares_models.arrays import MissionArrays
-from ares_optimizer.deadline import TIME_LIMIT_PASSED
 from ares_optimizer.direct.diagnose import (
     held_by_heating,
-    no_flight_line,
     propellant_obstacle,
     rescue,
+    why_no_flight,
 )
 from ares_optimizer.direct.multipliers import (
+    Priced,
     heating_jumps,
     least_curvature,
     prices,
@@ -34,8 +33,17 @@ from ares_optimizer.obstacles import check_obstacle, target_obstacle
 from ares_optimizer.proof.checks import constraint_table, verification
 from ares_optimizer.proof.flight import fly, steering_of
 from ares_optimizer.request import Request
-from ares_optimizer.solution import ConstraintCheck, OptimizerError, Solution, failed
-from ares_optimizer.targets import target_rows
+from ares_optimizer.solution import (
+    OPTIMAL,
+    OUT_OF_TIME,
+    Cause,
+    ConstraintCheck,
+    OptimizerError,
+    Solution,
+    Status,
+    failed,
+    infeasible,
+)
 
 _SADDLE = -1e-6
 _RESCUE = 0.5  # s, for finding out why there is no solution
@@ -87,36 +95,32 @@ def solve_direct(request: Request) -> Solution:
         raise OptimizerError(
             f"guess is a {type(guess).__name__}; expected a Guess or a Solution for {method}"
         )
-    obstacle = target_obstacle(arrays)
-    if obstacle:
-        return failed(method, obstacle)
-    if deadline.passed:
-        return failed(method, TIME_LIMIT_PASSED)
+    cause = infeasible(target_obstacle(arrays))
+    if cause is None and deadline.passed:
+        cause = OUT_OF_TIME
+    if cause is not None:
+        return failed(method, cause)
     start = request.state[0]
     heating = request.heating
     began = time.perf_counter()
     found = find_direct(arrays, start, method, heating, guess, deadline)
-    reason = ""
     if not found.base_converged or (propellant_obstacle(found) and held_by_heating(found)):
-        found, reason = rescue(arrays, start, heating, found, deadline.within(_RESCUE))
-        if not reason:
+        found, cause = rescue(arrays, start, heating, found, deadline.within(_RESCUE))
+        if cause is None:
             found = continue_to(arrays, start, method, heating, found, deadline)
     elapsed = 1e3 * (time.perf_counter() - began)
     if found.converged:
-        reason = reason or propellant_obstacle(found)
-    converged = found.converged and not reason
-    if not found.converged and deadline.passed:
-        reason = TIME_LIMIT_PASSED
-    elif not converged and not reason:
-        reason = no_flight_line(arrays, found)
-    reason = reason or "optimal"
+        cause = cause or infeasible(propellant_obstacle(found)) or OPTIMAL
+    elif deadline.passed:
+        cause = OUT_OF_TIME
+    else:
+        cause = cause or why_no_flight(arrays, found)
     if not found.miss <= _FLIES or found.cutoff_s <= start["time"]:
-        solution = failed(method, reason, iterations=found.iterations, solve_ms=elapsed)
+        solution = failed(method, cause, iterations=found.iterations, solve_ms=elapsed)
         return replace(solution, restarts=found.restarts)
     solution = Solution(
         method,
-        converged,
-        reason,
+        *cause,
         jettison_times(found, len(arrays.jettisons)),
         found.cutoff_s,
         float(found.final[7]),
@@ -126,7 +130,7 @@ def solve_direct(request: Request) -> Solution:
         parameters=found.variables,
         restarts=found.restarts,
     )
-    if not request.verify or reason == TIME_LIMIT_PASSED:
+    if not request.verify or cause is OUT_OF_TIME:
         return solution
     return _prove_direct(request, found, solution)
 
@@ -143,35 +147,29 @@ def _prove_direct(request: Request, found: Found, solution: Solution) -> Solutio
     proof = verification(arrays, flight, solver_nodes(found))
     solution = replace(solution, verification=proof, trajectory=flight.trajectory)
     if found.converged:
-        checks = _with_prices(arrays, checks, prices(found, flight))
+        checks = _with_prices(checks, prices(found, flight))
         curvature = least_curvature(found)
         solution = replace(
             solution,
             costates=recover_costates(arrays, found, flight, steering),
             notes={**solution.notes, "least_curvature": curvature},
         )
-        obstacle = check_obstacle(checks)
-        if not obstacle and curvature < _SADDLE:
-            obstacle = "stationary, but a saddle and not an optimum"
-        if obstacle and solution.converged:
-            solution = replace(solution, converged=False, reason=obstacle)
+        cause = infeasible(check_obstacle(checks))
+        if cause is None and curvature < _SADDLE:
+            cause = Cause(Status.NOT_OPTIMAL, "stationary, but a saddle and not an optimum")
+        if cause is not None and solution.converged:
+            solution = replace(solution, **cause._asdict())
     return replace(solution, constraints=checks)
 
 
 def _with_prices(
-    arrays: MissionArrays, checks: tuple[ConstraintCheck, ...], table: Mapping[str, float]
+    checks: tuple[ConstraintCheck, ...], worth: Mapping[Priced, float]
 ) -> tuple[ConstraintCheck, ...]:
     """The constraint table with kg of final mass per unit of each limit."""
-    names = {name: key for key, name, _, _ in target_rows(int(arrays.target[0]["kind"]))}
-    priced = []
-    for check in checks:
-        key = names.get(check.name, check.name.removeprefix("heating at jettison "))
-        if check.name.startswith("heating at jettison"):
-            key = f"heating {key}"
-        elif check.name == "heating from the jettison on":
-            key = "heating after jettison"
-        value = table.get(key, math.nan)
-        if not check.active:
-            value = 0.0
-        priced.append(replace(check, multiplier=value))
-    return tuple(priced)
+    return tuple(
+        replace(
+            check,
+            multiplier=worth.get((check.key, check.jettison), math.nan) if check.active else 0.0,
+        )
+        for check in checks
+    )

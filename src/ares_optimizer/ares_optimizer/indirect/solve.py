@@ -22,7 +22,7 @@ from ares_models.arrays import (
     TARGET_KEPLERIAN,
     MissionArrays,
 )
-from ares_optimizer.deadline import TIME_LIMIT_PASSED, Deadline
+from ares_optimizer.deadline import Deadline
 from ares_optimizer.indirect.closed_form import flight_errors
 from ares_optimizer.indirect.kernels import sample
 from ares_optimizer.indirect.solver import (
@@ -40,13 +40,19 @@ from ares_optimizer.proof.checks import constraint_table, verification
 from ares_optimizer.proof.flight import Direction, Steering, fly
 from ares_optimizer.request import Heating
 from ares_optimizer.solution import (
+    OPTIMAL,
+    OUT_OF_TIME,
+    Cause,
+    Check,
     ConstraintCheck,
     Costates,
     OptimizerError,
     Solution,
+    Status,
     SteeringArc,
     Trajectory,
     failed,
+    infeasible,
 )
 from ares_optimizer.targets import figures_of, half_turn, target_rows
 from ares_optimizer.two_point.arrays import INVERSE_SQUARE, LINEAR, PIS, RUNGE_KUTTA, TIMES
@@ -65,14 +71,20 @@ _MOST_PARTS = 60
 _HIGHEST_LIMIT = 1e4
 
 
-_TEXTS = {
-    newton.ITERATION_LIMIT: "Newton's method did not end within its iterations",
-    newton.STALLED: "no step of Newton's method brings the flight nearer to its target",
-    newton.SINGULAR: "the Jacobian of the two-point problem is singular",
-    newton.BAD_TIMETABLE: "the times make no flight",
-    newton.AT_FLOOR: "a heating limit is passed when its drop is due",
-    newton.STOPPED: TIME_LIMIT_PASSED,
-    newton.UNSOUND: "the root found is no flight: underground, or burning longer would cost less",
+_CAUSES = {
+    newton.ITERATION_LIMIT: Cause(
+        Status.ITERATION_LIMIT, "Newton's method did not end within its iterations"
+    ),
+    newton.STALLED: Cause(
+        Status.STALLED, "no step of Newton's method brings the flight nearer to its target"
+    ),
+    newton.SINGULAR: Cause(Status.STALLED, "the Jacobian of the two-point problem is singular"),
+    newton.AT_FLOOR: Cause(Status.STALLED, "a heating limit is passed when its drop is due"),
+    newton.STOPPED: OUT_OF_TIME,
+    newton.UNSOUND: Cause(
+        Status.NOT_OPTIMAL,
+        "the root found is no flight: underground, or burning longer would cost less",
+    ),
 }
 
 
@@ -113,11 +125,11 @@ def solve_indirect(
     solver = TwoPointSolver(arrays, options, deadline)
     unknowns = _as_unknowns(guess, solver.size(start))
     began = time.perf_counter()
-    obstacle = target_obstacle(arrays)
-    if obstacle:
-        return failed(method, obstacle, solve_ms=_since(began))
-    if solver.deadline.passed:
-        return failed(method, TIME_LIMIT_PASSED, solve_ms=_since(began))
+    cause = infeasible(target_obstacle(arrays))
+    if cause is None and solver.deadline.passed:
+        cause = OUT_OF_TIME
+    if cause is not None:
+        return failed(method, cause, solve_ms=_since(began))
     root = _find(solver, start, unknowns)
     notes: dict[str, float] = {}
     if root.converged and options.in_closed_form and options.gravity == "inverse_square":
@@ -129,9 +141,9 @@ def solve_indirect(
     elapsed = _since(began)
     if not root.converged:
         late = solver.deadline.passed
-        reason = TIME_LIMIT_PASSED if late else _why_not(solver, start, root)
+        cause = OUT_OF_TIME if late else _why_not(solver, start, root)
         return replace(
-            failed(method, reason, iterations=root.iterations),
+            failed(method, cause, iterations=root.iterations),
             solve_ms=elapsed,
             parameters=root.unknowns,
             restarts=root.restarts,
@@ -299,37 +311,48 @@ def _pieces(solver: TwoPointSolver) -> NDArray[np.void]:
     return pieces
 
 
-def _why_not(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> str:
-    """One line on what stands in the way."""
+def _why_not(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> Cause:
+    """What stands in the way: is it the heating limit, is it the target?"""
     if root.status == newton.BAD_TIMETABLE or root.iterations == 0:
-        return (
+        return Cause(
+            Status.ILLEGAL_START,
             "no flight can be laid out: the last burn does not begin, or only "
-            f"{LONGEST_FLIGHT:,.0f} s after the start, or too many events"
+            f"{LONGEST_FLIGHT:,.0f} s after the start, or too many events",
         )
     options = solver.options.copy()
     solver.options["step"] = max(float(options["step"][0]), _SEARCH_STEP_S)
     solver.options["heating"] = timetable.HEATING_IGNORED
     free = solver.solve(start)
-    text = _TEXTS.get(root.status, "not solved")
     if free.converged:
-        flight = solver.sample(start, free.unknowns)
-        stages = solver.arrays.arcs["stage"][_arc_of(solver, flight)]
-        for j, jettison in enumerate(solver.arrays.jettisons):
-            if jettison["criterion"] != HEATING_LIMIT or int(start["jettisoned"][0]) >> j & 1:
-                continue
-            after = flight[stages >= jettison["stage"]]
-            least = after[np.argmin(after[:, sample.LOG_HEATING])]
-            rate = math.exp(least[sample.LOG_HEATING])
-            if rate > jettison["value"]:
-                text = (
-                    f"no flight found that meets the heating limit of jettison {j}, "
-                    f"{jettison['value']:.6g} W/m2: without it the least is {rate:.6g} W/m2, "
-                    f"at {least[sample.TIME]:.1f} s"
-                )
+        cause = infeasible(_too_hot(solver, start, free)) or _CAUSES[root.status]
     else:
-        text = f"no flight to the target found: {_miss(solver, start, free)}"
+        out = free.status == newton.ITERATION_LIMIT
+        cause = Cause(
+            Status.ITERATION_LIMIT if out else Status.INFEASIBLE,
+            f"no flight to the target found: {_miss(solver, start, free)}",
+        )
     solver.options[:] = options
-    return text
+    return cause
+
+
+def _too_hot(solver: TwoPointSolver, start: NDArray[np.void], free: Root) -> str:
+    """A line when a flight without heating limits does not meet them; empty otherwise."""
+    flight = solver.sample(start, free.unknowns)
+    stages = solver.arrays.arcs["stage"][_arc_of(solver, flight)]
+    line = ""
+    for j, jettison in enumerate(solver.arrays.jettisons):
+        if jettison["criterion"] != HEATING_LIMIT or int(start["jettisoned"][0]) >> j & 1:
+            continue
+        after = flight[stages >= jettison["stage"]]
+        least = after[np.argmin(after[:, sample.LOG_HEATING])]
+        rate = math.exp(least[sample.LOG_HEATING])
+        if rate > jettison["value"]:
+            line = (
+                f"no flight found that meets the heating limit of jettison {j}, "
+                f"{jettison['value']:.6g} W/m2: without it the least is {rate:.6g} W/m2, "
+                f"at {least[sample.TIME]:.1f} s"
+            )
+    return line
 
 
 def _miss(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> str:
@@ -517,7 +540,9 @@ def _multipliers(
     # scaled so that position and velocity weigh alike
     worth = np.linalg.lstsq((gradient * steps).T, costate * steps, rcond=None)[0]
     flow = -float(arrays.arcs[-1]["mass_flow"]) / final
-    per_unit = {rows[i].name: flow * float(worth[i]) for i in range(len(rows))}
+    per_unit: dict[tuple[Check, int | None], float] = {
+        (rows[i].key, None): flow * float(worth[i]) for i in range(len(rows))
+    }
     heated = [
         j
         for j, jettison in enumerate(arrays.jettisons)
@@ -525,11 +550,11 @@ def _multipliers(
     ]
     if solver.options["heating"][0] == timetable.HEATING_OPTIMAL:
         for j, pi in zip(heated, root.unknowns[PIS], strict=True):
-            per_unit[f"heating at jettison {j}"] = (
+            per_unit[Check.HEATING_AT_JETTISON, j] = (
                 flow * float(pi) / float(arrays.jettisons[j]["value"])
             )
     return tuple(
-        replace(check, multiplier=per_unit[check.name]) if check.name in per_unit else check
+        replace(check, multiplier=per_unit.get((check.key, check.jettison), check.multiplier))
         for check in table
     )
 
@@ -546,11 +571,10 @@ def _solution(
     flight = solver.sample(start, root.unknowns)
     laws = _steering_arcs(_pieces(solver), flight)
     times = _jettison_times(solver, start, root)
-    obstacle = _propellant_obstacle(solver, start, root)
+    cause = infeasible(_propellant_obstacle(solver, start, root)) or OPTIMAL
     return Solution(
         method,
-        not obstacle,
-        obstacle or "optimal",
+        *cause,
         times,
         root.cutoff_s,
         float(flight[-1, sample.MASS]),
@@ -607,13 +631,14 @@ def _proven(
     ends = np.flatnonzero(np.diff(flight[:, sample.PIECE], append=-1.0))
     picked = nodes[np.union1d(ends, np.arange(0, len(nodes), _NODE_STRIDE))]
     broken = check_obstacle(checks)
-    reason = solution.reason
+    cause = Cause(solution.status, solution.reason)
     if broken and solution.converged:
         reason = broken
         if solver.options["gravity"][0] == LINEAR:
             reason = f"optimal in the linear field, but in inverse-square gravity {broken}"
         elif solver.options["propagator"][0] != RUNGE_KUTTA:
             reason = f"optimal in closed form, but flown exactly {broken}"
+        cause = Cause(Status.INFEASIBLE, reason)
     limits = [
         float(jettison["value"])
         for j, jettison in enumerate(arrays.jettisons)
@@ -628,8 +653,7 @@ def _proven(
     )
     return replace(
         solution,
-        converged=solution.converged and not broken,
-        reason=reason,
+        **cause._asdict(),
         constraints=_multipliers(solver, start, root, flight, final, checks),
         verification=verification(arrays, flown, picked),
         trajectory=flown.trajectory,

@@ -1,6 +1,7 @@
 """A flight judged: figures, and constraint by constraint what holds."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from ares_models.arrays import (
 from ares_optimizer.proof.flight import Flight
 from ares_optimizer.proof.physics import elements, surface_radius
 from ares_optimizer.request import Heating
-from ares_optimizer.solution import ConstraintCheck, Verification
+from ares_optimizer.solution import Check, ConstraintCheck, Verification
 from ares_optimizer.targets import half_turn, target_rows
 
 Array = NDArray[np.float64]
@@ -52,10 +53,12 @@ def constraint_table(
             value = limit + off
         # an argument means less the rounder the orbit, a node the flatter its plane
         scale = 1.0
-        if key == "argument_of_perigee":
+        if key is Check.ARGUMENT_OF_PERIGEE:
             scale = max(figures["eccentricity"], 1e-3)
         table.append(
-            ConstraintCheck(name, value, limit, True, unit, abs(off) * scale <= TOLERANCES[unit])
+            ConstraintCheck(
+                key, name, value, limit, True, unit, abs(off) * scale <= TOLERANCES[unit]
+            )
         )
     for j, jettison in enumerate(arrays.jettisons):
         if jettison["criterion"] != HEATING_LIMIT or (int(start["jettisoned"]) >> j) & 1:
@@ -64,11 +67,23 @@ def constraint_table(
         at = flight.at_jettison[j]
         if at is None:
             table.append(
-                ConstraintCheck(f"jettison {j} before cut-off", 0.0, 1.0, False, "1", not judged)
+                ConstraintCheck(
+                    Check.JETTISON_BEFORE_CUTOFF,
+                    f"jettison {j} before cut-off",
+                    0.0,
+                    1.0,
+                    False,
+                    "1",
+                    not judged,
+                    jettison=j,
+                )
             )
             continue
         if judged:
-            table.append(_at_most(f"heating at jettison {j}", at[0], limit, "W/m2"))
+            check = _at_most(
+                Check.HEATING_AT_JETTISON, f"heating at jettison {j}", at[0], limit, "W/m2"
+            )
+            table.append(replace(check, jettison=j))
     if heating is Heating.FROM_JETTISON and math.isfinite(flight.peak_w_m2):
         limits = [
             float(arrays.jettisons[j]["value"])
@@ -76,20 +91,35 @@ def constraint_table(
             if at is not None and arrays.jettisons[j]["criterion"] == HEATING_LIMIT
         ]
         table.append(
-            _at_most("heating from the jettison on", flight.peak_w_m2, min(limits), "W/m2")
+            _at_most(
+                Check.HEATING_FROM_JETTISON,
+                "heating from the jettison on",
+                flight.peak_w_m2,
+                min(limits),
+                "W/m2",
+            )
         )
     lowest = min(
         float(np.linalg.norm(r)) - surface_radius(r, arrays.environment[0])
         for r in flight.trajectory.position
     )
-    table.append(ConstraintCheck("lowest altitude", lowest, 0.0, False, "m", lowest >= 0.0))
+    table.append(
+        ConstraintCheck(
+            Check.LOWEST_ALTITUDE, "lowest altitude", lowest, 0.0, False, "m", lowest >= 0.0
+        )
+    )
     usable = float(arrays.arcs[-1]["propellant"])
-    table.append(_at_most("propellant of the last stage", flight.plan.used_kg, usable, "kg"))
+    table.append(
+        _at_most(
+            Check.PROPELLANT, "propellant of the last stage", flight.plan.used_kg, usable, "kg"
+        )
+    )
     return tuple(table)
 
 
-def _at_most(name: str, value: float, limit: float, unit: str) -> ConstraintCheck:
+def _at_most(key: Check, name: str, value: float, limit: float, unit: str) -> ConstraintCheck:
     return ConstraintCheck(
+        key,
         name,
         value,
         limit,
