@@ -13,7 +13,7 @@ from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from ares_bringup.cli import main
+from ares_bringup.commands.cli import main
 from ares_bringup.discovery import discovery_settings
 from ares_msgs.msg import FlightEvent, FlightMember, NavState
 from ares_node.node import FlightNode

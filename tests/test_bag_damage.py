@@ -18,7 +18,7 @@ from ares_bags.schema import qos_text
 from ares_bags.survey import CHUNK_HEAD, HEAD, chunk_content, chunk_records
 from ares_bags.testing import CUSTOM_DATA, write_bag
 from ares_bags.verify import surveyed, verify
-from ares_bringup.cli import main
+from ares_bringup.commands.cli import main
 
 REFERENCE = Path(__file__).parent.parent / "bags" / "reference"
 

@@ -6,7 +6,7 @@ from importlib import resources
 import numpy as np
 import pytest
 
-from ares_bringup.cli import main
+from ares_bringup.commands.cli import main
 from ares_models.mission import load_mission
 from ares_msgs.msg import NavState
 from ares_msgs.srv import SolveTrajectory

@@ -5,7 +5,7 @@ from importlib import resources
 
 import pytest
 
-from ares_bringup.cli import main
+from ares_bringup.commands.cli import main
 
 
 def test_json_is_one_object_with_the_promised_keys(capsys):

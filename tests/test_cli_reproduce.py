@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-import ares_bringup.reproduce as verb
-from ares_bringup.cli import main
+import ares_bringup.commands.reproduce as verb
+from ares_bringup.commands.cli import main
 
 
 @pytest.fixture(autouse=True)

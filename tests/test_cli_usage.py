@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from ares_bringup import __version__
-from ares_bringup.cli import main
+from ares_bringup.commands.cli import main
 from ares_bringup.options import MAX_FLIGHTS, HeatingSource
 from ares_guidance.law import HEATING_SOURCES
 from ares_vehicle_sim.node import PARAMETERS
@@ -150,7 +150,7 @@ def test_the_highest_flight_is_that_of_the_simulator():
 
 def test_the_command_starts_fast_and_without_ros():
     program = (
-        "import sys, ares_bringup.cli;"
+        "import sys, ares_bringup.commands.cli;"
         "heavy = {'rclpy', 'numba', 'numpy', 'scipy', 'rich'} & set(sys.modules);"
         "assert not heavy, heavy"
     )

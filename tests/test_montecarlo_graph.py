@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import yaml
 
-from ares_bringup.cli import main
+from ares_bringup.commands.cli import main
 from ares_guidance.node import GuidanceNode
 from ares_models.mission import load_mission
 from ares_msgs.msg import FlightEvent

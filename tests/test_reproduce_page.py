@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import sync_playwright
 
-from ares_bringup.cli import main
-from ares_bringup.reproduce import DATA, PAGE
+from ares_bringup.commands.cli import main
+from ares_bringup.commands.reproduce import DATA, PAGE
 
 ROOT = Path(__file__).parent.parent
 THEMES = ("light", "dark")

@@ -3,7 +3,7 @@
 import gc
 import sys
 
-from ares_bringup.interrupts import end_at_once
+from ares_bringup.commands.interrupts import end_at_once
 from ares_node.entry import enter
 from ares_node.requirements import unmet
 
@@ -16,7 +16,7 @@ def main() -> int:
     reason = unmet("ares_bringup")
     if reason is None:
         try:
-            from ares_bringup.cli import main as run
+            from ares_bringup.commands.cli import main as run
         except ImportError as error:
             reason = " ".join(str(error).split())
     if reason is not None:

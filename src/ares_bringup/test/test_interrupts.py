@@ -17,7 +17,7 @@ from threading import Thread
 
 import numpy as np
 
-from ares_bringup.interrupts import Interrupts
+from ares_bringup.commands.interrupts import Interrupts
 from ares_models.jit import kernel
 
 
@@ -61,7 +61,7 @@ IN_PYTHON = """
 import sys
 import time
 
-from ares_bringup.interrupts import Interrupts
+from ares_bringup.commands.interrupts import Interrupts
 
 with Interrupts() as interrupts:
     try:
@@ -75,7 +75,7 @@ sys.exit(interrupts.status(0))
 AT_ONCE = """
 import time
 
-from ares_bringup.interrupts import end_at_once
+from ares_bringup.commands.interrupts import end_at_once
 
 end_at_once()
 print("ready", flush=True)

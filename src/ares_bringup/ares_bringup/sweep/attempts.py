@@ -10,7 +10,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from ares_bringup.cli import EXIT_BAD_INPUT, main
+from ares_bringup.commands.cli import EXIT_BAD_INPUT, main
 from ares_bringup.options import PEG, Method
 from ares_guidance.laws import find_law, make_law
 from ares_guidance.registry import law_names

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from ares_bringup.optimize import (
+from ares_bringup.commands.optimize import (
     EXIT_NOT_OPTIMAL,
     EXIT_OPTIMAL,
     THESIS_MISSION,

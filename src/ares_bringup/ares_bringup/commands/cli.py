@@ -14,7 +14,7 @@ from typing import Annotated, Any
 import typer
 
 from ares_bringup import __version__
-from ares_bringup.interrupts import Interrupts
+from ares_bringup.commands.interrupts import Interrupts
 from ares_bringup.options import (
     MAX_DOMAIN_ID,
     MAX_FLIGHTS,
@@ -68,6 +68,22 @@ SETTINGS: dict[str, Any] = {
     "add_completion": False,
 }
 
+# options that several verbs have
+MissionOption = Annotated[
+    str, typer.Option(help="Name that `ares missions` lists, or path of a mission file.")
+]
+LawOption = Annotated[str, typer.Option(help=LAWS_HELP)]
+TablesOrJson = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object instead of the tables.")
+]
+CyclePeriod = Annotated[float | None, typer.Option(help="Flight time between guidance cycles, s.")]
+HoldTime = Annotated[
+    float | None, typer.Option(help="Time to go from which the steering is held, s.")
+]
+HeatingSourceOption = Annotated[
+    HeatingSource | None, typer.Option(help="What times the fairing jettison.")
+]
+
 app = typer.Typer(
     name="ares", help=HELP, context_settings={"help_option_names": ["-h", "--help"]}, **SETTINGS
 )
@@ -97,16 +113,12 @@ def _ares(
 
 @app.command(epilog=EXIT_STATUSES)
 def fly(
-    mission: Annotated[
-        str, typer.Option(help="Name that `ares missions` lists, or path of a mission file.")
-    ] = "ares_v",
-    guidance: Annotated[str, typer.Option(help=LAWS_HELP)] = PEG,
+    mission: MissionOption = "ares_v",
+    guidance: LawOption = PEG,
     in_process: Annotated[
         bool, typer.Option("--in-process", help="All nodes in one process.")
     ] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object instead of the tables.")
-    ] = False,
+    as_json: TablesOrJson = False,
     bag: Annotated[
         Path | None,
         typer.Option(help="Folder of the bag, which must not exist; default: a new name."),
@@ -133,15 +145,9 @@ def fly(
     nav_period: Annotated[
         float | None, typer.Option(help="Flight time between navigation states, s.")
     ] = None,
-    cycle_period: Annotated[
-        float | None, typer.Option(help="Flight time between guidance cycles, s.")
-    ] = None,
-    hold_time: Annotated[
-        float | None, typer.Option(help="Time to go from which the steering is held, s.")
-    ] = None,
-    heating_source: Annotated[
-        HeatingSource | None, typer.Option(help="What times the fairing jettison.")
-    ] = None,
+    cycle_period: CyclePeriod = None,
+    hold_time: HoldTime = None,
+    heating_source: HeatingSourceOption = None,
     initial_guess: Annotated[
         InitialGuess,
         typer.Option(help="Where guidance starts: from nothing, or asking the optimizer's node."),
@@ -200,9 +206,7 @@ def fly(
 
 @app.command()
 def optimize(
-    mission: Annotated[
-        str, typer.Option(help="Name that `ares missions` lists, or path of a mission file.")
-    ] = "ares_v",
+    mission: MissionOption = "ares_v",
     method: Annotated[Method, typer.Option(help="How to solve.")] = Method.DIRECT11,
     heating: Annotated[
         Heating | None,
@@ -245,14 +249,14 @@ def optimize(
     }
     asked = {name: value for name, value in given.items() if value is not None}
     if method is Method.ANALYTIC:
-        from ares_bringup.analytic import optimize_analytic
+        from ares_bringup.commands.analytic import optimize_analytic
 
         others = {"--heating": heating, "--hold-jettison": hold_jettison}
         refused = [name for name, value in others.items() if value]
         raise typer.Exit(optimize_analytic(mission, as_json, refused, asked, time_limit))
     for name in asked:
         raise BadInput(f"--{name.replace('_', '-')} goes with --method analytic only")
-    from ares_bringup.optimize import optimize as solve
+    from ares_bringup.commands.optimize import optimize as solve
 
     status = solve(
         mission,
@@ -273,7 +277,7 @@ def reproduce(
 ) -> None:
     """Compute every table and figure of the thesis anew: one HTML page, one JSON file."""
     _needs_pages()
-    from ares_bringup.reproduce import reproduce as reproduce_thesis
+    from ares_bringup.commands.reproduce import reproduce as reproduce_thesis
 
     reproduce_thesis(out)
 
@@ -283,10 +287,8 @@ def montecarlo(
     n: Annotated[
         int, typer.Option("-n", "--flights", min=1, max=MAX_FLIGHTS, help="Flights.")
     ] = 1000,
-    mission: Annotated[
-        str, typer.Option(help="Name that `ares missions` lists, or path of a mission file.")
-    ] = "ares_v",
-    guidance: Annotated[str, typer.Option(help=LAWS_HELP)] = PEG,
+    mission: MissionOption = "ares_v",
+    guidance: LawOption = PEG,
     dispersions: Annotated[
         str, typer.Option(help="Shipped dispersions' name, or path of a file.")
     ] = "standard",
@@ -306,24 +308,16 @@ def montecarlo(
         Path | None,
         typer.Option(help="Folder, new or of a campaign to go on with; default: a new name."),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object instead of the tables.")
-    ] = False,
+    as_json: TablesOrJson = False,
     workers: Annotated[
         int | None, typer.Option(min=1, help="Threads; default: one per core.")
     ] = None,
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Fly on the workers of a Dask scheduler.")
     ] = None,
-    cycle_period: Annotated[
-        float | None, typer.Option(help="Flight time between guidance cycles, s.")
-    ] = None,
-    hold_time: Annotated[
-        float | None, typer.Option(help="Time to go from which the steering is held, s.")
-    ] = None,
-    heating_source: Annotated[
-        HeatingSource | None, typer.Option(help="What times the fairing jettison.")
-    ] = None,
+    cycle_period: CyclePeriod = None,
+    hold_time: HoldTime = None,
+    heating_source: HeatingSourceOption = None,
     stop_success: Annotated[
         float | None,
         typer.Option(
@@ -345,8 +339,8 @@ def montecarlo(
     if only and out is not None:
         raise BadInput("--only and --out exclude each other: nothing is kept")
     _needs_pages()
-    from ares_bringup.montecarlo import CampaignOptions
-    from ares_bringup.montecarlo import montecarlo as fly_campaign
+    from ares_bringup.commands.montecarlo import CampaignOptions
+    from ares_bringup.commands.montecarlo import montecarlo as fly_campaign
 
     status = fly_campaign(
         CampaignOptions(
@@ -379,7 +373,7 @@ def missions(
     ] = None,
 ) -> None:
     """List the shipped missions, or check mission files."""
-    from ares_bringup.mission_list import show_missions
+    from ares_bringup.commands.mission_list import show_missions
 
     raise typer.Exit(show_missions(files or ()))
 
@@ -390,7 +384,7 @@ def bag_info(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Say what a bag holds, and whether it is whole. Exit status 1: it is damaged."""
-    from ares_bringup.bags import show_bag
+    from ares_bringup.commands.bags import show_bag
 
     raise typer.Exit(show_bag(bag, as_json))
 
@@ -404,7 +398,7 @@ def bag_verify(
 
     Exit status 0: all is well; 1: damaged; 2: not a bag.
     """
-    from ares_bringup.bags import verify_bag
+    from ares_bringup.commands.bags import verify_bag
 
     raise typer.Exit(verify_bag(bag, as_json))
 
@@ -421,7 +415,7 @@ def bag_repair(
     Exit status 0: nothing recorded is lost; 1: something is, or it cannot be known; 2: nothing
     to repair, or nothing to save.
     """
-    from ares_bringup.bags import repair_bag
+    from ares_bringup.commands.bags import repair_bag
 
     raise typer.Exit(repair_bag(bag, into))
 
@@ -438,7 +432,7 @@ def replay(
     namespace: Annotated[str | None, typer.Option(help="Put in front of every topic name.")] = None,
 ) -> None:
     """Publish a recorded flight again, with its clock."""
-    from ares_bringup.bags import replay_bag
+    from ares_bringup.commands.bags import replay_bag
 
     raise typer.Exit(replay_bag(bag, pace, topic or (), namespace))
 
@@ -453,7 +447,7 @@ def plot(
 ) -> None:
     """Draw a recorded flight."""
     _needs_pages()
-    from ares_bringup.plot import plot_bag
+    from ares_bringup.commands.plot import plot_bag
 
     typer.echo(plot_bag(bag, out))
 

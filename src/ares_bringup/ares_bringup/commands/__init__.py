@@ -1,0 +1,1 @@
+"""The `ares` command: a module per verb, read when the verb is asked for."""
