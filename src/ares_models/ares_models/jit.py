@@ -17,6 +17,12 @@ if not os.environ.get(VARIABLE):
 
 import numba
 
+# numba spells out every field of every record of a named tuple in the symbol of each kernel
+# that takes one, which doubles the machine code on disk
+numba.types.NamedTuple.mangling_args = property(
+    lambda self: (self.instance_class.__name__, tuple(self.types))
+)
+
 IEEE = {"error_model": "numpy"}
 _lock = threading.RLock()
 #: Copies by name, with the states of what in them is not of this project.
