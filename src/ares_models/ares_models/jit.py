@@ -19,7 +19,7 @@ import numba
 
 # numba spells out every field of every record of a named tuple in the symbol of each kernel
 # that takes one, which doubles the machine code on disk
-numba.types.NamedTuple.mangling_args = property(
+numba.types.NamedTuple.mangling_args = property(  # type: ignore[assignment, method-assign]
     lambda self: (self.instance_class.__name__, tuple(self.types))
 )
 
