@@ -55,7 +55,7 @@ MODULES = {
 }
 
 #: Wall time in s for simulator and guidance to end.
-NODE_STOP_TIMEOUT = 5.0
+NODE_STOP_TIMEOUT = 10.0
 #: Wall time in s between the ends of the flying nodes and of the recorder.
 HEAD_START = 0.1
 #: Wall time in s for the recorder to write what it still has and to close the bag.

@@ -47,8 +47,9 @@ WAITING_LINE_PERIOD = 10.0
 LONGEST_PREPARATION = 900.0
 #: Wall time in s that a paced flight makes up for; a longer gap is left as it is.
 LONGEST_CATCH_UP = 0.5
-#: Wall time in s for the last messages to be acknowledged.
-ACKNOWLEDGE_TIMEOUT = 5.0
+#: Wall time in s for the last messages to be acknowledged; a reader that was killed never does,
+#: and who ends this process waits 10 s (`ares fly`) or 5 s (launch) for it.
+ACKNOWLEDGE_TIMEOUT = 3.0
 #: After this many answers in a row were lost, the flight goes on without waiting for more.
 LINK_LOST_AFTER = 3
 #: Each further answer is waited for this much shorter than the one before.
@@ -228,8 +229,10 @@ class VehicleSimNode(FlightNode):
     def drain(self, executor: Executor) -> None:
         """Let the others get the last messages."""
         if self._simulator is not None:
+            deadline = time.monotonic() + ACKNOWLEDGE_TIMEOUT
             for publisher in (self._nav_out, self._truth_out, self._event_out):
-                publisher.wait_for_all_acked(Duration(seconds=ACKNOWLEDGE_TIMEOUT))
+                left = max(0.0, deadline - time.monotonic())
+                publisher.wait_for_all_acked(Duration(seconds=left))
 
     @property
     def simulator(self) -> Simulator:
