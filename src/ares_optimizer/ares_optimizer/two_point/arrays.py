@@ -49,6 +49,7 @@ WORK = np.dtype(
         ("state", np.float64, (ROWS,)),  # r, V, lambda_v, lambda_v'
         ("tangent", np.float64, (MAX_COLUMNS, ROWS)),  # its derivative by each unknown
         ("stage", np.float64, (STAGES, 6)),
+        ("moved", np.float64, (MAX_COLUMNS, 6)),  # of position and primer at the present stage
         ("stage_tangent", np.float64, (STAGES, MAX_COLUMNS, 6)),
         # by column: derivatives of T/m, of a step's length, of omega and omega^2
         ("thrust", np.float64, (MAX_COLUMNS,)),

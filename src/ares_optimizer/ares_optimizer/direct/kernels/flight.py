@@ -145,6 +145,19 @@ class Scratch(NamedTuple):
     peaks: Array
 
 
+class Run(NamedTuple):
+    """What the integration writes, out of a :class:`Scratch`: a record of few arrays.
+
+    A call counts the references of every array that its arguments hold.
+    """
+
+    work: Array
+    nodes: Array
+    state: Array
+    forces: Array
+    counts: Index
+
+
 class Break(NamedTuple):
     """An event of the flight.
 
@@ -162,14 +175,13 @@ class Break(NamedTuple):
 
 
 @allocating
-def add_break(at: Break, scratch: Scratch) -> None:
-    """Note an event."""
-    count = scratch.counts[BREAKS]
-    scratch.times[count] = at.time
-    scratch.breaks[count, 0] = at.what
-    scratch.breaks[count, 1] = at.which
-    scratch.breaks[count, 2] = at.column
-    scratch.counts[BREAKS] = count + 1
+def add_break(at: Break, count: int, times: Array, breaks: Index) -> int:
+    """Note an event; the number of events."""
+    times[count] = at.time
+    breaks[count, 0] = at.what
+    breaks[count, 1] = at.which
+    breaks[count, 2] = at.column
+    return count + 1
 
 
 @allocating
@@ -219,41 +231,47 @@ def lay_out(p: Array, problem: Problem, scratch: Scratch) -> None:
             (or FIXED), and the number of integration steps from here to the next break; and
             their number. The last one is the end of thrust.
     """
+    times = scratch.times
+    breaks = scratch.breaks
     last = problem.variables - 1
     cutoff = p[last] * TIME_SCALE
     scratch.counts[BREAKS] = 0
+    count = scratch.counts[BREAKS]
     for k in range(problem.profile.shape[0]):
         at = problem.profile[k, P_TIME] - problem.start_time
         if k == 0 or at < cutoff:
-            add_break(Break(PIECE, k, FIXED, at), scratch)
+            count = add_break(Break(PIECE, k, FIXED, at), count, times, breaks)
     for k in range(problem.laws.shape[0]):
         if problem.laws[k, L_BEGINS] == AT_DROP:
             continue
         at = problem.law_time[k] - problem.start_time
         if problem.laws[k, L_BEGINS] == AT_START or at < cutoff:
-            add_break(Break(LAW, k, FIXED, at), scratch)
+            count = add_break(Break(LAW, k, FIXED, at), count, times, breaks)
     for j in range(problem.drops.shape[0]):
         column = drop_column(problem, j)
-        add_break(Break(DROP, j, column, min(p[column] * TIME_SCALE, cutoff)), scratch)
+        at = min(p[column] * TIME_SCALE, cutoff)
+        count = add_break(Break(DROP, j, column, at), count, times, breaks)
     for k in range(scratch.counts[LATER_PEAKS]):
         if scratch.peaks[k] < cutoff:
-            add_break(Break(PROBE, k, FIXED, scratch.peaks[k]), scratch)
-    add_break(Break(CUTOFF, 0, last, cutoff), scratch)
-    sort_breaks(scratch.counts[BREAKS], scratch.times, scratch.breaks)
+            count = add_break(Break(PROBE, k, FIXED, scratch.peaks[k]), count, times, breaks)
+    count = add_break(Break(CUTOFF, 0, last, cutoff), count, times, breaks)
+    sort_breaks(count, times, breaks)
     for k in range(problem.tail.shape[0]):
-        add_break(Break(TAIL, k, last, cutoff + problem.tail[k, P_TIME]), scratch)
-    count_steps(scratch.counts[BREAKS], problem.longest_step, scratch.times, scratch.breaks)
+        at = cutoff + problem.tail[k, P_TIME]
+        count = add_break(Break(TAIL, k, last, at), count, times, breaks)
+    count_steps(count, problem.longest_step, times, breaks)
+    scratch.counts[BREAKS] = count
 
 
 @allocating
-def break_at(b: int, p: Array, problem: Problem, scratch: Scratch) -> Break:
+def break_at(b: int, p: Array, tail: Array, times: Array, breaks: Index) -> Break:
     """A break; its time is that of ``p``, also where another ``p`` has set the order."""
-    what, which, column = scratch.breaks[b, 0], scratch.breaks[b, 1], scratch.breaks[b, 2]
-    time = scratch.times[b]
+    what, which, column = breaks[b, 0], breaks[b, 1], breaks[b, 2]
+    time = times[b]
     if column != FIXED:
         time = p[column] * TIME_SCALE
     if what == TAIL:
-        time += problem.tail[which, P_TIME]
+        time += tail[which, P_TIME]
     return Break(what, which, column, time)
 
 
@@ -307,26 +325,27 @@ def stage_tangents(work: Array, n: int, m: int, h: float) -> None:
 
 @allocating
 def force_tangents(
+    work: Array,
+    n: int,
     m: int,
     gradient: tuple[Vector, Vector],
     turn: tuple[Vector, Vector],
     dt: float,
-    scratch: Scratch,
 ) -> None:
     """Tangents of the acceleration of stage ``m``: gravity gradient and steering.
 
     Args:
+        work: scratch of the integration.
+        n: columns.
         m: stage.
         gradient: of gravity, 1/s2: (xx, xy, xz), (yy, yz, zz).
         turn: thrust acceleration by the steering vector, m/s2, the same way.
         dt: s since the law began.
-        scratch: of the flight.
     """
-    n = scratch.counts[COLUMNS]
-    stage = scratch.work[W_STAGE]
-    base = scratch.work[W_BASE]
-    slope = scratch.work[W_RATE]
-    kt = scratch.work[W_FORCE + m]
+    stage = work[W_STAGE]
+    base = work[W_BASE]
+    slope = work[W_RATE]
+    kt = work[W_FORCE + m]
     gxx, gxy, gxz = gradient[0]
     gyy, gyz, gzz = gradient[1]
     qxx, qxy, qxz = turn[0]
@@ -345,7 +364,7 @@ def force_tangents(
 
 @allocating
 def jump_law(
-    x: Array, slopes: tuple[float, float], column: int, problem: Problem, scratch: Scratch
+    x: Array, slopes: tuple[float, float], column: int, problem: Problem, run: Run
 ) -> tuple[Vector, Vector]:
     """The law after a jettison by the jump condition, tangents included.
 
@@ -354,14 +373,14 @@ def jump_law(
         slopes: time derivatives of T/m before and after, m/s3.
         column: of the instant.
         problem: the flight.
-        scratch: of :func:`fly`; base and rate rows are those before, moved to the instant, and
+        run: of :func:`fly`; base and rate rows are those before, moved to the instant, and
             become those after.
 
     Returns:
         steering vector and its rate after the jettison.
     """
-    n = scratch.counts[COLUMNS]
-    work = scratch.work
+    n = run.counts[COLUMNS]
+    work = run.work
     environment = problem.environment[0]
     y = np.empty(JUMP_OUTPUTS)
     jump(x, environment, problem.atmosphere, y)
@@ -471,41 +490,31 @@ def mass_at(engine: Engine, t: float) -> float:
 
 
 @allocating
-def pass_break(at: Break, engine: Engine, problem: Problem) -> Engine:
-    """The engine after a break."""
-    if at.what == PIECE:
-        row = problem.profile[at.which]
-        return Engine(
-            at.time,
-            row[P_THRUST],
-            row[P_THRUST_SLOPE],
-            row[P_FLOW],
-            row[P_FLOW_SLOPE],
-            row[P_MASS],
-            engine.dropped,
-            engine.in_tail,
-            engine.cutoff_flow,
-        )
-    if at.what == TAIL:
-        # the tail is anchored to the cut-off and takes the mass as it is
-        row = problem.tail[at.which]
-        return Engine(
-            at.time,
-            row[P_THRUST],
-            row[P_THRUST_SLOPE],
-            row[P_FLOW],
-            row[P_FLOW_SLOPE],
-            mass_at(engine, at.time) + engine.dropped,
-            engine.dropped,
-            True,
-            engine.cutoff_flow,
-        )
-    dropped = engine.dropped
-    cutoff_flow = engine.cutoff_flow
-    if at.what == DROP:
-        dropped += problem.drops[at.which, D_MASS]
-    elif at.what == CUTOFF:
-        cutoff_flow = engine.flow + (at.time - engine.anchor) * engine.flow_slope
+def engine_from(row: Array, at: Break, mass: float, engine: Engine) -> Engine:
+    """The engine after a break, thrust and flow from a row of the profile or of the tail.
+
+    Args:
+        row: P_THRUST to P_FLOW_SLOPE are read.
+        at: the break.
+        mass: kg, free drops aboard.
+        engine: before.
+    """
+    return Engine(
+        at.time,
+        row[P_THRUST],
+        row[P_THRUST_SLOPE],
+        row[P_FLOW],
+        row[P_FLOW_SLOPE],
+        mass,
+        engine.dropped,
+        at.what == TAIL,
+        engine.cutoff_flow,
+    )
+
+
+@allocating
+def same_engine(engine: Engine, dropped: float, cutoff_flow: float) -> Engine:
+    """The engine, with so much dropped and such a flow at the cut-off."""
     return Engine(
         engine.anchor,
         engine.thrust,
@@ -520,25 +529,25 @@ def pass_break(at: Break, engine: Engine, problem: Problem) -> Engine:
 
 
 @allocating
-def law_at(at: Break, problem: Problem) -> int:
+def law_at(at: Break, laws: Index) -> int:
     """Law that begins at a break; -1: none."""
     if at.what == LAW:
         return at.which
     found = -1
     if at.what == DROP:
-        for k in range(problem.laws.shape[0]):
-            if problem.laws[k, L_BEGINS] == AT_DROP and problem.laws[k, L_DROP] == at.which:
+        for k in range(laws.shape[0]):
+            if laws[k, L_BEGINS] == AT_DROP and laws[k, L_DROP] == at.which:
                 found = k
     return found
 
 
 @allocating
-def free_law(k: int, p: Array, problem: Problem, direction: Vector, scratch: Scratch) -> Law:
+def free_law(k: int, p: Array, laws: Index, direction: Vector, run: Run) -> Law:
     """A law whose rate is free, and its direction too if it is not continuous."""
-    n = scratch.counts[COLUMNS]
-    work = scratch.work
-    direction_column = problem.laws[k, L_DIRECTION]
-    rate_column = problem.laws[k, L_RATE]
+    n = run.counts[COLUMNS]
+    work = run.work
+    direction_column = laws[k, L_DIRECTION]
+    rate_column = laws[k, L_RATE]
     if direction_column >= 0:
         direction = load(p[direction_column:])
     if n > 0:
@@ -554,7 +563,7 @@ def free_law(k: int, p: Array, problem: Problem, direction: Vector, scratch: Scr
 
 @allocating
 def law_of_jump(
-    at: Break, law: Law, direction: Vector, engine: Engine, problem: Problem, scratch: Scratch
+    at: Break, law: Law, direction: Vector, engine: Engine, problem: Problem, run: Run
 ) -> Law:
     """The law after a jettison by the jump condition; ``engine`` is that before."""
     tau = at.time - engine.anchor
@@ -564,7 +573,7 @@ def law_of_jump(
     rest = mass - problem.drops[at.which, D_MASS]
     x = np.empty(JUMP_INPUTS)
     for c in range(6):
-        x[c] = scratch.state[c]
+        x[c] = run.state[c]
     store(x[6:], direction)
     store(x[9:], law.rate)
     x[12] = thrust / mass
@@ -573,20 +582,17 @@ def law_of_jump(
         (engine.thrust_slope + thrust * flow / mass) / mass,
         (engine.thrust_slope + thrust * flow / rest) / rest,
     )
-    after, rate = jump_law(x, slopes, at.column, problem, scratch)
+    after, rate = jump_law(x, slopes, at.column, problem, run)
     return Law(0.0, int(FIXED), after, rate)
 
 
 @allocating
 def change_law(
-    at: Break, law: Law, engine: Engine, p: Array, problem: Problem, scratch: Scratch
+    k: int, at: Break, law: Law, engine: Engine, p: Array, problem: Problem, run: Run
 ) -> Law:
-    """The law after a break, tangents included; ``engine`` is that before."""
-    k = law_at(at, problem)
-    if k < 0:
-        return law
-    n = scratch.counts[COLUMNS]
-    work = scratch.work
+    """Law ``k`` from a break on, tangents included; ``law`` and ``engine`` are those before."""
+    n = run.counts[COLUMNS]
+    work = run.work
     dt = at.time - law.time
     direction = axpy(dt, law.rate, law.direction)
     if n > 0:
@@ -598,53 +604,35 @@ def change_law(
         if at.column != FIXED:
             add_column(work[W_BASE], n, at.column, TIME_SCALE, law.rate)
     if problem.laws[k, L_RATE] < 0:
-        new = law_of_jump(at, law, direction, engine, problem, scratch)
+        new = law_of_jump(at, law, direction, engine, problem, run)
     else:
-        new = free_law(k, p, problem, direction, scratch)
+        new = free_law(k, p, problem.laws, direction, run)
     return Law(at.time, at.column, new.direction, new.rate)
 
 
 @allocating
-def store_state(row: Array, tangents: Array, t: float, mass: float, scratch: Scratch) -> None:
+def store_state(row: Array, tangents: Array, t: float, mass: float, run: Run) -> None:
     """Write time, position, velocity and mass, shape (8,), and the tangents, shape (6, n)."""
-    n = scratch.counts[COLUMNS]
+    n = run.counts[COLUMNS]
     row[0] = t
     for c in range(6):
-        row[1 + c] = scratch.state[c]
+        row[1 + c] = run.state[c]
     row[7] = mass
     for c in range(3):
         for j in range(n):
-            tangents[c, j] = scratch.work[W_POSITION, c * n + j]
-            tangents[3 + c, j] = scratch.work[W_VELOCITY, c * n + j]
+            tangents[c, j] = run.work[W_POSITION, c * n + j]
+            tangents[3 + c, j] = run.work[W_VELOCITY, c * n + j]
 
 
 @allocating
-def store_break(at: Break, engine: Engine, problem: Problem, scratch: Scratch) -> None:
-    """Write the state at a drop or at a probe."""
-    row = -1
-    if at.what == DROP:
-        row = at.which
-    elif at.what == PROBE:
-        row = problem.drops.shape[0] + at.which
-    if row >= 0:
-        mass = mass_at(engine, at.time)
-        store_state(scratch.drops[row], scratch.drop_tangents[row], at.time, mass, scratch)
-
-
-@allocating
-def store_node(t: float, stage: int, push: Push, scratch: Scratch) -> None:
-    """Write one end of a step, as long as there is room."""
-    stored = scratch.counts[STORED]
-    if stored == scratch.nodes.shape[0]:
-        return
-    node = scratch.nodes[stored]
+def put_node(node: Array, t: float, r: Vector, v: Vector, force: Vector, push: Push) -> None:
+    """Write one end of a step."""
     node[N_TIME] = t
-    store(node[N_POSITION:], load(scratch.state))
-    store(node[N_VELOCITY:], load(scratch.state[3:]))
-    store(node[N_ACCELERATION:], load(scratch.forces[stage]))
+    store(node[N_POSITION:], r)
+    store(node[N_VELOCITY:], v)
+    store(node[N_ACCELERATION:], force)
     node[N_MASS] = push.mass
     store(node[N_DIRECTION:], push.u)
-    scratch.counts[STORED] = stored + 1
 
 
 @allocating
@@ -669,19 +657,17 @@ def turn_of(push: Push) -> tuple[Vector, Vector]:
 
 @allocating
 def add_moving_times(
-    m: int, into: float, push: Push, leg: Leg, engine: Engine, law: Law, scratch: Scratch
+    kt: Array, n: int, into: float, push: Push, leg: Leg, engine: Engine, law: Law
 ) -> None:
     """What moving law, leg and cut-off do to the acceleration of a stage.
 
     Args:
-        m: stage; its tangents in ``scratch`` are added to.
+        kt: its flat tangents, added to.
+        n: columns.
         into: steps from the leg's begin.
         push: the thrust there.
         leg, engine, law: in force.
-        scratch: of the flight.
     """
-    n = scratch.counts[COLUMNS]
-    kt = scratch.work[W_FORCE + m]
     qa, qb = turn_of(push)
     rate = law.rate
     turn = (
@@ -707,9 +693,8 @@ def add_moving_times(
 
 
 @allocating
-def stretch(row: Array, leg: Leg, grow: Vector, scratch: Scratch) -> None:
+def stretch(row: Array, n: int, leg: Leg, grow: Vector) -> None:
     """The steps of a leg grow by 1/steps of what its ends move: add that to a flat tangent."""
-    n = scratch.counts[COLUMNS]
     if leg.end_column == leg.column:
         return
     if leg.column != FIXED:
@@ -719,62 +704,68 @@ def stretch(row: Array, leg: Leg, grow: Vector, scratch: Scratch) -> None:
 
 
 @allocating
-def end_tangents(leg: Leg, gain: Vector, scratch: Scratch) -> None:
+def end_tangents(work: Array, n: int, leg: Leg, gain: Vector) -> None:
     """Tangents at the end of a step: the last stage stands there."""
-    n = scratch.counts[COLUMNS]
-    work = scratch.work
     for k in range(3 * n):
         work[W_POSITION, k] = work[W_STAGE, k]
     for q in range(STAGES):
         w = leg.h * VELOCITY_WEIGHTS[q]
         for k in range(3 * n):
             work[W_VELOCITY, k] += w * work[W_FORCE + q, k]
-    if n > 0:
-        stretch(work[W_VELOCITY], leg, gain, scratch)
+    stretch(work[W_VELOCITY], n, leg, gain)
 
 
 @allocating
-def fly_step(
-    i: int, leg: Leg, engine: Engine, law: Law, environment: Record, scratch: Scratch
-) -> None:
-    """One step of a leg, the ``i``-th, with its tangents; its ends are nodes."""
-    n = scratch.counts[COLUMNS]
-    work = scratch.work
-    forces = scratch.forces
+def fly_leg(leg: Leg, engine: Engine, law: Law, environment: Record, run: Run) -> None:
+    """The steps from one break to the next, with their tangents; their ends are nodes."""
+    # taken out once: each time counts references
+    n = run.counts[COLUMNS]
+    stored = run.counts[STORED]
+    work = run.work
+    forces = run.forces
+    nodes = run.nodes
     h = leg.h
-    t0 = leg.begin + i * h
-    r = load(scratch.state)
-    v = load(scratch.state[3:])
-    first = 0
-    if i > 0:
-        # first same as last
-        first = 1
-        store(forces[0], load(forces[STAGES - 1]))
-        for k in range(3 * n):
-            work[W_FORCE, k] = work[W_FORCE + STAGES - 1, k]
-    for m in range(first, STAGES):
-        node = NODES[m]
-        shift = combine(WEIGHTS[m], forces, m)
-        rs = axpy(h * h, shift, axpy(node * h, v, r))
-        g, gradient, gradient_rest = gravity_gradient(rs, environment)
-        push = push_at(t0 + node * h, engine, law)
-        store(forces[m], axpy(push.thrust / push.mass, push.u, g))
+    r = load(run.state)
+    v = load(run.state[3:])
+    rs = r
+    push = push_at(leg.begin, engine, law)
+    for i in range(leg.steps):
+        t0 = leg.begin + i * h
+        first = 0
+        if i > 0:
+            # first same as last
+            first = 1
+            store(forces[0], load(forces[STAGES - 1]))
+            for k in range(3 * n):
+                work[W_FORCE, k] = work[W_FORCE + STAGES - 1, k]
+        for m in range(first, STAGES):
+            node = NODES[m]
+            shift = combine(WEIGHTS[m], forces, m)
+            rs = axpy(h * h, shift, axpy(node * h, v, r))
+            g, gradient, gradient_rest = gravity_gradient(rs, environment)
+            push = push_at(t0 + node * h, engine, law)
+            store(forces[m], axpy(push.thrust / push.mass, push.u, g))
+            if n > 0:
+                stage_tangents(work, n, m, h)
+                stretch(work[W_STAGE], n, leg, axpy(2.0 * h, shift, scale(node, v)))
+                turn = turn_of(push)
+                force_tangents(work, n, m, (gradient, gradient_rest), turn, push.time - law.time)
+                add_moving_times(work[W_FORCE + m], n, i + node, push, leg, engine, law)
+            if m == 0 and stored < nodes.shape[0]:
+                put_node(nodes[stored], t0, r, v, load(forces[0]), push)
+                stored += 1
+        gain = combine(VELOCITY_WEIGHTS, forces, int(STAGES))
+        # the last stage stands at the new position
+        r = rs
+        v = axpy(h, gain, v)
         if n > 0:
-            stage_tangents(work, n, m, h)
-            stretch(work[W_STAGE], leg, axpy(2.0 * h, shift, scale(node, v)), scratch)
-            force_tangents(
-                m, (gradient, gradient_rest), turn_of(push), push.time - law.time, scratch
-            )
-            add_moving_times(m, i + node, push, leg, engine, law, scratch)
-        if m == 0:
-            store_node(t0, m, push, scratch)
-        if m == STAGES - 1:
-            gain = combine(VELOCITY_WEIGHTS, forces, int(STAGES))
-            # the last stage stands at the new position
-            store(scratch.state, rs)
-            store(scratch.state[3:], axpy(h, gain, v))
-            end_tangents(leg, gain, scratch)
-            store_node(t0 + h, m, push, scratch)
+            end_tangents(work, n, leg, gain)
+        if stored < nodes.shape[0]:
+            put_node(nodes[stored], t0 + h, r, v, load(forces[STAGES - 1]), push)
+            stored += 1
+    store(run.state, r)
+    store(run.state[3:], v)
+    run.counts[STORED] = stored
 
 
 @allocating
@@ -792,6 +783,7 @@ def fly(p: Array, problem: Problem, scratch: Scratch) -> None:
             probe, of a drop also the steering vector and its rate after it; ``final`` and
             ``final_tangents``: time, position, velocity, mass at the end.
     """
+    run = Run(scratch.work, scratch.nodes, scratch.state, scratch.forces, scratch.counts)
     n = scratch.counts[COLUMNS]
     count = scratch.counts[BREAKS]
     scratch.counts[STORED] = 0
@@ -802,22 +794,39 @@ def fly(p: Array, problem: Problem, scratch: Scratch) -> None:
         scratch.state[c] = problem.state[c]
     law = Law(0.0, FIXED, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     engine = Engine(0.0, 0.0, 0.0, 0.0, 0.0, problem.profile[0, P_MASS], 0.0, False, 0.0)
+    # records of arrays count references at each call: what is called often gets arrays
+    times, breaks, tail, laws = scratch.times, scratch.breaks, problem.tail, problem.laws
     for b in range(count):
-        at = break_at(b, p, problem, scratch)
-        store_break(at, engine, problem, scratch)
-        law = change_law(at, law, engine, p, problem, scratch)
-        engine = pass_break(at, engine, problem)
-        if at.what == DROP:
+        at = break_at(b, p, tail, times, breaks)
+        if at.what == DROP or at.what == PROBE:
+            row = at.which if at.what == DROP else problem.drops.shape[0] + at.which
+            mass = mass_at(engine, at.time)
+            store_state(scratch.drops[row], scratch.drop_tangents[row], at.time, mass, run)
+        k = law_at(at, laws)
+        if k >= 0:
+            law = change_law(k, at, law, engine, p, problem, run)
+        if at.what == PIECE:
+            piece = problem.profile[at.which]
+            engine = engine_from(piece, at, piece[P_MASS], engine)
+        elif at.what == TAIL:
+            # the tail is anchored to the cut-off and takes the mass as it is
+            mass = mass_at(engine, at.time) + engine.dropped
+            engine = engine_from(tail[at.which], at, mass, engine)
+        elif at.what == DROP:
             steering = axpy(at.time - law.time, law.rate, law.direction)
             store(scratch.drops[at.which, 8:], steering)
             store(scratch.drops[at.which, 11:], law.rate)
-        steps = scratch.breaks[b, 3]
+            dropped = engine.dropped + problem.drops[at.which, D_MASS]
+            engine = same_engine(engine, dropped, engine.cutoff_flow)
+        elif at.what == CUTOFF:
+            flow = engine.flow + (at.time - engine.anchor) * engine.flow_slope
+            engine = same_engine(engine, engine.dropped, flow)
+        steps = breaks[b, 3]
         if steps > 0:
-            end = break_at(b + 1, p, problem, scratch)
+            end = break_at(b + 1, p, tail, times, breaks)
             h = (end.time - at.time) / steps
             leg = Leg(at.time, h, steps, at.column, end.column)
-            for i in range(steps):
-                fly_step(i, leg, engine, law, problem.environment[0], scratch)
-    end = break_at(count - 1, p, problem, scratch)
+            fly_leg(leg, engine, law, problem.environment[0], run)
+    end = break_at(count - 1, p, tail, times, breaks)
     mass = mass_at(engine, end.time)
-    store_state(scratch.final, scratch.final_tangents, end.time, mass, scratch)
+    store_state(scratch.final, scratch.final_tangents, end.time, mass, run)

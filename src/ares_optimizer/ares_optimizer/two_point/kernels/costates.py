@@ -128,39 +128,46 @@ def _stage_at(index: int, h: float, work: Record) -> _Stage:
 
 
 @kernel
-def _stage_column(at: _Stage, c: int, work: Record) -> tuple[Vector, Vector]:
-    """Derivatives of position and primer at a stage by unknown ``c``."""
+def _stage_tangents(at: _Stage, work: Record) -> None:
+    """Derivatives of position and primer at a stage by each unknown, into ``work.moved``."""
     state = work.state
     tangent = work.tangent
     stage_tangent = work.stage_tangent
+    moved = work.moved
     ch = NODES[at.number] * at.h
     h_square = at.h * at.h
-    a0 = tangent[c, 0] + ch * tangent[c, 3]
-    a1 = tangent[c, 1] + ch * tangent[c, 4]
-    a2 = tangent[c, 2] + ch * tangent[c, 5]
-    b0 = tangent[c, 6] + ch * tangent[c, 9]
-    b1 = tangent[c, 7] + ch * tangent[c, 10]
-    b2 = tangent[c, 8] + ch * tangent[c, 11]
-    for q in range(at.number):
-        a = h_square * WEIGHTS[at.number, q]
-        a0 += a * stage_tangent[q, c, 0]
-        a1 += a * stage_tangent[q, c, 1]
-        a2 += a * stage_tangent[q, c, 2]
-        b0 += a * stage_tangent[q, c, 3]
-        b1 += a * stage_tangent[q, c, 4]
-        b2 += a * stage_tangent[q, c, 5]
-    w = work.stretch[c]
-    if w != 0.0:
-        # a moving end changes the step itself
-        x = w * NODES[at.number]
-        z = 2.0 * w * at.h
-        a0 += x * state[3] + z * at.by_r[0]
-        a1 += x * state[4] + z * at.by_r[1]
-        a2 += x * state[5] + z * at.by_r[2]
-        b0 += x * state[9] + z * at.by_p[0]
-        b1 += x * state[10] + z * at.by_p[1]
-        b2 += x * state[11] + z * at.by_p[2]
-    return (a0, a1, a2), (b0, b1, b2)
+    for c in range(work.columns):
+        a0 = tangent[c, 0] + ch * tangent[c, 3]
+        a1 = tangent[c, 1] + ch * tangent[c, 4]
+        a2 = tangent[c, 2] + ch * tangent[c, 5]
+        b0 = tangent[c, 6] + ch * tangent[c, 9]
+        b1 = tangent[c, 7] + ch * tangent[c, 10]
+        b2 = tangent[c, 8] + ch * tangent[c, 11]
+        for q in range(at.number):
+            a = h_square * WEIGHTS[at.number, q]
+            a0 += a * stage_tangent[q, c, 0]
+            a1 += a * stage_tangent[q, c, 1]
+            a2 += a * stage_tangent[q, c, 2]
+            b0 += a * stage_tangent[q, c, 3]
+            b1 += a * stage_tangent[q, c, 4]
+            b2 += a * stage_tangent[q, c, 5]
+        w = work.stretch[c]
+        if w != 0.0:
+            # a moving end changes the step itself
+            x = w * NODES[at.number]
+            z = 2.0 * w * at.h
+            a0 += x * state[3] + z * at.by_r[0]
+            a1 += x * state[4] + z * at.by_r[1]
+            a2 += x * state[5] + z * at.by_r[2]
+            b0 += x * state[9] + z * at.by_p[0]
+            b1 += x * state[10] + z * at.by_p[1]
+            b2 += x * state[11] + z * at.by_p[2]
+        moved[c, 0] = a0
+        moved[c, 1] = a1
+        moved[c, 2] = a2
+        moved[c, 3] = b0
+        moved[c, 4] = b1
+        moved[c, 5] = b2
 
 
 @kernel
@@ -168,7 +175,7 @@ def _put_accelerations(at: _Stage, thrust: float, gravity: Gravity, work: Record
     """Accelerations of position and primer at a stage into ``work``, and their tangents.
 
     Args:
-        at: the stage; of the last one, its tangents become those of the state.
+        at: the stage.
         thrust: T/m, m/s2; its tangents stand in ``work.thrust``.
         gravity: the field.
         work: record WORK.
@@ -198,18 +205,12 @@ def _put_accelerations(at: _Stage, thrust: float, gravity: Gravity, work: Record
     stage[m, 4] = three * ep * e1 - k * y4
     stage[m, 5] = three * ep * e2 - k * y5
     turn = thrust * inverse_p
-    tangent = work.tangent
     stage_tangent = work.stage_tangent
+    moved = work.moved
+    _stage_tangents(at, work)
     for c in range(work.columns):
-        (a0, a1, a2), (b0, b1, b2) = _stage_column(at, c, work)
-        if m == STAGES - 1:
-            # the last stage is the end of the step
-            tangent[c, 0] = a0
-            tangent[c, 1] = a1
-            tangent[c, 2] = a2
-            tangent[c, 6] = b0
-            tangent[c, 7] = b1
-            tangent[c, 8] = b2
+        a0, a1, a2 = moved[c, 0], moved[c, 1], moved[c, 2]
+        b0, b1, b2 = moved[c, 3], moved[c, 4], moved[c, 5]
         ea = e0 * a0 + e1 * a1 + e2 * a2
         eb = e0 * b0 + e1 * b1 + e2 * b2
         ub = u0 * b0 + u1 * b1 + u2 * b2
@@ -255,6 +256,10 @@ def _end_step(last: _Stage, work: Record) -> None:
             b1 += b * stage_tangent[q, c, 4]
             b2 += b * stage_tangent[q, c, 5]
         w = work.stretch[c]
+        # the last stage is the end of the step
+        for n in range(3):
+            tangent[c, n] = work.moved[c, n]
+            tangent[c, 6 + n] = work.moved[c, 3 + n]
         tangent[c, 3] += h * a0 + w * x0
         tangent[c, 4] += h * a1 + w * x1
         tangent[c, 5] += h * a2 + w * x2
