@@ -26,8 +26,8 @@ def fly_once(name: str) -> None:
     fly_stepwise(mission, law=law)
 
 
-def fly(*names: str) -> None:
-    """The default mission, by each of some laws in every way."""
+def compile_laws(*names: str) -> None:
+    """Fly the default mission by each of some laws in every way."""
     mission = load_mission("ares_v")
     for name in names:
         fly_once(name)
@@ -36,24 +36,20 @@ def fly(*names: str) -> None:
             Range(Settings(mission, Dispersions(), law=name)).fly(0, 1)
 
 
-def optimize_directly() -> None:
+def compile_direct() -> None:
     """Solve by the direct methods, and analytically; fly the laws that need no optimum."""
     solve(load_mission("ares_v"), "direct11")
     solve(load_mission("ares_v"), "jump")
     solve(load_mission("ares_v"), "analytic")
-    fly(*(name for name in law_names() if name != "optimal"))
+    compile_laws(*(name for name in law_names() if name != "optimal"))
 
 
-def optimize_indirectly() -> None:
-    """Solve by the indirect methods; what they are set beside is compiled with the direct ones."""
+def compile_two_point() -> None:
+    """Solve by the indirect methods, then fly law `optimal`, which takes their kernels."""
+    # what they are set beside is compiled with the direct ones
     solve(load_mission("ares_v"), "indirect", verify=False)
     solve(load_mission("ares_v"), "closed_form", verify=False)
-
-
-def fly_the_optimum() -> None:
-    """The indirect methods first: law `optimal` takes their kernels from the cache."""
-    optimize_indirectly()
-    fly("optimal")
+    compile_laws("optimal")
 
 
 def run(*parts: Callable[[], None]) -> int:
@@ -70,4 +66,4 @@ if __name__ == "__main__":
     if sys.argv[1:]:
         fly_once(sys.argv[1])
     else:
-        sys.exit(run(fly_the_optimum, optimize_directly))
+        sys.exit(run(compile_two_point, compile_direct))
