@@ -244,13 +244,12 @@ def write_thrust(sequence: Record, arcs: NDArray[Any], segment: Record) -> None:
     segment.thrust_slope = 0.0
     segment.flow = 0.0
     segment.flow_slope = 0.0
-    after = sequence.time + SAME_TIME
     arc = arcs[sequence.arc]
     if arc.kind == BURN and sequence.inserted == 0:
         fraction = 1.0
         slope = 0.0
         if arc.start_knots > 0:
-            into = after - sequence.arc_start_time
+            into = sequence.time - sequence.arc_start_time + SAME_TIME
             fraction = curve_value(arc.start_time, arc.start_fraction, arc.start_knots, into)
             slope = curve_slope(arc.start_time, arc.start_fraction, arc.start_knots, into)
         segment.thrust += fraction * arc.thrust
@@ -259,7 +258,7 @@ def write_thrust(sequence: Record, arcs: NDArray[Any], segment: Record) -> None:
         segment.flow_slope += slope * arc.mass_flow
     if sequence.tail_arc >= 0:
         tail = arcs[sequence.tail_arc]
-        into = after - sequence.tail_start_time
+        into = sequence.time - sequence.tail_start_time + SAME_TIME
         fraction = curve_value(tail.tail_time, tail.tail_fraction, tail.tail_knots, into)
         slope = curve_slope(tail.tail_time, tail.tail_fraction, tail.tail_knots, into)
         segment.thrust += fraction * tail.thrust

@@ -10,6 +10,7 @@ and pi keeps H = lambda_r . V + lambda_v . g + |lambda_v| T/m the same across th
 pi here is that of Eq. 3.50 times the heating rate.
 """
 
+import math
 from typing import Any
 
 import numpy as np
@@ -109,7 +110,9 @@ def jump(
     root = np.sqrt(inside)
     if b.real < 0.0:
         root = -root
-    pi = c / (b + root)
+    divisor = b + root
+    # without thrust there is no jump; numba would raise for complex numbers
+    pi = c / divisor if divisor != 0.0 else c * math.nan
     y[0] = x[6] - pi * n3
     y[1] = x[7] - pi * n4
     y[2] = x[8] - pi * n5
