@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from mcap.opcode import Opcode
 from mcap.records import Message
 from mcap.writer import CompressionType, IndexType, Writer
 
@@ -155,6 +156,14 @@ def check_flip(whole, folder, bit):
 def test_one_wrong_bit_at_200_places(made, tmp_path):
     places = random.Random(1).sample(range(len(made.data) * 8), 200)
     assert all(check_flip(made, tmp_path, bit) for bit in places)
+
+
+def test_a_message_index_that_looks_like_a_message_is_none(made, tmp_path):
+    spans = surveyed(made.path)[1].spans
+    indexes = [span for span in spans if span.opcode == Opcode.MESSAGE_INDEX]
+    differs = Opcode.MESSAGE ^ Opcode.MESSAGE_INDEX
+    for span in indexes[::4]:
+        assert check_flip(made, tmp_path, 8 * span.begin + differs.bit_length() - 1)
 
 
 def test_one_wrong_bit_in_a_bag_of_an_older_version(old, tmp_path):

@@ -386,19 +386,18 @@ def _data_section(spans: list[Span]) -> list[Span]:
 def _known(summary: Summary, end: int) -> list[Span]:
     """The records that a summary tells the place of, in order."""
     spans = [
-        Span(
-            index.chunk_start_offset,
-            index.chunk_start_offset + index.chunk_length,
-            Opcode.CHUNK,
-            index,
-        )
-        for index in summary.chunk_indexes
-    ] + [
         Span(index.offset, index.offset + index.length, Opcode.METADATA)
         for index in summary.metadata_indexes
     ]
+    for index in summary.chunk_indexes:
+        end_of_chunk = index.chunk_start_offset + index.chunk_length
+        spans.append(Span(index.chunk_start_offset, end_of_chunk, Opcode.CHUNK, index))
+        begins = sorted(index.message_index_offsets.values())
+        # with one wrong bit in its opcode, one of these looks like a message
+        ends = [*begins[1:], end_of_chunk + index.message_index_length]
+        spans += [Span(*pair, Opcode.MESSAGE_INDEX) for pair in zip(begins, ends, strict=False)]
     ordered: list[Span] = []
     for span in sorted(spans, key=lambda span: span.begin):
-        if span.begin >= (ordered[-1].end if ordered else MAGIC) and span.end <= end:
+        if (ordered[-1].end if ordered else MAGIC) <= span.begin < span.end <= end:
             ordered.append(span)
     return ordered
