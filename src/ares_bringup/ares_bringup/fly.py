@@ -46,6 +46,13 @@ RECORDER = "recorder"
 OPTIMIZER = "optimizer"
 JUDGE = "judge"
 
+#: What follows in flight when a node has ended.
+_IN_FLIGHT = {
+    SIMULATOR: "",
+    GUIDANCE: ": flying on with its last good command",
+    RECORDER: ": the bag is incomplete",
+}
+
 #: Modules that run the nodes as processes.
 MODULES = {
     SIMULATOR: "ares_vehicle_sim",
@@ -432,13 +439,14 @@ def _crew_lost(crew: Crew, summary: FlightSummary, say: Say) -> bool:
     return False
 
 
+def describe_loss(name: str, status: int) -> str:
+    """What it means that a node of a flight under way has ended, in words."""
+    return f"{name} {describe_end(status)} in flight{_IN_FLIGHT[name]}"
+
+
 def _note_loss(name: str, status: int, summary: FlightSummary, say: Say) -> None:
-    """Say what it means that a node of a flight under way has ended."""
-    meaning = {
-        GUIDANCE: ": flying on with its last good command",
-        RECORDER: ": the bag is incomplete",
-    }
-    summary.problems.append(f"{name} {describe_end(status)} in flight{meaning.get(name, '')}")
+    """Say that a node of a flight under way has ended."""
+    summary.problems.append(describe_loss(name, status))
     say(summary.problems[-1])
 
 

@@ -15,15 +15,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ares_bringup.crew import describe_end
-from ares_bringup.fly import GUIDANCE, JUDGE, OPTIMIZER, RECORDER, SIMULATOR
+from ares_bringup.fly import (
+    GUIDANCE,
+    JUDGE,
+    OPTIMIZER,
+    RECORDER,
+    SIMULATOR,
+    describe_loss,
+)
 from ares_bringup.summary import EXIT_CANNOT_START, EXIT_INTERRUPTED, EXIT_NOT_AS_IT_SHOULD
 
-#: What follows in flight when a node has ended.
-IN_FLIGHT = {
-    SIMULATOR: "",
-    GUIDANCE: ": flying on with its last good command",
-    RECORDER: ": the bag is incomplete",
-}
 #: Sent to the judge: see `ares_bringup.judge`.
 SIGNALS = {SIMULATOR: "SIGUSR2", GUIDANCE: "SIGUSR1", RECORDER: "SIGUSR1"}
 #: Wall time in s for nodes that launch has left behind to end.
@@ -94,11 +95,11 @@ class LaunchVerdict:
         if status == EXIT_CANNOT_START:
             self._cannot_start = True
             return Consequence(shut_down=True)
-        how = f"{name} {describe_end(status)}"
         if name == OPTIMIZER:
+            how = f"{name} {describe_end(status)}"
             return Consequence(f"{how}: guidance starts without its guess")
         self._problems = True
-        return Consequence(f"{how} in flight{IN_FLIGHT[name]}", SIGNALS[name])
+        return Consequence(describe_loss(name, status), SIGNALS[name])
 
     @property
     def status(self) -> int:
