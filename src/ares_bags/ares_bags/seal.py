@@ -9,6 +9,7 @@ made here from the chunks; if there is no room for it either, the last chunks ma
 
 import os
 import zlib
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from struct import pack
@@ -80,25 +81,22 @@ def _scan(path: Path) -> tuple[int, list[MetadataIndex], list[_Span]]:
     metadata: list[MetadataIndex] = []
     spans: list[_Span] = []
     begin = start = len(MCAP0_MAGIC)
-    with path.open("rb") as stream:
-        try:
-            for record in StreamReader(stream, emit_chunks=True).records:
-                end = stream.tell()
-                if isinstance(record, Chunk):
-                    spans.append(_span(record, begin, end))
-                elif isinstance(record, MessageIndex):
-                    spans[-1].index.message_index_offsets[record.channel_id] = begin
-                    spans[-1].index.message_index_length += end - begin
-                elif isinstance(record, DataEnd) or spans:
-                    break
-                else:
-                    start = end
-                    if isinstance(record, Metadata):
-                        metadata.append(MetadataIndex(begin, end - begin, record.name))
-                begin = end
-        except Exception:
-            # the reader raises one of many where the file breaks off; what came before is good
-            pass
+    # the reader raises one of many errors where the file breaks off; what came before is good
+    with path.open("rb") as stream, suppress(Exception):
+        for record in StreamReader(stream, emit_chunks=True).records:
+            end = stream.tell()
+            if isinstance(record, Chunk):
+                spans.append(_span(record, begin, end))
+            elif isinstance(record, MessageIndex):
+                spans[-1].index.message_index_offsets[record.channel_id] = begin
+                spans[-1].index.message_index_length += end - begin
+            elif isinstance(record, DataEnd) or spans:
+                break
+            else:
+                start = end
+                if isinstance(record, Metadata):
+                    metadata.append(MetadataIndex(begin, end - begin, record.name))
+            begin = end
     if spans and not spans[-1].complete:
         spans.pop()
     return start, metadata, spans

@@ -379,6 +379,14 @@ def _spinner(
         stop.wake_with(executor.wake)
 
 
+def _keep_watch(watch: Watch, spinner: "Spinner", lost: Callable[[], bool]) -> None:
+    """Spin until the flight is over, or is lost."""
+    while not watch.over():
+        spinner.spin()
+        if lost():
+            return
+
+
 # ---- one process each
 
 
@@ -398,6 +406,14 @@ def _fly_in_processes(
 
         # guidance asks the optimizer first of all: on a slow machine it would ask in vain
         late = [GUIDANCE] if OPTIMIZER in parameters else []
+
+        def lost() -> bool:
+            if late and (
+                monitor.node.count_services(SOLVE_TRAJECTORY) or OPTIMIZER not in crew.running()
+            ):
+                start(late.pop())
+            return _crew_lost(crew, summary, say)
+
         # the children first: they take longer to start than what follows here
         for name in parameters:
             if name not in late:
@@ -405,15 +421,7 @@ def _fly_in_processes(
         with _graph(summary, say, lambda: False) as (monitor, executor, stop):
             watch = _watch(monitor, parameters[SIMULATOR]["pace"], say, stop, begun)
             with _spinner(monitor, executor, stop) as spinner:
-                while not watch.over():
-                    spinner.spin()
-                    if late and (
-                        monitor.node.count_services(SOLVE_TRAJECTORY)
-                        or OPTIMIZER not in crew.running()
-                    ):
-                        start(late.pop())
-                    if _crew_lost(crew, summary, say):
-                        break
+                _keep_watch(watch, spinner, lost)
 
             def listen() -> None:
                 executor.spin_once(timeout_sec=0.005)
@@ -487,29 +495,28 @@ def _fly_in_process(
         try:
             # the recorder last: a start that is abandoned while kernels compile leaves no bag
             for name in (OPTIMIZER, GUIDANCE, SIMULATOR, RECORDER):
-                if name in parameters:
+                if name in parameters and not stop.requested:
                     nodes[name] = _started(name, parameters[name], executor, monitor.node)
-                if stop.requested:
-                    break
             watch = _watch(monitor, parameters[SIMULATOR]["pace"], say, stop, begun)
             with _spinner(monitor, executor, stop) as spinner:
                 for node in nodes.values():
                     node.when_done = spinner.come_back
-                while not watch.over():
-                    spinner.spin()
-                    if any(n.done for n in nodes.values()) and _node_lost(nodes, summary, say):
-                        break
-            for name in (SIMULATOR, GUIDANCE, OPTIMIZER, RECORDER):
-                if name in nodes and not nodes[name].done:
-                    nodes[name].drain(executor)
+                _keep_watch(watch, spinner, lambda: _node_lost(nodes, summary, say))
+            for node in _in_order_of_end(nodes):
+                if not node.done:
+                    node.drain(executor)
         finally:
-            for name in (SIMULATOR, GUIDANCE, OPTIMIZER, RECORDER):
-                if name in nodes:
-                    executor.remove_node(nodes[name])
-                    nodes[name].stop()
-                    nodes[name].destroy_node()
+            for node in _in_order_of_end(nodes):
+                executor.remove_node(node)
+                node.stop()
+                node.destroy_node()
         if RECORDER in nodes and nodes[RECORDER].exit_code:
             summary.problems.append(f"{RECORDER} failed: the bag is incomplete")
+
+
+def _in_order_of_end(nodes: Mapping[str, "FlightNode"]) -> list["FlightNode"]:
+    """The recorder last: it gets to write all that the others sent."""
+    return [nodes[name] for name in (SIMULATOR, GUIDANCE, OPTIMIZER, RECORDER) if name in nodes]
 
 
 def _started(

@@ -20,7 +20,7 @@ from ares_guidance.law import LawSettings
 from ares_guidance.laws import find_law, make_law
 from ares_guidance.testing import first_navigation
 from ares_models.kernels.targets import desired_state, plane_normal
-from ares_models.kernels.vectors import load
+from ares_models.kernels.vectors import cross, load
 from ares_models.mission import list_missions, load_mission
 
 
@@ -40,7 +40,9 @@ def upper_stage(mission, arc, mass, speed_short, below, aside=0.0, turned=0.0):
     arrays = mission.arrays()
     target = arrays.target[0]
     start = mission.start()
-    normal, _ = plane_normal(target, load(start.position), load(start.velocity))
+    normal, _ = plane_normal(
+        target, load(start.position), cross(load(start.position), load(start.velocity))
+    )
     radial = np.cross(normal, np.cross(start.position, normal))
     radial /= np.linalg.norm(radial)
     position, velocity, _ = desired_state(target, arrays.environment[0]["mu"], load(radial), normal)

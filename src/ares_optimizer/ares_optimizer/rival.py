@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import HEATING_LIMIT, MissionArrays
+from ares_models.kernels.targets import desired_state, plane_normal, project_to_plane
 from ares_models.kernels.vectors import cross, load, norm, sub
 from ares_optimizer.direct.search import Found, find_direct, steering_laws
 from ares_optimizer.indirect.solve import solve_indirect
 from ares_optimizer.indirect.solver import IndirectGuess, TwoPointOptions
-from ares_optimizer.kernels.terminal import target_normal, wanted_state
 from ares_optimizer.request import DIRECT_METHODS, Heating, Request
 from ares_optimizer.solution import OptimizerError, Solution, Status, UnfitMethod
 
@@ -87,8 +87,8 @@ def ample_delta_v(arrays: MissionArrays, start: NDArray[np.void]) -> float:
     v = load(start[0]["velocity"])
     target = arrays.target[0]
     mu = float(arrays.environment[0]["mu"])
-    normal = target_normal(target, r, cross(r, v), 1.0)
-    wanted_r, wanted_v, _ = wanted_state(target, mu, normal, r)
+    normal, _ = plane_normal(target, r, cross(r, v))
+    wanted_r, wanted_v, _ = desired_state(target, mu, project_to_plane(r, normal), normal)
     last = arrays.arcs[-1]
     mass = float(last["stack_mass"])
     if start[0]["mass"] > 0.0:

@@ -29,6 +29,7 @@ from ares_models.kernels.vectors import (
     Vector,
     add,
     axpy,
+    cross,
     dot,
     load,
     norm,
@@ -174,7 +175,7 @@ def iterate(mission: MissionRecords, onboard: Onboard) -> tuple[float, float, bo
     # "range angle": the next pass stands where the same integrals reach downrange
     beyond = dot(coast, zeta) + s_p * math.cos(pitch) + d_p * k_1 * math.sin(pitch)
     r_p = axpy(beyond, zeta, wanted_r)
-    normal, reachable = plane_normal(target, r_p, wanted_v)
+    normal, reachable = plane_normal(target, r_p, cross(r_p, wanted_v))
     store(solution.velocity_to_go, v_go)
     store(solution.desired_position, r_p)
     store(solution.plane_normal, normal)

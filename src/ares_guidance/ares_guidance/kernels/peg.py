@@ -80,7 +80,7 @@ def iterate(mission: MissionRecords, onboard: Onboard) -> tuple[float, float, bo
     moved = predict_jettisons(mission, onboard, steering)
 
     # correction
-    normal, reachable = plane_normal(target, r_p, v_p)
+    normal, reachable = plane_normal(target, r_p, cross(r_p, v_p))
     wanted_r, wanted_v, _ = desired_state(target, mu, project_to_plane(r_p, normal), normal)
     miss = sub(wanted_v, v_p)
     store(solution.velocity_to_go, add(v_go, miss))

@@ -7,7 +7,7 @@ from ares_guidance.kernels.segments import burn_time_to_go, plan_segments
 from ares_models.arrays import MissionRecords
 from ares_models.jit import kernel
 from ares_models.kernels.targets import desired_state, plane_normal, project_to_plane, target_speed
-from ares_models.kernels.vectors import axpy, load, norm, scale, store, unit
+from ares_models.kernels.vectors import axpy, cross, load, norm, scale, store, unit
 
 
 @kernel
@@ -44,7 +44,7 @@ def start_guess(mission: MissionRecords, onboard: Onboard) -> None:
     store(solution.gravity_displacement, scale(-0.5 * mu * t_go * t_go / radius**3, r))
     store(solution.displacement_bias, (0.0, 0.0, 0.0))
     ahead = axpy(0.5 * t_go, axpy(1.0, v, axpy(1.0, v_go, v)), r)
-    normal, _ = plane_normal(target, ahead, axpy(1.0, v_go, v))
+    normal, _ = plane_normal(target, ahead, cross(ahead, axpy(1.0, v_go, v)))
     position, _, _ = desired_state(target, mu, project_to_plane(ahead, normal), normal)
     store(solution.desired_position, position)
     store(solution.plane_normal, normal)

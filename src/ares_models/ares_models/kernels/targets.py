@@ -10,7 +10,18 @@ POLE = (0.0, 0.0, 1.0)
 
 
 @kernel
-def plane_normal(target: Record, r: Vector, v: Vector) -> tuple[Vector, bool]:
+def named_plane(target: Record) -> Vector:
+    """Unit normal of the plane of the target's inclination and ascending node."""
+    si = math.sin(target.inclination)
+    return (
+        si * math.sin(target.ascending_node),
+        -si * math.cos(target.ascending_node),
+        math.cos(target.inclination),
+    )
+
+
+@kernel
+def plane_normal(target: Record, r: Vector, h: Vector) -> tuple[Vector, bool]:
     """Normal of the target plane, along the angular momentum.
 
     With the node free the plane is the one of exact inclination through ``r``, on the
@@ -20,31 +31,26 @@ def plane_normal(target: Record, r: Vector, v: Vector) -> tuple[Vector, bool]:
     Args:
         target: record TARGET.
         r: predicted cut-off position, m.
-        v: predicted cut-off velocity, m/s; chooses the branch.
+        h: angular momentum there, of any size; chooses the branch.
 
     Returns:
         unit normal, and whether a plane of that inclination passes through ``r``; if
         not, the normal is that of the nearest inclination that does.
     """
     if target.kind != TARGET_RADIUS_SPEED_ANGLE_INCLINATION:
-        si = math.sin(target.inclination)
-        return (
-            si * math.sin(target.ascending_node),
-            -si * math.cos(target.ascending_node),
-            math.cos(target.inclination),
-        ), True
+        return named_plane(target), True
     radial = unit(r)
     north = axpy(-radial[2], radial, POLE)
     cos_latitude = norm(north)
     if cos_latitude < 1e-12:
-        return unit(cross(r, v)), True
+        return unit(h), True
     north = scale(1.0 / cos_latitude, north)
     west = cross(radial, north)
     along_north = math.cos(target.inclination) / cos_latitude
     reachable = abs(along_north) <= 1.0
     along_north = min(1.0, max(-1.0, along_north))
     along_west = math.sqrt(1.0 - along_north * along_north)
-    if dot(cross(r, v), west) < 0.0:
+    if dot(h, west) < 0.0:
         along_west = -along_west
     return add(scale(along_north, north), scale(along_west, west)), reachable
 
@@ -71,7 +77,8 @@ def desired_state(
         anomaly = latitude_argument - target.argument_of_perigee
         e = target.eccentricity
         parameter = target.semi_major_axis * (1.0 - e * e)
-        radius = parameter / (1.0 + e * math.cos(anomaly))
+        # beyond the asymptote of a hyperbola there is no orbit
+        radius = parameter / max(1e-3, 1.0 + e * math.cos(anomaly))
         root = math.sqrt(mu / parameter)
         vertical = root * e * math.sin(anomaly)
         horizontal = root * (1.0 + e * math.cos(anomaly))

@@ -5,10 +5,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.jit import allocating
+from ares_models.jit import allocating, kernel
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 
 _TINY = 1e-13
 
@@ -169,17 +170,7 @@ def dual_multipliers(m: Array, q: Array, x: Array) -> int:
     for i in range(k):
         scale = max(scale, m[i, i])
     for _ in range(6 * k + 6):
-        worst = -1
-        least = -1e-12
-        for i in range(k):
-            if active[i] or m[i, i] <= 1e-14 * scale:
-                continue
-            s = q[i]
-            for j in range(k):
-                s += m[i, j] * x[j]
-            if s < least:
-                least = s
-                worst = i
+        worst = _most_violated(m, q, x, active, scale)
         if worst < 0:
             return 0
         active[worst] = True
@@ -196,28 +187,56 @@ def dual_multipliers(m: Array, q: Array, x: Array) -> int:
                 for b in range(size):
                     part[a, b] = m[index[a], index[b]]
             solve_symmetric(part, right, trial, size)
-            step = 1.0
-            out = -1
-            for a in range(size):
-                if trial[a] <= 0.0:
-                    i = index[a]
-                    ratio = x[i] / (x[i] - trial[a]) if x[i] > trial[a] else 0.0
-                    if ratio < step or out < 0:
-                        step = min(step, ratio)
-                        out = i
-            for a in range(size):
-                i = index[a]
-                x[i] += step * (trial[a] - x[i])
-            if out < 0:
+            if _step_to_trial(trial, index[:size], x, active):
                 break
-            x[out] = 0.0
-            active[out] = False
-            for a in range(size):
-                i = index[a]
-                if x[i] <= 0.0:
-                    x[i] = 0.0
-                    active[i] = False
     return 1
+
+
+@kernel
+def _most_violated(m: Array, q: Array, x: Array, active: Flags, scale: float) -> int:
+    """Inactive row with the most negative m x + q; -1 when all hold."""
+    worst = -1
+    least = -1e-12
+    for i in range(q.size):
+        if active[i] or m[i, i] <= 1e-14 * scale:
+            continue
+        s = q[i]
+        for j in range(q.size):
+            s += m[i, j] * x[j]
+        if s < least:
+            least = s
+            worst = i
+    return worst
+
+
+@kernel
+def _step_to_trial(trial: Array, index: Index, x: Array, active: Flags) -> bool:
+    """Go from x towards the trial as far as x stays >= 0; True when all the way.
+
+    What reaches zero leaves the active set.
+    """
+    step = 1.0
+    out = -1
+    for a in range(index.size):
+        if trial[a] <= 0.0:
+            i = index[a]
+            ratio = x[i] / (x[i] - trial[a]) if x[i] > trial[a] else 0.0
+            if ratio < step or out < 0:
+                step = min(step, ratio)
+                out = i
+    for a in range(index.size):
+        i = index[a]
+        x[i] += step * (trial[a] - x[i])
+    if out < 0:
+        return True
+    x[out] = 0.0
+    active[out] = False
+    for a in range(index.size):
+        i = index[a]
+        if x[i] <= 0.0:
+            x[i] = 0.0
+            active[i] = False
+    return False
 
 
 @allocating

@@ -16,7 +16,7 @@ from ares_models.arrays import (
     Record,
 )
 from ares_models.jit import kernel
-from ares_models.kernels.vectors import Vector, add, axpy, cross, dot, norm, scale, unit
+from ares_models.kernels.vectors import Vector, axpy, cross, dot, norm, scale
 
 Array = NDArray[np.float64]
 
@@ -118,68 +118,3 @@ def terminal_rows(
         by_velocity = axpy(2.0 * x / mu, v, axpy(-y / mu, r, scale(-along / mu, axis)))
         put_row(gradient[1 + k], scale(SCALE, by_position), scale(SCALE, by_velocity))
     return 5
-
-
-@kernel
-def target_normal(target: Record, r: Vector, h: Vector, branch: float) -> Vector:
-    """Unit normal of the target plane; with a free node that through ``r``.
-
-    Args:
-        target: record TARGET.
-        r: m.
-        h: present angular momentum; of the two planes through ``r`` the nearer one is meant.
-        branch: -1 for the other of the two.
-    """
-    si = math.sin(target.inclination)
-    ci = math.cos(target.inclination)
-    if target.kind != TARGET_RADIUS_SPEED_ANGLE_INCLINATION:
-        node = target.ascending_node
-        return (si * math.sin(node), -si * math.cos(node), ci)
-    up = unit(r)
-    north = axpy(-up[2], up, (0.0, 0.0, 1.0))
-    cos_latitude = max(1e-9, norm(north))
-    north = scale(1.0 / cos_latitude, north)
-    west = cross(up, north)
-    along_north = min(1.0, max(-1.0, ci / cos_latitude))
-    along_west = branch * math.sqrt(1.0 - along_north * along_north)
-    if dot(h, west) < 0.0:
-        along_west = -along_west
-    return add(scale(along_north, north), scale(along_west, west))
-
-
-@kernel
-def wanted_state(
-    target: Record, mu: float, normal: Vector, r: Vector
-) -> tuple[Vector, Vector, Vector]:
-    """State of the terminal set on the ray of ``r``, and the downrange direction there.
-
-    Args:
-        target: record TARGET.
-        mu: m3/s2.
-        normal: unit normal of the target plane.
-        r: m; taken into the plane.
-
-    Returns:
-        position m, velocity m/s, unit vector downrange.
-    """
-    radial = unit(axpy(-dot(r, normal), normal, r))
-    downrange = cross(normal, radial)
-    if target.kind == TARGET_KEPLERIAN:
-        node = (math.cos(target.ascending_node), math.sin(target.ascending_node), 0.0)
-        argument = math.atan2(dot(cross(node, radial), normal), dot(node, radial))
-        anomaly = argument - target.argument_of_perigee
-        e = target.eccentricity
-        parameter = target.semi_major_axis * (1.0 - e * e)
-        radius = parameter / max(1e-3, 1.0 + e * math.cos(anomaly))
-        root = math.sqrt(mu / parameter)
-        rise = root * e * math.sin(anomaly)
-        along = root * (1.0 + e * math.cos(anomaly))
-    else:
-        radius = target.radius
-        rise = target.speed * math.sin(target.flight_path_angle)
-        along = target.speed * math.cos(target.flight_path_angle)
-    return (
-        scale(radius, radial),
-        add(scale(rise, radial), scale(along, downrange)),
-        downrange,
-    )

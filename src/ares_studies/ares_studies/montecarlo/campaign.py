@@ -79,7 +79,7 @@ class _InOrder:
         self._look()
 
     def _look(self) -> None:
-        while self.stop_at is None and self._tally.n in self._there:
+        while self._plan.may_stop and self.stop_at is None and self._tally.n in self._there:
             span = (self._tally.n, self._there[self._tally.n])
             self._tally.add(self._store.read(span))
             if self._plan.narrow_enough(self._tally):
@@ -105,18 +105,22 @@ def fly_campaign(plan: Plan, store: Store, engine: Engine, watch: Callable[[Any]
     if store.count() > plan.count:
         raise StoreError(f"{store.folder}: holds {store.count()} flights, more than {plan.count}")
     store.reopen()
-    spans = store.spans()
-    order = _InOrder(plan, store) if plan.may_stop else None
-    if order is None or order.stop_at is None:
-        # closing ends threads and connections, whatever happens
-        with closing(engine(plan.settings, missing(spans, plan.count))) as tables:
-            for table in tables:
-                store.write(table)
-                watch(table)
-                if order is not None:
-                    order.add(table["flight"][0].as_py(), table.num_rows)
-                    if order.stop_at is not None:
-                        break
-    count = order.stop_at if order is not None and order.stop_at is not None else plan.count
+    order = _InOrder(plan, store)
+    if order.stop_at is None:
+        _fly_missing(plan, store, engine, watch, order)
+    count = plan.count if order.stop_at is None else order.stop_at
     store.finish(count)
     return count
+
+
+def _fly_missing(
+    plan: Plan, store: Store, engine: Engine, watch: Callable[[Any], None], order: _InOrder
+) -> None:
+    # closing ends threads and connections, whatever happens
+    with closing(engine(plan.settings, missing(store.spans(), plan.count))) as tables:
+        for table in tables:
+            store.write(table)
+            watch(table)
+            order.add(table["flight"][0].as_py(), table.num_rows)
+            if order.stop_at is not None:
+                return

@@ -14,7 +14,7 @@ from ares_models.arrays import (
 )
 from ares_models.jit import kernel
 from ares_models.kernels.states import insertion_quantities
-from ares_models.kernels.targets import desired_state, project_to_plane
+from ares_models.kernels.targets import desired_state, named_plane, project_to_plane
 from ares_models.kernels.vectors import Vector, axpy, cross, dot, load, norm, scale, unit
 from ares_models.tolerances import (
     FLIGHT_PATH_ANGLE_DEG,
@@ -63,12 +63,7 @@ def judge_insertion(r: Vector, v: Vector, target: Record, mu: float, result: Rec
     result.ascending_node_error = math.nan
     result.argument_of_perigee_error = math.nan
     if target.kind == TARGET_KEPLERIAN:
-        si = math.sin(target.inclination)
-        normal = (
-            si * math.sin(target.ascending_node),
-            -si * math.cos(target.ascending_node),
-            math.cos(target.inclination),
-        )
+        normal = named_plane(target)
         radial = project_to_plane(r, normal)
         wanted_r, wanted_v, _ = desired_state(target, mu, radial, normal)
         wanted_radius, wanted_speed, wanted_angle, _, _ = insertion_quantities(wanted_r, wanted_v)

@@ -11,6 +11,7 @@ import numpy as np
 
 from ares_models.arrays import TARGET_RADIUS_SPEED_ANGLE_INCLINATION
 from ares_models.jit import allocating
+from ares_models.kernels.targets import desired_state, named_plane, project_to_plane
 from ares_models.kernels.vectors import Vector, add, axpy, cross, load, norm, scale, unit
 from ares_optimizer.direct.kernels.evaluate import Point, evaluate
 from ares_optimizer.direct.kernels.flight import N_TIME, STORED, Scratch, drop_column
@@ -35,7 +36,6 @@ from ares_optimizer.direct.kernels.problem import (
 )
 from ares_optimizer.direct.kernels.sqp import into_bounds
 from ares_optimizer.kernels.algebra import Array
-from ares_optimizer.kernels.terminal import wanted_state
 
 _SLICES = 32
 _PASSES = 3  # of placing the jettison
@@ -153,14 +153,9 @@ def sweep(problem: Problem, scratch: Scratch, point: Point, starts: Array, misse
             normal = cross(r, cross((0.0, 0.0, 1.0), r))
         normal = unit(normal)
     else:
-        si = math.sin(target.inclination)
-        normal = (
-            si * math.sin(target.ascending_node),
-            -si * math.cos(target.ascending_node),
-            math.cos(target.inclination),
-        )
+        normal = named_plane(target)
     along = unit(cross(normal, up))
-    _, wanted, _ = wanted_state(target, mu, normal, r)
+    _, wanted, _ = desired_state(target, mu, project_to_plane(r, normal), normal)
     needed = norm(axpy(-1.0, v, wanted))
     found = 0
     p = np.zeros(n)

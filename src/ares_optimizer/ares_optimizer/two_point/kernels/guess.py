@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ares_models.arrays import TARGET_RADIUS_SPEED_ANGLE_INCLINATION, MissionRecords, Record
 from ares_models.jit import kernel
+from ares_models.kernels.targets import desired_state, plane_normal, project_to_plane
 from ares_models.kernels.vectors import (
     Vector,
     add,
@@ -20,7 +21,6 @@ from ares_models.kernels.vectors import (
     sub,
     unit,
 )
-from ares_optimizer.kernels.terminal import target_normal, wanted_state
 from ares_optimizer.kernels.timetable import (
     COLUMN_CUTOFF,
     COLUMN_JETTISON,
@@ -178,7 +178,8 @@ def _steer(
     angle = omega * (burn.end - burn.start)
     cos = math.cos(angle)
     sin = math.sin(angle)
-    wanted, wanted_v, downrange = wanted_state(target, mission.environment.mu, normal, reached)
+    radial = project_to_plane(reached, normal)
+    wanted, wanted_v, downrange = desired_state(target, mission.environment.mu, radial, normal)
     a = axpy(omega, wanted, scale(-1.0, axpy(omega * cos, r0, scale(sin, v0))))
     b = add(wanted_v, axpy(omega * sin, r0, scale(-cos, v0)))
     determinant = cc * ss - cs * cs
@@ -251,9 +252,11 @@ def guess_two_point(
     r0 = load(start.position)
     v0 = load(start.velocity)
     h0 = cross(r0, v0)
+    # of the two planes through a point the one that this angular momentum is nearer to
+    towards = scale(own.branch, h0)
     radius = norm(r0)
-    normal = target_normal(target, r0, h0, own.branch)
-    wanted, wanted_v, _ = wanted_state(target, mu, normal, r0)
+    normal, _ = plane_normal(target, r0, towards)
+    wanted, wanted_v, _ = desired_state(target, mu, project_to_plane(r0, normal), normal)
     mean = 0.5 * (radius + min(norm(wanted), 1.5 * radius))
     omega = math.sqrt(mu / (mean * mean * mean))
     cutoff, least = _first_cutoff(start, mission, norm(sub(wanted_v, v0)), work)
@@ -269,7 +272,7 @@ def guess_two_point(
         last = work.segments[work.segment_count - 1]
         total, cc, cs, ss = steering_integrals(omega, start.time, work)
         burn = _Burn(start.time, omega, last.end, total, cc, cs, ss)
-        normal = target_normal(target, reached, h0, own.branch)
+        normal, _ = plane_normal(target, reached, towards)
         reached, size = _steer(start, mission, burn, normal, reached, unknowns)
         # rocket equation on the last burn
         gain = (min(max(size, 0.5), 2.0) - 1.0) * total
