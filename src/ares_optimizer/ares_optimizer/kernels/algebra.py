@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.jit import allocating
+from ares_models.jit import allocating, kernel
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -76,7 +76,7 @@ def full_qr(a: Array, q: Array, r: Array) -> float:
     return least / most if most > 0.0 else 0.0
 
 
-@allocating
+@kernel
 def solve_lower_transposed(r: Array, b: Array, x: Array) -> None:
     """Solve R^T x = b; a vanishing pivot gives a zero component."""
     m = r.shape[0]
@@ -91,7 +91,7 @@ def solve_lower_transposed(r: Array, b: Array, x: Array) -> None:
         x[i] = s / r[i, i] if abs(r[i, i]) > floor else 0.0
 
 
-@allocating
+@kernel
 def solve_upper(r: Array, b: Array, x: Array) -> None:
     """Solve R x = b; a vanishing pivot gives a zero component."""
     m = r.shape[0]
@@ -106,7 +106,7 @@ def solve_upper(r: Array, b: Array, x: Array) -> None:
         x[i] = s / r[i, i] if abs(r[i, i]) > floor else 0.0
 
 
-@allocating
+@kernel
 def solve_symmetric(a: Array, b: Array, x: Array, size: int) -> None:
     """Solve with the leading part of a positive (semi-)definite matrix, by Cholesky.
 
@@ -262,7 +262,7 @@ def row_multipliers(rows: Array, values: Array, damping: float, x: Array) -> Non
     solve_symmetric(normal, values, x, k)
 
 
-@allocating
+@kernel
 def factor(n: int, a: Array, pivots: Index) -> bool:
     """LU factors of ``a`` in place, rows exchanged; False if singular."""
     for k in range(n):
@@ -286,7 +286,7 @@ def factor(n: int, a: Array, pivots: Index) -> bool:
     return math.isfinite(a[n - 1, n - 1])
 
 
-@allocating
+@kernel
 def back_substitute(n: int, a: Array, pivots: Index, b: Array) -> None:
     """Solve with the factors of :func:`factor`; ``b`` is replaced by the answer."""
     for k in range(n):
