@@ -17,6 +17,8 @@ if not os.environ.get(VARIABLE):
 
 import numba
 
+from ares_models.linked import Kernel
+
 # numba spells out every field of every record of a named tuple in the symbol of each kernel
 # that takes one, which doubles the machine code on disk
 numba.types.NamedTuple.mangling_args = property(  # type: ignore[assignment, method-assign]
@@ -49,8 +51,8 @@ def _compiled(function: _Function, counts_references: bool) -> _Function:
     if function.__module__ in _copies:
         # numba names the file of the machine code after source file and function
         function.__qualname__ = f"{function.__module__}.{function.__qualname__}"
-    options: dict[str, Any] = {**IEEE, "cache": True, "nogil": True, "_nrt": counts_references}
-    return cast(_Function, numba.njit(**options)(function))
+    options: dict[str, Any] = {**IEEE, "nogil": True, "_nrt": counts_references}
+    return cast(_Function, Kernel(function, options))
 
 
 def inlined(function: _Function) -> _Function:

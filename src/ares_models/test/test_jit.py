@@ -127,3 +127,38 @@ def whole(x):
         command = [sys.executable, "-c", "import kernels_of_others"]
         done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
         assert (done.stdout, done.stderr) == (said, "")
+
+
+LINKED = """
+from ares_models.jit import kernel
+
+
+@kernel
+def part(x, i):
+    return x + i
+
+
+@kernel
+def whole(x):
+    return part(x, 1) + part(x, 2)
+
+
+print(whole(1.0), len(part.linked.signatures), part.signatures)
+print(part(1.0, 3))
+"""
+
+
+def test_a_kernel_is_linked_once_for_all_literals_and_compiled_when_python_calls(tmp_path):
+    script = tmp_path / "kernels_of_a_test.py"
+    script.write_text(LINKED)
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    # the second time from the cache, where nothing is linked any more
+    for linked in (1, 0):
+        done = subprocess.run(
+            [sys.executable, str(script)],
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert (done.stdout, done.stderr) == (f"5.0 {linked} []\n4.0\n", "")

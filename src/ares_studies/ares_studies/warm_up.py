@@ -36,20 +36,20 @@ def compile_laws(*names: str) -> None:
             Range(Settings(mission, Dispersions(), law=name)).fly(0, 1)
 
 
-def compile_direct() -> None:
-    """Solve by the direct methods, and analytically; fly the laws that need no optimum."""
+def compile_solvers() -> None:
+    """Solve analytically, and by the direct methods."""
+    # first: law `peg_thesis` takes its kernels from the cache when its turn comes
+    solve(load_mission("ares_v"), "analytic")
     solve(load_mission("ares_v"), "direct11")
     solve(load_mission("ares_v"), "jump")
-    solve(load_mission("ares_v"), "analytic")
-    compile_laws(*(name for name in law_names() if name != "optimal"))
 
 
-def compile_two_point() -> None:
-    """Solve by the indirect methods, then fly law `optimal`, which takes their kernels."""
+def compile_flights() -> None:
+    """Solve by the indirect methods, whose kernels law `optimal` takes, and fly every law."""
     # what they are set beside is compiled with the direct ones
     solve(load_mission("ares_v"), "indirect", verify=False)
     solve(load_mission("ares_v"), "closed_form", verify=False)
-    compile_laws("optimal")
+    compile_laws(*law_names())
 
 
 def run(*parts: Callable[[], None]) -> int:
@@ -66,4 +66,4 @@ if __name__ == "__main__":
     if sys.argv[1:]:
         fly_once(sys.argv[1])
     else:
-        sys.exit(run(compile_two_point, compile_direct))
+        sys.exit(run(compile_flights, compile_solvers))

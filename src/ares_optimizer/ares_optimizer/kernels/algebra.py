@@ -77,7 +77,7 @@ def full_qr(a: Array, q: Array, r: Array) -> float:
     return least / most if most > 0.0 else 0.0
 
 
-@allocating
+@kernel
 def solve_lower_transposed(r: Array, b: Array, x: Array) -> None:
     """Solve R^T x = b; a vanishing pivot gives a zero component."""
     m = r.shape[0]
@@ -92,7 +92,7 @@ def solve_lower_transposed(r: Array, b: Array, x: Array) -> None:
         x[i] = s / r[i, i] if abs(r[i, i]) > floor else 0.0
 
 
-@allocating
+@kernel
 def solve_upper(r: Array, b: Array, x: Array) -> None:
     """Solve R x = b; a vanishing pivot gives a zero component."""
     m = r.shape[0]
@@ -107,7 +107,7 @@ def solve_upper(r: Array, b: Array, x: Array) -> None:
         x[i] = s / r[i, i] if abs(r[i, i]) > floor else 0.0
 
 
-@allocating
+@kernel
 def solve_symmetric(a: Array, b: Array, x: Array, size: int) -> None:
     """Solve with the leading part of a positive (semi-)definite matrix, by Cholesky.
 
@@ -281,7 +281,7 @@ def row_multipliers(rows: Array, values: Array, damping: float, x: Array) -> Non
     solve_symmetric(normal, values, x, k)
 
 
-@allocating
+@kernel
 def factor(n: int, a: Array, pivots: Index) -> bool:
     """LU factors of ``a`` in place, rows exchanged; False if singular."""
     for k in range(n):
@@ -305,7 +305,7 @@ def factor(n: int, a: Array, pivots: Index) -> bool:
     return math.isfinite(a[n - 1, n - 1])
 
 
-@allocating
+@kernel
 def back_substitute(n: int, a: Array, pivots: Index, b: Array) -> None:
     """Solve with the factors of :func:`factor`; ``b`` is replaced by the answer."""
     for k in range(n):

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import Record
-from ares_models.jit import allocating
+from ares_models.jit import allocating, kernel
 
 Array = NDArray[np.float64]
 
@@ -138,7 +138,7 @@ _SWEEPS = 30
 _SETTLED = 1e-11
 
 
-@allocating
+@kernel
 def log_moments(x: float, count: int, out: Array) -> None:
     """The thrust integrals of Eq. 5.20, without cancellation.
 
@@ -171,7 +171,7 @@ def log_moments(x: float, count: int, out: Array) -> None:
         out[k - 1] = x * (out[k] + 1.0 / k)
 
 
-@allocating
+@kernel
 def polynomial(a: Array, count: int, x: float) -> float:
     """Sum of a[k] x^k."""
     total = 0.0
@@ -180,7 +180,7 @@ def polynomial(a: Array, count: int, x: float) -> float:
     return total
 
 
-@allocating
+@kernel
 def integral(a: Array, count: int, x: float) -> float:
     """Integral of the polynomial from 0 to x."""
     total = 0.0
@@ -189,7 +189,7 @@ def integral(a: Array, count: int, x: float) -> float:
     return total * x
 
 
-@allocating
+@kernel
 def through_nodes(values: Array, n: int, out: Array) -> None:
     """Coefficients of the polynomial through ``n`` values at equally spaced x from 0 to 1."""
     for i in range(n):
@@ -199,19 +199,19 @@ def through_nodes(values: Array, n: int, out: Array) -> None:
         out[i] = total
 
 
-@allocating
+@kernel
 def cosine_of(sine: float) -> float:
     """Cosine of an angle within 90 deg."""
     return math.sqrt(max(0.0, 1.0 - sine * sine))
 
 
-@allocating
+@kernel
 def angle_of(sine: float) -> float:
     """Angle within 90 deg, rad; its end beyond."""
     return math.asin(min(1.0, max(-1.0, sine)))
 
 
-@allocating
+@kernel
 def set_law(part: Record, total: float) -> None:
     """Steering law of a part from its angles at both ends.
 
@@ -262,7 +262,7 @@ def set_law(part: Record, total: float) -> None:
     part.above[3] = (gxz * rate + gzz * rise) / 6.0
 
 
-@allocating
+@kernel
 def thrust_direction(part: Record, t: float, range_angle: float) -> tuple[float, float]:
     """Cosine and sine of theta: thrust against the local horizon.
 
@@ -283,7 +283,7 @@ def thrust_direction(part: Record, t: float, range_angle: float) -> tuple[float,
     return along * cos - above * sin, along * sin + above * cos
 
 
-@allocating
+@kernel
 def _sine_rate(mu: float, burn: Record, i: int) -> float:
     """Rate of sin(gamma) at a node, 1/s: Eq. 5.6 times cos(gamma)."""
     sine = burn.sine[i]
@@ -296,7 +296,7 @@ def _sine_rate(mu: float, burn: Record, i: int) -> float:
     return (thrust - (mu / (radius * radius * speed) - speed / radius) * cosine) * cosine
 
 
-@allocating
+@kernel
 def _set_sine(mu: float, burn: Record) -> None:
     """Coefficients of sin(gamma): Eqs. 5.8 to 5.14, or with the slope of 5.6 at both ends.
 
@@ -333,7 +333,7 @@ def _set_sine(mu: float, burn: Record) -> None:
             b[i + 4] += q
 
 
-@allocating
+@kernel
 def _speed_from(burn: Record, x: float, moments: Array) -> float:
     """Speed at x, the log moments of x T / tau at hand."""
     thrust = 0.0
@@ -345,7 +345,7 @@ def _speed_from(burn: Record, x: float, moments: Array) -> float:
     return burn.speed[0] + burn.exhaust_velocity * thrust - burn.gravity * fall
 
 
-@allocating
+@kernel
 def speed_at(burn: Record, x: float, moments: Array) -> float:
     """Speed in closed form, m/s: Eqs. 5.20, 5.21, 5.27.
 
@@ -360,7 +360,7 @@ def speed_at(burn: Record, x: float, moments: Array) -> float:
     return _speed_from(burn, x, moments)
 
 
-@allocating
+@kernel
 def exact_rise(burn: Record, x: float, moments: Array) -> float:
     """Integral of V sin(gamma) up to x in closed form, m.
 
@@ -387,7 +387,7 @@ def exact_rise(burn: Record, x: float, moments: Array) -> float:
     return burn.duration * (rise + 0.5 * burn.gravity * burn.duration * area * area)
 
 
-@allocating
+@kernel
 def trapezoid_rise(burn: Record, moments: Array) -> float:
     """Integral of V sin(gamma) over the burn by the trapezoidal rule, m (section 6.2)."""
     total = 0.0
@@ -418,7 +418,7 @@ def quadratic_rise(burn: Record, moments: Array) -> float:
     return total * burn.duration
 
 
-@allocating
+@kernel
 def _begin_shape(part: Record, burn: Record, free: bool) -> None:
     """Rough values at the nodes; the sweeps bring them to rest."""
     n = burn.nodes
@@ -433,7 +433,7 @@ def _begin_shape(part: Record, burn: Record, free: bool) -> None:
             burn.sine[i] = burn.sine[0] + x * (math.sin(part.target_gamma) - burn.sine[0])
 
 
-@allocating
+@kernel
 def _shape_speed(part: Record, burn: Record, values: Array) -> None:
     """Polynomials and speed from what the nodes hold: Eqs. 5.8 to 5.18, 5.20."""
     n = burn.nodes
@@ -456,7 +456,7 @@ def _shape_speed(part: Record, burn: Record, values: Array) -> None:
         burn.speed[i] = _speed_from(burn, i / last, burn.moments[i])
 
 
-@allocating
+@kernel
 def _shape_climb(part: Record, burn: Record, values: Array, a: Array) -> None:
     """sin(gamma) = V_r/V at the end (FITTED: at the nodes between, too).
 
@@ -483,7 +483,7 @@ def _shape_climb(part: Record, burn: Record, values: Array, a: Array) -> None:
         burn.sine[i] = (values[i] + burn.exhaust_velocity * thrust) / burn.speed[i]
 
 
-@allocating
+@kernel
 def _shape_place(burn: Record, values: Array, a: Array) -> None:
     """Radius and range angle at the nodes, for gravity and the horizon there."""
     n = burn.nodes
@@ -544,7 +544,7 @@ def shape_burn(part: Record, burn: Record) -> bool:
     return False
 
 
-@allocating
+@kernel
 def _theta_from_slope(part: Record, burn: Record) -> float:
     """Thrust angle at the end, rad: Eq. 5.6 solved for alpha with the slope of the quadratic."""
     total = part.time_to_go
@@ -562,7 +562,7 @@ def _theta_from_slope(part: Record, burn: Record) -> float:
     return part.target_gamma + angle_of(sin_alpha)
 
 
-@allocating
+@kernel
 def end_radius(part: Record, burn: Record, moments: Array) -> float:
     """Radius at a burn's end by the position integral that is asked for, m."""
     if part.integral == EXACT:
@@ -572,7 +572,7 @@ def end_radius(part: Record, burn: Record, moments: Array) -> float:
     return burn.radius[0] + quadratic_rise(burn, moments)
 
 
-@allocating
+@kernel
 def project(part: Record, burns: NDArray[Any], moments: Array) -> bool:
     """The projected ascent of a part for its present unknowns; sets its errors.
 

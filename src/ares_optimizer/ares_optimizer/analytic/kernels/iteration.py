@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import Record
-from ares_models.jit import allocating
+from ares_models.jit import allocating, kernel
 from ares_optimizer.analytic.kernels.burn import LOCAL, POWERS, cosine_of, log_moments, project
 from ares_optimizer.kernels.algebra import least_step
 
@@ -28,7 +28,7 @@ _LEAST_COSINE_SQUARE = 0.1
 _STEEPEST = 0.95  # sine of a guessed angle
 
 
-@allocating
+@kernel
 def guess_time(part: Record, burns: NDArray[Any], delta_v: float) -> None:
     """Time to go of an impulsive change of speed, Eq. 5.29; burns before the last count.
 
@@ -129,7 +129,7 @@ def guess_angles(part: Record, burns: NDArray[Any], time_known: bool) -> None:
         part.theta_end -= turned
 
 
-@allocating
+@kernel
 def search_time(part: Record, burns: NDArray[Any], moments: Array) -> bool:
     """Linear search for the time to go on the speed error, Eq. 5.30.
 
@@ -162,7 +162,7 @@ def search_time(part: Record, burns: NDArray[Any], moments: Array) -> bool:
     return False
 
 
-@allocating
+@kernel
 def _get(part: Record, u: Array) -> None:
     """The free parameters of Tables 5.1 and 5.2: printed the angles, solved the time, too."""
     if part.solved == 1:
@@ -176,7 +176,7 @@ def _get(part: Record, u: Array) -> None:
         u[0] = part.theta_start
 
 
-@allocating
+@kernel
 def _put(part: Record, u: Array) -> None:
     if part.solved == 1:
         part.theta_start = u[0]
@@ -190,7 +190,7 @@ def _put(part: Record, u: Array) -> None:
         part.theta_start = u[0]
 
 
-@allocating
+@kernel
 def _residuals(part: Record, f: Array) -> float:
     """What is to be mended: the position error, solved also those in gamma and speed.
 
@@ -208,7 +208,7 @@ def _residuals(part: Record, f: Array) -> float:
     return total
 
 
-@allocating
+@kernel
 def _met(part: Record) -> bool:
     if part.solved == 1:
         if not abs(part.gamma_error) < GAMMA_TOLERANCE:
@@ -218,7 +218,7 @@ def _met(part: Record) -> bool:
     return abs(part.position_error) < POSITION_TOLERANCE
 
 
-@allocating
+@kernel
 def _project(part: Record, burns: NDArray[Any], moments: Array) -> bool:
     """The projection to judge the unknowns by; printed: with the time to go sought (5.30)."""
     if part.solved == 1:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import MissionArrays
-from ares_models.jit import allocating
+from ares_models.jit import kernel
 from ares_models.kernels.environment import heating_rate
 from ares_models.kernels.vectors import Vector, add, axpy, norm, scale, store
 from ares_optimizer.analytic.kernels.burn import cosine_of
@@ -36,7 +36,7 @@ class Plane(NamedTuple):
     omega: float
 
 
-@allocating
+@kernel
 def place(
     radius: float, speed: float, sine: float, range_angle: float, since: float, plane: Plane
 ) -> tuple[Vector, Vector]:
@@ -77,7 +77,7 @@ class Track(NamedTuple):
     rate: Array
 
 
-@allocating
+@kernel
 def place_samples(
     samples: Array, since: Array, plane: Plane, mission: MissionArrays, track: Track
 ) -> None:

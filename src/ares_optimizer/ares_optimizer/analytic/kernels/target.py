@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import Record
-from ares_models.jit import allocating
+from ares_models.jit import allocating, kernel
 from ares_models.kernels.environment import heating_rate
 from ares_optimizer.analytic.kernels.burn import (
     LOCAL,
@@ -52,7 +52,6 @@ _FIRST_STEP = 0.1  # of the time to the jettison
 _GREATEST_STEP = 0.3
 _TIME_FOUND = 0.02  # s
 _TIME_ROUNDING = 1e-6  # s
-#: bool() of it is no literal, for which numba would compile the flight once more.
 _BOTH_PARTS = True
 
 
@@ -92,7 +91,7 @@ class TwoParts(NamedTuple):
     moments: Array
 
 
-@allocating
+@kernel
 def log_heating_over_limit(
     radius: float, speed: float, sine: float, range_angle: float, heating: Heating
 ) -> float:
@@ -102,7 +101,7 @@ def log_heating_over_limit(
     return math.log(rate / heating.limit)
 
 
-@allocating
+@kernel
 def _node_state(burn: Record, x: float, work: Array) -> tuple[float, float, float, float]:
     """Radius, speed, sin(gamma), range angle by the polynomials through the nodes."""
     n = burn.nodes
@@ -116,7 +115,7 @@ def _node_state(burn: Record, x: float, work: Array) -> tuple[float, float, floa
     return radius, speed, sine, polynomial(work, n, x)
 
 
-@allocating
+@kernel
 def _level(burn: Record, x: float, heating: Heating, work: Array) -> float:
     radius, speed, sine, range_angle = _node_state(burn, x, work)
     return log_heating_over_limit(radius, speed, sine, range_angle, heating)
@@ -153,7 +152,7 @@ def first_within_limit(burn: Record, heating: Heating) -> tuple[float, float]:
     return at, least
 
 
-@allocating
+@kernel
 def _fly(flight: TwoParts, x: Array, time: float, changed_before: bool, f: Array) -> bool:
     """Both parts for given unknowns, and what they miss: heating, radius, speed, gamma."""
     parts, before, after, heating, moments = flight
@@ -187,7 +186,7 @@ def _fly(flight: TwoParts, x: Array, time: float, changed_before: bool, f: Array
     return True
 
 
-@allocating
+@kernel
 def _size(f: Array) -> float:
     return 0.01 * abs(f[0]) + abs(f[1]) + abs(f[2]) + abs(f[3])
 
@@ -209,7 +208,7 @@ def _differences(flight: TwoParts, x: Array, time: float, f: Array, jacobian: Ar
         for i in range(_UNKNOWNS):
             jacobian[i, j] = (shifted[i] - f[i]) / shift
     later = time + _TIME_SHIFT
-    if not _fly(flight, x, later, bool(_BOTH_PARTS), shifted):
+    if not _fly(flight, x, later, _BOTH_PARTS, shifted):
         return False
     for i in range(_UNKNOWNS):
         jacobian[i, _UNKNOWNS] = (shifted[i] - f[i]) / _TIME_SHIFT
@@ -223,7 +222,7 @@ def _meet(flight: TwoParts, x: Array, time: float, slope: Array) -> bool:
     step = np.empty(_UNKNOWNS)
     jacobian = np.empty((_UNKNOWNS, _UNKNOWNS + 1))
     pivots = np.empty(_UNKNOWNS, np.int64)
-    if not _fly(flight, x, time, bool(_BOTH_PARTS), f):
+    if not _fly(flight, x, time, _BOTH_PARTS, f):
         return False
     size = _size(f)
     factored = False
@@ -231,19 +230,19 @@ def _meet(flight: TwoParts, x: Array, time: float, slope: Array) -> bool:
         if not factored:
             if not _differences(flight, x, time, f, jacobian):
                 return False
-            if not factor(int(_UNKNOWNS), jacobian, pivots):
+            if not factor(_UNKNOWNS, jacobian, pivots):
                 return False
             for i in range(_UNKNOWNS):
                 slope[i] = -jacobian[i, _UNKNOWNS]
-            back_substitute(int(_UNKNOWNS), jacobian, pivots, slope)
+            back_substitute(_UNKNOWNS, jacobian, pivots, slope)
         for i in range(_UNKNOWNS):
             step[i] = f[i]
-        back_substitute(int(_UNKNOWNS), jacobian, pivots, step)
+        back_substitute(_UNKNOWNS, jacobian, pivots, step)
         longest = max(abs(step[0]), abs(step[1]), abs(step[2]))
         shorter = min(1.0, _LONGEST_STEP / longest)
         for i in range(_UNKNOWNS):
             x[i] -= shorter * step[i]
-        if not _fly(flight, x, time, bool(_BOTH_PARTS), f):
+        if not _fly(flight, x, time, _BOTH_PARTS, f):
             return False
         old = size
         size = _size(f)
@@ -369,7 +368,7 @@ def find_target(
         return TOO_HOT, 0, level
     else:
         f = np.empty(_UNKNOWNS)
-        if not _fly(flight, single, time, bool(_BOTH_PARTS), f):
+        if not _fly(flight, single, time, _BOTH_PARTS, f):
             return NO_FLIGHT, 0, level
     first.time_to_go = time
     first.target_radius = parts[1].radius

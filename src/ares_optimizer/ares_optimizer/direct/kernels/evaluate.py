@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ares_models.jit import allocating
+from ares_models.jit import allocating, kernel
 from ares_models.kernels.environment import log_heating_gradient
 from ares_models.kernels.vectors import load
 from ares_optimizer.direct.kernels.flight import (
@@ -58,7 +58,7 @@ class Point(NamedTuple):
     inequality_rows: Array
 
 
-@allocating
+@kernel
 def most_breaks(problem: Problem) -> int:
     """Most breaks that ``lay_out`` can come to: of each kind all, and the cut-off."""
     pieces = problem.profile.shape[0] + problem.tail.shape[0]
@@ -121,7 +121,7 @@ def make_point(problem: Problem) -> Point:
     return Point(np.zeros(n), np.zeros(e), np.zeros((e, n)), np.zeros(i), np.zeros((i, n)))
 
 
-@allocating
+@kernel
 def heating_row(state: Array, tangents: Array, problem: Problem, row: Array, columns: int) -> float:
     """Log heating at a node, and its gradient by the variables.
 
@@ -143,7 +143,7 @@ def heating_row(state: Array, tangents: Array, problem: Problem, row: Array, col
     return value
 
 
-@allocating
+@kernel
 def terminal_equations(p: Array, problem: Problem, scratch: Scratch, point: Point) -> None:
     """The equations: terminal rows, then |B| = 1 (Eq. 3.42) per free direction."""
     columns = scratch.counts[COLUMNS]
@@ -175,7 +175,7 @@ def terminal_equations(p: Array, problem: Problem, scratch: Scratch, point: Poin
         e += 1
 
 
-@allocating
+@kernel
 def drop_inequalities(p: Array, problem: Problem, scratch: Scratch, point: Point) -> int:
     """Limits of the free drops and of the cut-off; number of rows written."""
     columns = scratch.counts[COLUMNS]
@@ -211,7 +211,7 @@ def drop_inequalities(p: Array, problem: Problem, scratch: Scratch, point: Point
     return i + 2
 
 
-@allocating
+@kernel
 def peak_inequalities(
     first: int, p: Array, problem: Problem, scratch: Scratch, point: Point
 ) -> None:
@@ -234,7 +234,7 @@ def peak_inequalities(
         point.inequalities[first + k] = level - limit
 
 
-@allocating
+@kernel
 def _evaluate(p: Array, problem: Problem, scratch: Scratch, point: Point) -> float:
     """Values, and the gradients that the COLUMNS of ``scratch`` ask for."""
     columns = scratch.counts[COLUMNS]
@@ -280,7 +280,7 @@ def _evaluate(p: Array, problem: Problem, scratch: Scratch, point: Point) -> flo
     return p[last]
 
 
-@allocating
+@kernel
 def evaluate(p: Array, problem: Problem, scratch: Scratch, point: Point) -> float:
     """Fly and evaluate: values only.
 
@@ -298,7 +298,7 @@ def evaluate(p: Array, problem: Problem, scratch: Scratch, point: Point) -> floa
     return _evaluate(p, problem, scratch, point)
 
 
-@allocating
+@kernel
 def evaluate_with_gradients(p: Array, problem: Problem, scratch: Scratch, point: Point) -> float:
     """As :func:`evaluate`; gradients are written too."""
     scratch.counts[COLUMNS] = problem.variables

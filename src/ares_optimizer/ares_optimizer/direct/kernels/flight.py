@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ares_models.arrays import Record
-from ares_models.jit import allocating
+from ares_models.jit import allocating, kernel
 from ares_models.kernels.vectors import Vector, axpy, dot, load, norm, scale, store
 from ares_optimizer.direct.kernels.jump import JUMP_INPUTS, JUMP_OUTPUTS, jump, jump_jacobian
 from ares_optimizer.direct.kernels.problem import (
@@ -59,7 +59,7 @@ N_DIRECTION = 11
 N_COLUMNS = 14
 
 
-@allocating
+@kernel
 def gravity_gradient(r: Vector, environment: Record) -> tuple[Vector, Vector, Vector]:
     """Gravity m/s2, and the six entries of its gradient, 1/s2: (xx, xy, xz), (yy, yz, zz)."""
     square = dot(r, r)
@@ -98,7 +98,7 @@ def gravity_gradient(r: Vector, environment: Record) -> tuple[Vector, Vector, Ve
     return g, first, second
 
 
-@allocating
+@kernel
 def drop_column(problem: Problem, j: int) -> int:
     """Column of the time of drop ``j``."""
     return problem.variables - 1 - problem.drops.shape[0] + j
@@ -174,7 +174,7 @@ class Break(NamedTuple):
     time: float
 
 
-@allocating
+@kernel
 def add_break(at: Break, count: int, times: Array, breaks: Index) -> int:
     """Note an event; the number of events."""
     times[count] = at.time
@@ -184,7 +184,7 @@ def add_break(at: Break, count: int, times: Array, breaks: Index) -> int:
     return count + 1
 
 
-@allocating
+@kernel
 def sort_breaks(count: int, times: Array, breaks: Index) -> None:
     """Insertion sort, stable: at one instant the piece comes before law, drop and cut-off."""
     for i in range(1, count):
@@ -203,7 +203,7 @@ def sort_breaks(count: int, times: Array, breaks: Index) -> None:
         breaks[k, 2] = column
 
 
-@allocating
+@kernel
 def count_steps(count: int, longest: float, times: Array, breaks: Index) -> None:
     """Number of integration steps from each break to the next."""
     for i in range(count - 1):
@@ -219,7 +219,7 @@ def count_steps(count: int, longest: float, times: Array, breaks: Index) -> None
     breaks[count - 1, 3] = 0
 
 
-@allocating
+@kernel
 def lay_out(p: Array, problem: Problem, scratch: Scratch) -> None:
     """Put everything that happens in order of time.
 
@@ -263,7 +263,7 @@ def lay_out(p: Array, problem: Problem, scratch: Scratch) -> None:
     scratch.counts[BREAKS] = count
 
 
-@allocating
+@kernel
 def break_at(b: int, p: Array, tail: Array, times: Array, breaks: Index) -> Break:
     """A break; its time is that of ``p``, also where another ``p`` has set the order."""
     what, which, column = breaks[b, 0], breaks[b, 1], breaks[b, 2]
@@ -285,7 +285,7 @@ W_FORCE = 5  # one per stage
 WORK_ROWS = W_FORCE + STAGES
 
 
-@allocating
+@kernel
 def combine(weights: Array, forces: Array, count: int) -> Vector:
     """Weighted sum of the first ``count`` stage accelerations, m/s2."""
     x = 0.0
@@ -299,7 +299,7 @@ def combine(weights: Array, forces: Array, count: int) -> Vector:
     return (x, y, z)
 
 
-@allocating
+@kernel
 def add_column(row: Array, n: int, column: int, factor: float, x: Vector) -> None:
     """Add ``factor`` x to one column of a flat (3, n) tangent."""
     row[column] += factor * x[0]
@@ -307,7 +307,7 @@ def add_column(row: Array, n: int, column: int, factor: float, x: Vector) -> Non
     row[2 * n + column] += factor * x[2]
 
 
-@allocating
+@kernel
 def stage_tangents(work: Array, n: int, m: int, h: float) -> None:
     """Tangents of the position of stage ``m``, the step length held."""
     stage = work[W_STAGE]
@@ -323,7 +323,7 @@ def stage_tangents(work: Array, n: int, m: int, h: float) -> None:
             stage[k] += w * kt[k]
 
 
-@allocating
+@kernel
 def force_tangents(
     work: Array,
     n: int,
@@ -481,7 +481,7 @@ class Push(NamedTuple):
     u: Vector
 
 
-@allocating
+@kernel
 def mass_at(engine: Engine, t: float) -> float:
     """Mass, kg, at ``t`` s after the start."""
     tau = t - engine.anchor
@@ -489,7 +489,7 @@ def mass_at(engine: Engine, t: float) -> float:
     return engine.mass - burnt - engine.dropped
 
 
-@allocating
+@kernel
 def engine_from(row: Array, at: Break, mass: float, engine: Engine) -> Engine:
     """The engine after a break, thrust and flow from a row of the profile or of the tail.
 
@@ -512,7 +512,7 @@ def engine_from(row: Array, at: Break, mass: float, engine: Engine) -> Engine:
     )
 
 
-@allocating
+@kernel
 def same_engine(engine: Engine, dropped: float, cutoff_flow: float) -> Engine:
     """The engine, with so much dropped and such a flow at the cut-off."""
     return Engine(
@@ -528,7 +528,7 @@ def same_engine(engine: Engine, dropped: float, cutoff_flow: float) -> Engine:
     )
 
 
-@allocating
+@kernel
 def law_at(at: Break, laws: Index) -> int:
     """Law that begins at a break; -1: none."""
     if at.what == LAW:
@@ -541,7 +541,7 @@ def law_at(at: Break, laws: Index) -> int:
     return found
 
 
-@allocating
+@kernel
 def free_law(k: int, p: Array, laws: Index, direction: Vector, run: Run) -> Law:
     """A law whose rate is free, and its direction too if it is not continuous."""
     n = run.counts[COLUMNS]
@@ -586,7 +586,7 @@ def law_of_jump(
     return Law(0.0, int(FIXED), after, rate)
 
 
-@allocating
+@kernel
 def change_law(
     k: int, at: Break, law: Law, engine: Engine, p: Array, problem: Problem, run: Run
 ) -> Law:
@@ -610,7 +610,7 @@ def change_law(
     return Law(at.time, at.column, new.direction, new.rate)
 
 
-@allocating
+@kernel
 def store_state(row: Array, tangents: Array, t: float, mass: float, run: Run) -> None:
     """Write time, position, velocity and mass, shape (8,), and the tangents, shape (6, n)."""
     n = run.counts[COLUMNS]
@@ -624,7 +624,7 @@ def store_state(row: Array, tangents: Array, t: float, mass: float, run: Run) ->
             tangents[3 + c, j] = run.work[W_VELOCITY, c * n + j]
 
 
-@allocating
+@kernel
 def put_node(node: Array, t: float, r: Vector, v: Vector, force: Vector, push: Push) -> None:
     """Write one end of a step."""
     node[N_TIME] = t
@@ -635,7 +635,7 @@ def put_node(node: Array, t: float, r: Vector, v: Vector, force: Vector, push: P
     store(node[N_DIRECTION:], push.u)
 
 
-@allocating
+@kernel
 def push_at(t: float, engine: Engine, law: Law) -> Push:
     """The thrust at ``t`` s after the start."""
     thrust = engine.thrust + (t - engine.anchor) * engine.thrust_slope
@@ -644,7 +644,7 @@ def push_at(t: float, engine: Engine, law: Law) -> Push:
     return Push(t, thrust, mass_at(engine, t), steering, size, scale(1.0 / size, steering))
 
 
-@allocating
+@kernel
 def turn_of(push: Push) -> tuple[Vector, Vector]:
     """Thrust acceleration by the steering vector: (xx, xy, xz), (yy, yz, zz), m/s2."""
     u = push.u
@@ -655,7 +655,7 @@ def turn_of(push: Push) -> tuple[Vector, Vector]:
     )
 
 
-@allocating
+@kernel
 def add_moving_times(
     kt: Array, n: int, into: float, push: Push, leg: Leg, engine: Engine, law: Law
 ) -> None:
@@ -692,7 +692,7 @@ def add_moving_times(
         add_column(kt, n, leg.end_column, theta * TIME_SCALE, moved)
 
 
-@allocating
+@kernel
 def stretch(row: Array, n: int, leg: Leg, grow: Vector) -> None:
     """The steps of a leg grow by 1/steps of what its ends move: add that to a flat tangent."""
     if leg.end_column == leg.column:
@@ -703,7 +703,7 @@ def stretch(row: Array, n: int, leg: Leg, grow: Vector) -> None:
         add_column(row, n, leg.end_column, TIME_SCALE / leg.steps, grow)
 
 
-@allocating
+@kernel
 def end_tangents(work: Array, n: int, leg: Leg, gain: Vector) -> None:
     """Tangents at the end of a step: the last stage stands there."""
     for k in range(3 * n):
@@ -715,7 +715,7 @@ def end_tangents(work: Array, n: int, leg: Leg, gain: Vector) -> None:
     stretch(work[W_VELOCITY], n, leg, gain)
 
 
-@allocating
+@kernel
 def fly_leg(leg: Leg, engine: Engine, law: Law, environment: Record, run: Run) -> None:
     """The steps from one break to the next, with their tangents; their ends are nodes."""
     # taken out once: each time counts references
@@ -754,7 +754,7 @@ def fly_leg(leg: Leg, engine: Engine, law: Law, environment: Record, run: Run) -
             if m == 0 and stored < nodes.shape[0]:
                 put_node(nodes[stored], t0, r, v, load(forces[0]), push)
                 stored += 1
-        gain = combine(VELOCITY_WEIGHTS, forces, int(STAGES))
+        gain = combine(VELOCITY_WEIGHTS, forces, STAGES)
         # the last stage stands at the new position
         r = rs
         v = axpy(h, gain, v)
@@ -768,7 +768,7 @@ def fly_leg(leg: Leg, engine: Engine, law: Law, environment: Record, run: Run) -
     run.counts[STORED] = stored
 
 
-@allocating
+@kernel
 def fly(p: Array, problem: Problem, scratch: Scratch) -> None:
     """Integrate the flight.
 

@@ -1,7 +1,7 @@
 """Where the heating after the jettison has its peaks."""
 
 from ares_models.arrays import Record
-from ares_models.jit import allocating
+from ares_models.jit import kernel
 from ares_models.kernels.environment import log_heating
 from ares_models.kernels.vectors import Vector, add, axpy, load, scale, sub
 from ares_optimizer.direct.kernels.flight import N_ACCELERATION, N_POSITION, N_TIME, N_VELOCITY
@@ -10,13 +10,13 @@ from ares_optimizer.kernels.algebra import Array
 _BISECTIONS = 40
 
 
-@allocating
+@kernel
 def _cubic(x: float, a: Vector, b: Vector, c: Vector, d: Vector) -> Vector:
     """a + b x + c x^2 + d x^3."""
     return axpy(x, axpy(x, axpy(x, d, c), b), a)
 
 
-@allocating
+@kernel
 def between_nodes(a: Array, b: Array, x: float) -> tuple[Vector, Vector, Vector]:
     """Position, velocity and acceleration within a step: quintic through both its ends.
 
@@ -46,7 +46,7 @@ def between_nodes(a: Array, b: Array, x: float) -> tuple[Vector, Vector, Vector]
     return position, scale(1.0 / h, velocity), scale(1.0 / (h * h), acceleration)
 
 
-@allocating
+@kernel
 def heating_at_node(node: Array, environment: Record, atmosphere: Array) -> tuple[float, float]:
     """Log heating and its rate at a node."""
     return log_heating(
@@ -58,7 +58,7 @@ def heating_at_node(node: Array, environment: Record, atmosphere: Array) -> tupl
     )
 
 
-@allocating
+@kernel
 def heating_peaks(
     nodes: Array,
     count: int,

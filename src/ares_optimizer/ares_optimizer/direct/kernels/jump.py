@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import ALTITUDE_SPHERICAL, Record
-from ares_models.jit import allocating
+from ares_models.jit import allocating, kernel
 
 # inputs of the jump: r, V, lambda_v, its rate, thrust acceleration before and after
 JUMP_INPUTS = 14
@@ -25,7 +25,7 @@ JUMP_OUTPUTS = 7
 _STEP = 1e-30
 
 
-@allocating
+@kernel
 def heating_slopes(x: NDArray[Any], environment: Record, atmosphere: NDArray[np.float64]) -> Any:
     """Gradients of log heating, written so that complex numbers pass through.
 
@@ -79,7 +79,7 @@ def heating_slopes(x: NDArray[Any], environment: Record, atmosphere: NDArray[np.
     )
 
 
-@allocating
+@kernel
 def jump(
     x: NDArray[Any], environment: Record, atmosphere: NDArray[np.float64], y: NDArray[Any]
 ) -> None:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ares_models.jit import allocating
+from ares_models.jit import allocating, kernel
 from ares_optimizer.direct.kernels.evaluate import (
     Point,
     evaluate,
@@ -56,7 +56,7 @@ _CORRECTIONS = 3
 _SHIFTS = 24
 
 
-@allocating
+@kernel
 def violation(point: Point) -> float:
     """Largest amount by which a constraint is missed; inf when something is not finite."""
     worst = 0.0
@@ -71,7 +71,7 @@ def violation(point: Point) -> float:
     return worst
 
 
-@allocating
+@kernel
 def sum_violation(point: Point) -> float:
     """Sum of what the constraints miss; inf when not finite."""
     s = 0.0
@@ -82,7 +82,7 @@ def sum_violation(point: Point) -> float:
     return s if math.isfinite(s) else math.inf
 
 
-@allocating
+@kernel
 def sum_of_squares(point: Point) -> float:
     """Sum of the squares of what the constraints miss; inf when not finite."""
     s = 0.0
@@ -93,7 +93,7 @@ def sum_of_squares(point: Point) -> float:
     return s if math.isfinite(s) else math.inf
 
 
-@allocating
+@kernel
 def into_bounds(p: Array, problem: Problem) -> None:
     """Move the times of a guess to where a flight can have them."""
     n = problem.variables
@@ -454,7 +454,7 @@ def shifted_step(bowl: Bowl, floor: float, shift: float, mu: Array, free: Array)
     return math.sqrt(size)
 
 
-@allocating
+@kernel
 def tangent_step(bowl: Bowl, radius: float, mu: Array, free: Array) -> None:
     """Minimise the model in the null space, inequalities and trust region included.
 
@@ -491,7 +491,7 @@ def tangent_step(bowl: Bowl, radius: float, mu: Array, free: Array) -> None:
         free[b] *= 1.2 * radius / size
 
 
-@allocating
+@kernel
 def linear_value(point: Point, a: int, step: Array) -> float:
     """Inequality ``a`` after a step, linearised."""
     c: float = point.inequalities[a]
@@ -500,7 +500,7 @@ def linear_value(point: Point, a: int, step: Array) -> float:
     return c
 
 
-@allocating
+@kernel
 def linear_violation(point: Point, step: Array) -> float:
     """Sum of what the linearised constraints miss after a step."""
     s = 0.0
@@ -548,7 +548,7 @@ def build_model(p: Array, problem: Problem, room: Room, prices: Prices) -> Model
     return Model(frame, hessian, cross, values, vectors, eigenvalues[0])
 
 
-@allocating
+@kernel
 def length_of(x: Array) -> float:
     """|x|."""
     s = 0.0
@@ -618,7 +618,7 @@ class Merit(NamedTuple):
     promised: float
 
 
-@allocating
+@kernel
 def merit_of(f: float, penalty: float, step: Step, point: Point, prices: Prices) -> Merit:
     """Choose the penalty, and say what a step promises.
 
@@ -695,7 +695,7 @@ class Trust(NamedTuple):
     radius: float
 
 
-@allocating
+@kernel
 def judge(found: float, merit: Merit, length: float, radius: float, first: bool) -> Trust:
     """Take a step or not, and resize the trust region.
 

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from ares_models.arrays import TARGET_RADIUS_SPEED_ANGLE_INCLINATION
-from ares_models.jit import allocating
+from ares_models.jit import allocating, kernel
 from ares_models.kernels.targets import desired_state, named_plane, project_to_plane
 from ares_models.kernels.vectors import Vector, add, axpy, cross, load, norm, scale, unit
 from ares_optimizer.direct.kernels.evaluate import Point, evaluate
@@ -41,7 +41,7 @@ _SLICES = 32
 _PASSES = 3  # of placing the jettison
 
 
-@allocating
+@kernel
 def cutoff_for(problem: Problem, delta_v: float) -> float:
     """Cut-off time, s, at which the ideal velocity gain is ``delta_v`` m/s."""
     gained = 0.0
@@ -64,7 +64,7 @@ def cutoff_for(problem: Problem, delta_v: float) -> float:
     return problem.latest_cutoff
 
 
-@allocating
+@kernel
 def set_law(p: Array, problem: Problem, direction: Vector, rate: Vector, cutoff: float) -> None:
     """Variables of one linear-tangent law over the whole flight.
 
@@ -94,7 +94,7 @@ def set_law(p: Array, problem: Problem, direction: Vector, rate: Vector, cutoff:
                 p[column + c] = rate[c] / (RATE_SCALE * size)
 
 
-@allocating
+@kernel
 def place_drops(p: Array, problem: Problem, scratch: Scratch) -> None:
     """Move the free drops to where the heating of the last flight allowed them.
 

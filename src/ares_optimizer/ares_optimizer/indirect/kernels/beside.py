@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import Record
-from ares_models.jit import allocating
+from ares_models.jit import allocating, kernel
 from ares_optimizer.two_point.arrays import Gravity
 from ares_optimizer.two_point.kernels.closed_form import closed_form_segment, correct_gravity
 from ares_optimizer.two_point.kernels.shooting import part_of, step_count
@@ -14,7 +14,7 @@ from ares_optimizer.two_point.kernels.shooting import part_of, step_count
 Array = NDArray[np.float64]
 
 
-@allocating
+@kernel
 def _put_rates(piece: Record, mu: float, t: float, steered: Array, y: Array, rates: Array) -> None:
     """Rates of a position and velocity that thrust along the primer of the closed form.
 

@@ -56,12 +56,12 @@ def find_floors(start: Record, mission: MissionRecords, work: Record) -> bool:
     """
     arcs = mission.arcs
     jettisons = mission.jettisons
-    # int(): numba would compile the timetable anew for a literal, or for a nested array
+    # not the nested arrays themselves: numba would compile the timetable once more for them
     count = build_timetable(
         start,
         arcs,
         jettisons,
-        int(HEATING_IGNORED),
+        HEATING_IGNORED,
         work.heating_times[:],
         _FAR,
         work.segments[:],

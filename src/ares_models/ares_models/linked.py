@@ -1,0 +1,84 @@
+"""A kernel has two forms: what other kernels link, and what Python calls.
+
+numba makes of every function both at once, and machine code of its own for each, though most
+kernels are called by kernels alone, with their code copied into the caller's. Here machine code,
+and what converts Python's arguments, is made only for a kernel that Python calls.
+"""
+
+from collections.abc import Callable
+from types import FunctionType
+from typing import Any
+
+import llvmlite.binding as llvm
+from numba.core import types
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+from numba.core.registry import CPUDispatcher
+
+
+class _LinkedLibrary(JITCodeLibrary):
+    """Bitcode for those who link it, and no machine code."""
+
+    def _optimize_final_module(self) -> None:
+        """Leave it to what Python calls, where all is optimised as one."""
+
+    def _finalize_final_module(self) -> None:
+        module = self._final_module
+        for function in module.functions:
+            if not function.is_declaration and function.linkage == llvm.Linkage.external:
+                function.linkage = "linkonce_odr"
+        self._shared_module = module
+        # where numba keeps the environments of functions: it sets them, read or not
+        names = [each.name for each in module.global_variables]
+        self._final_module = llvm.parse_assembly(
+            "\n".join(
+                f"@{name} = common global i8* null"
+                for name in names
+                if name.startswith("_ZN08NumbaEnv")
+            )
+        )
+        super()._finalize_final_module()
+
+
+class _LinkedCompiler(Compiler):
+    def compile_extra(self, func: FunctionType) -> Any:
+        library = _LinkedLibrary(self.state.targetctx.codegen(), func.__qualname__)
+        library.enable_object_caching()
+        self.state.library = library
+        return super().compile_extra(func)
+
+
+class _LinkedDispatcher(CPUDispatcher):
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Take a literal for a number: numba would compile the kernel anew for each."""
+        named = {name: types.unliteral(kind) for name, kind in kws.items()}
+        return super().get_call_template([types.unliteral(kind) for kind in args], named)
+
+
+class Kernel(CPUDispatcher):
+    """What Python calls; kernels that call it link :attr:`linked`."""
+
+    def __init__(self, function: Callable[..., object], options: dict[str, Any]) -> None:
+        assert isinstance(function, FunctionType)
+        options = {**options, "nopython": True, "boundscheck": None, "no_cfunc_wrapper": True}
+        super().__init__(function, targetoptions=options)
+        self.enable_caching()
+        copy = FunctionType(
+            function.__code__,
+            function.__globals__,
+            function.__name__,
+            function.__defaults__,
+            function.__closure__,
+        )
+        # numba names the file of what it caches after it
+        copy.__qualname__ = f"{function.__qualname__}.linked"
+        self.linked = _LinkedDispatcher(
+            copy,
+            targetoptions={**options, "no_cpython_wrapper": True},
+            pipeline_class=_LinkedCompiler,
+        )
+        self.linked.enable_caching()
+
+    @property
+    def _numba_type_(self) -> types.Dispatcher:
+        return types.Dispatcher(self.linked)
