@@ -17,7 +17,6 @@ from ares_optimizer.direct.kernels.evaluate import evaluate, make_point, make_sc
 from ares_optimizer.direct.kernels.problem import Problem
 from ares_optimizer.direct.search import Guess, guess_variables, thesis_guess
 from ares_optimizer.direct.transcription import transcribe
-from ares_optimizer.request import start_of
 from ares_optimizer.solve import solve
 
 Array = NDArray[np.float64]
@@ -91,7 +90,7 @@ def load_ascent(name: str = "ares_v") -> Ascent:
     """The default mission for the peers."""
     mission = load_mission(name)
     arrays = mission.arrays()
-    start = start_of(mission)
+    start = mission.start().navigation()
     core, upper = arrays.arcs
     jettison = arrays.jettisons[0]
     flow = [float(arc["thrust"] / arc["exhaust_velocity"]) for arc in (core, upper)]
@@ -115,7 +114,7 @@ def load_ascent(name: str = "ares_v") -> Ascent:
 
 def guesses(ascent: Ascent) -> dict[str, Guess]:
     """The fair guess (text FAIR, from our solution) and the thesis' guess (text THESIS)."""
-    start = start_of(ascent.mission)[0]
+    start = ascent.mission.start().navigation()[0]
     best = solve(ascent.mission, "direct11", guess=thesis_guess(start), verify=False)
     p = best.parameters
     b, up = p[:3], ascent.position / np.linalg.norm(ascent.position)

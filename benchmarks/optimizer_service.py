@@ -14,7 +14,6 @@ from rclpy.node import Node
 from ares_models.mission import load_mission
 from ares_msgs.srv import SolveTrajectory
 from ares_node.domains import claimed_domain
-from ares_optimizer.request import start_of
 from ares_optimizer.solve import solve
 
 READY_TIMEOUT = 600.0  # s, the first start compiles
@@ -23,7 +22,7 @@ READY_TIMEOUT = 600.0  # s, the first start compiles
 def bare(mission: str, method: str, count: int) -> list[float]:
     """Wall time of the solver's own calls, s."""
     read = load_mission(mission)
-    arrays, start = read.arrays(), start_of(read)
+    arrays, start = read.arrays(), read.start().navigation()
     times = []
     for _ in range(count + 3):
         begun = time.perf_counter()

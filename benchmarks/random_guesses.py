@@ -13,7 +13,6 @@ import numpy as np
 from ascent_problem import Array, Ascent, load_ascent
 
 from ares_optimizer.direct.search import Guess, thesis_guess
-from ares_optimizer.request import start_of
 from ares_optimizer.solve import solve
 
 AGREEMENT_KG = 1.0
@@ -103,7 +102,7 @@ def main() -> None:
     ascent = load_ascent()
     generator = np.random.default_rng(options.seed)
     guesses = [random_guess(ascent.velocity, generator) for _ in range(options.count)]
-    start = start_of(ascent.mission)[0]
+    start = ascent.mission.start().navigation()[0]
     best = solve(ascent.mission, "direct11", guess=thesis_guess(start), verify=options.verify)
     print(f"optimum {best.m_f_kg:,.3f} kg; seed {options.seed}")
     run_ours(ascent, guesses, best.m_f_kg, options.verify).show()

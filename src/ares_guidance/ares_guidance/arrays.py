@@ -44,6 +44,9 @@ PLANE_FREE = 2
 HEATING_MODELLED = 0
 HEATING_MEASURED = 1
 
+#: rad from the mean; a turn held to it misses the position, and is no solution.
+STEEPEST = 1.0
+
 GUIDANCE_SETTINGS = np.dtype(
     [
         ("cycle_period", np.float64),  # s between guidance cycles
@@ -58,6 +61,7 @@ GUIDANCE_SETTINGS = np.dtype(
         ("restart_time", np.float64),  # s to go below which the steering is held instead
         ("heating_source", np.int64),  # HEATING_MEASURED or HEATING_MODELLED
         ("heating_margin", np.float64),  # drop at limit x (1 - margin)
+        ("small_turn_limit", np.float64),  # rad; beyond it no angle is taken as small
     ],
     align=True,
 )
@@ -134,6 +138,26 @@ THESIS_MEMORY = np.dtype(
     align=True,
 )
 
+#: Primer at the reference, its rate, time to go.
+TURN_UNKNOWNS = 7
+
+TURN_WORK = np.dtype(
+    [
+        ("reference", np.float64),  # s from now
+        ("time_scale", np.float64),  # s
+        ("speed_scale", np.float64),  # m/s
+        ("length_scale", np.float64),  # m
+        ("first_direction", np.float64, (3,)),
+        ("unknowns", np.float64, (TURN_UNKNOWNS,)),
+        ("before", np.float64, (TURN_UNKNOWNS,)),
+        ("step", np.float64, (TURN_UNKNOWNS,)),
+        # residuals, and behind them those with one unknown moved each
+        ("rows", np.float64, (TURN_UNKNOWNS + 1, TURN_UNKNOWNS)),
+        ("matrix", np.float64, (TURN_UNKNOWNS, TURN_UNKNOWNS + 1)),
+    ],
+    align=True,
+)
+
 #: What an iteration changes: a failed cycle puts it back as it was.
 SOLUTION = np.dtype(
     [
@@ -147,6 +171,10 @@ SOLUTION = np.dtype(
         ("direction", np.float64, (3,)),
         ("direction_rate", np.float64, (3,)),
         ("reference_time", np.float64),
+        ("turn", np.float64),  # rad, the largest from the mean that a pass asked for
+        # of a primer in linear gravity; rate 1/s, 0: the turn is small
+        ("primer_rate", np.float64),
+        ("primer_axis", np.float64, (3,)),
         ("miss_speed", np.float64),  # m/s, change of velocity_to_go in the last iteration
         ("tail_gain", np.float64),  # s of full thrust that follow the cut-off command
         ("tail_drift", np.float64),  # s by which the tail outlasts them
@@ -183,6 +211,7 @@ GUIDANCE_STATE = np.dtype(
         ("engines", ENGINE_WATCH),
         ("segments", SEGMENT, (MAX_SEGMENTS,)),
         ("segment_count", np.int64),
+        ("turn", TURN_WORK),
         ("optimal", OPTIMAL_MEMORY),
         ("thesis", THESIS_MEMORY),
     ],

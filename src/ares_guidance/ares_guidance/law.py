@@ -87,6 +87,13 @@ class LawSettings:
     max_stale_cycles: int = _setting(
         3, "Cycles on the last good solution before starting again from nothing.", "", 0, 10_000
     )
+    small_turn_limit_deg: float = _setting(
+        40.0,
+        "Turn of the thrust from its mean beyond which no angle is taken as small.",
+        "deg",
+        0.0,
+        90.0,
+    )
     restart_time_s: float = _setting(
         60.0,
         "Time to go below which a lost solution is held instead of starting again.",
@@ -133,6 +140,7 @@ class LawSettings:
         record["restart_time"] = self.restart_time_s
         record["heating_source"] = HEATING_SOURCES[self.heating_source]
         record["heating_margin"] = self.heating_margin
+        record["small_turn_limit"] = math.radians(self.small_turn_limit_deg)
         return record
 
 

@@ -13,10 +13,10 @@ from rclpy.task import Future
 
 from ares_guidance.guess import OfflineTrajectory
 from ares_guidance.law import HEATING_SOURCES, LawSettings
-from ares_guidance.laws import make_law
+from ares_guidance.laws import check_law, make_law
 from ares_guidance.registry import law_names
 from ares_models.arrays import HEATING_LIMIT, NAVIGATION
-from ares_models.mission import Start, load_mission
+from ares_models.mission import load_mission
 from ares_msgs.msg import FlightMember, GuidanceStatus, NavState, ThrustCommand
 from ares_msgs.srv import SolveTrajectory
 from ares_node.diagnostics import Level
@@ -116,7 +116,8 @@ class GuidanceNode(FlightNode):
                 arrays,
                 LawSettings(**{item.name: values[item.name] for item in fields(LawSettings)}),
             )
-            self._rehearse(mission.start())
+            # compiled before anybody waits for it
+            check_law(values["law"], arrays, mission.start().navigation())
             failed.pop_all()
         self._command_out = self.create_publisher(ThrustCommand, THRUST_COMMAND, FLIGHT)
         self._status_out = self.create_publisher(GuidanceStatus, GUIDANCE_STATUS, FLIGHT)
@@ -158,17 +159,6 @@ class GuidanceNode(FlightNode):
         if self._optimizer is not None:
             self.destroy_client(self._optimizer)
         self._membership.close()
-
-    def _rehearse(self, start: Start) -> None:
-        """One step from the mission's start: the law is compiled before anybody waits for it."""
-        nav = self._nav
-        nav["time"] = nav["arc_start_time"] = start.time_s
-        nav["position"], nav["velocity"], nav["mass"] = (
-            start.position,
-            start.velocity,
-            start.mass_kg,
-        )
-        self._law.step(nav[0])
 
     def _forget(self) -> None:
         self._law.reset()

@@ -2,9 +2,6 @@
 
 from typing import Any
 
-import numpy as np
-
-from ares_models.arrays import NAVIGATION
 from ares_models.kernels.environment import heating_rate
 from ares_models.kernels.vectors import load
 from ares_models.mission import Mission
@@ -19,9 +16,7 @@ def first_navigation(mission: Mission, **changes: Any) -> Any:
     """
     start = mission.start()
     arrays = mission.arrays()
-    nav = np.zeros(1, NAVIGATION)
-    nav["time"] = nav["arc_start_time"] = start.time_s
-    nav["position"], nav["velocity"], nav["mass"] = start.position, start.velocity, start.mass_kg
+    nav = start.navigation()
     nav["heating_rate"] = heating_rate(
         load(start.position), load(start.velocity), arrays.environment[0], arrays.atmosphere
     )

@@ -14,7 +14,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from ares_models import arrays as layout
 from ares_models import mission_parts as parts
-from ares_models.arrays import MissionArrays
+from ares_models.arrays import NAVIGATION, MissionArrays
 from ares_models.atmosphere import FIXED_MODELS, Atmosphere, AtmosphereError, nrlmsis
 from ares_models.input_file import InputError, InputKind, KeyPath, explain, read_input
 from ares_models.mission_checks import MAX_STAGES, check_mission
@@ -64,6 +64,16 @@ class Start:
     position: Array
     velocity: Array
     mass_kg: float
+
+    def navigation(self) -> NDArray[np.void]:
+        """The state there as navigation has it, shape (1,), dtype NAVIGATION; heating unknown."""
+        record = np.zeros(1, NAVIGATION)
+        record["time"] = record["arc_start_time"] = self.time_s
+        record["position"] = self.position
+        record["velocity"] = self.velocity
+        record["mass"] = self.mass_kg
+        record["heating_rate"] = math.nan
+        return record
 
 
 class Mission(Part):

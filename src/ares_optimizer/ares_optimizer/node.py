@@ -20,7 +20,7 @@ from ares_node.node import FlightNode
 from ares_node.parameters import Parameter
 from ares_node.qos import SOLVE_TRAJECTORY
 from ares_node.time import NANOSECONDS, ns_from_stamp
-from ares_optimizer.request import INDIRECT_METHODS, METHODS, start_of
+from ares_optimizer.request import INDIRECT_METHODS, METHODS
 from ares_optimizer.solution import OptimizerError, Solution, Status, SteeringArc, UnfitMethod
 from ares_optimizer.solve import solve
 
@@ -102,7 +102,9 @@ class MissionShelf:
         found = self._kept.get(key)
         if found is None:
             mission = load_mission(name)
-            found = Prepared(mission.arrays(), start_of(mission), mission.heating_limit_holds)
+            found = Prepared(
+                mission.arrays(), mission.start().navigation(), mission.heating_limit_holds
+            )
             self._kept[key] = found
             if len(self._kept) > KEPT_MISSIONS:
                 self._kept.popitem(last=False)

@@ -54,19 +54,6 @@ class Request:
     verify: bool = True
 
 
-def start_of(mission: Mission) -> NDArray[np.void]:
-    """The mission's own start, shape (1,), dtype NAVIGATION."""
-    start = mission.start()
-    record = np.zeros(1, NAVIGATION)
-    record["time"] = start.time_s
-    record["position"] = start.position
-    record["velocity"] = start.velocity
-    record["mass"] = start.mass_kg
-    record["arc_start_time"] = start.time_s
-    record["heating_rate"] = math.nan
-    return record
-
-
 def hold_jettisons(arrays: MissionArrays, times: Mapping[int, float]) -> MissionArrays:
     """The mission with some jettisons at given times, whatever the heating.
 
@@ -129,7 +116,7 @@ def arrays_and_state(
     """
     if isinstance(mission, Mission):
         arrays = mission.arrays()
-        state = start_of(mission) if state is None else state
+        state = mission.start().navigation() if state is None else state
     else:
         arrays = mission
     if state is None:

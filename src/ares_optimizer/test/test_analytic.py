@@ -15,7 +15,6 @@ from ares_optimizer.analytic.flight import fit_flight, key_figures, planar_fligh
 from ares_optimizer.analytic.kernels import burn as kernels
 from ares_optimizer.analytic.options import AnalyticOptions, Profile
 from ares_optimizer.analytic.solve import solve_analytic
-from ares_optimizer.request import start_of
 from ares_optimizer.solution import OptimizerError
 from ares_optimizer.solve import solve
 
@@ -550,7 +549,7 @@ class TestRequests:
     def test_a_target_below_the_ground(self, ares_v):
         arrays = ares_v.arrays()
         arrays.target["radius"] = 6.2e6
-        found = solve_analytic(arrays, state=start_of(ares_v))
+        found = solve_analytic(arrays, state=ares_v.start().navigation())
         assert "below the surface" in found.solution.reason
         assert found.part_one is None and found.part_two is None
 

@@ -8,7 +8,6 @@ from ares_models.mission import load_mission
 from ares_optimizer.direct.search import Guess
 from ares_optimizer.indirect.solve import solve_indirect
 from ares_optimizer.indirect.solver import TwoPointOptions, TwoPointSolver
-from ares_optimizer.request import start_of
 from ares_optimizer.solution import Check, Status
 from ares_optimizer.solve import solve
 
@@ -16,7 +15,7 @@ from ares_optimizer.solve import solve
 @pytest.fixture(scope="module")
 def ares_v():
     mission = load_mission("ares_v")
-    return mission, mission.arrays(), start_of(mission)
+    return mission, mission.arrays(), mission.start().navigation()
 
 
 @pytest.mark.parametrize("method", ["direct11", "indirect", "analytic"])

@@ -11,7 +11,6 @@ from ares_models.mission import load_mission
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.search import Guess, find_direct, thesis_guess
 from ares_optimizer.proof.physics import elements
-from ares_optimizer.request import start_of
 from ares_optimizer.solution import OUT_OF_TIME
 from ares_optimizer.solve import solve
 
@@ -48,7 +47,7 @@ def test_default_mission(ares_v, method):
 def test_spherical_altitude(ares_v, method):
     arrays = ares_v.arrays()
     arrays.environment["altitude_model"] = ALTITUDE_SPHERICAL
-    solution = proven(solve(arrays, method, state=start_of(ares_v)))
+    solution = proven(solve(arrays, method, state=ares_v.start().navigation()))
     assert solution.m_f_kg == pytest.approx(174_087.3, abs=0.5)
     assert solution.t_plf_s == pytest.approx(433.40, abs=0.1)
     assert solution.t_meco_s == pytest.approx(767.229, abs=0.005)
@@ -59,7 +58,9 @@ def test_spherical_altitude(ares_v, method):
 def test_jettison_held(ares_v, method, density_factor):
     arrays = ares_v.arrays()
     arrays.environment["density_factor"] = density_factor
-    solution = proven(solve(arrays, method, state=start_of(ares_v), jettison_times={0: 441.02}))
+    solution = proven(
+        solve(arrays, method, state=ares_v.start().navigation(), jettison_times={0: 441.02})
+    )
     assert solution.m_f_kg == pytest.approx(174_088.9, abs=0.5)
     assert solution.t_plf_s == 441.02
 
@@ -74,7 +75,7 @@ def test_without_the_heating_limit_everything_is_lighter(ares_v):
 def test_a_limit_that_does_not_bind_is_reported_inactive(ares_v):
     arrays = ares_v.arrays()
     arrays.jettisons["value"] = 1e9
-    solution = proven(solve(arrays, state=start_of(ares_v)))
+    solution = proven(solve(arrays, state=ares_v.start().navigation()))
     heating = next(c for c in solution.constraints if c.name == "heating at jettison 0")
     assert not heating.active
     assert heating.multiplier == 0.0
@@ -111,7 +112,7 @@ def test_more_parameters_never_cost_mass(ares_v):
 
 @pytest.mark.parametrize("method", [*METHODS, "jump"])
 def test_from_the_guess_of_the_thesis(ares_v, method):
-    guess = thesis_guess(start_of(ares_v)[0])
+    guess = thesis_guess(ares_v.start().navigation()[0])
     assert guess.direction_rate == (1e-4,) * 3
     solution = proven(solve(ares_v, method, guess=guess))
     assert solution.m_f_kg == pytest.approx(174_183.1, abs=1.0)
@@ -136,7 +137,7 @@ def random_guess(start, rng):
 @pytest.mark.parametrize("method", ["direct11", "direct20", "jump"])
 def test_random_guesses(ares_v, method):
     rng = np.random.default_rng(20080801)
-    start = start_of(ares_v)
+    start = ares_v.start().navigation()
     arrays = ares_v.arrays()
     best = solve(arrays, method, state=start, verify=False).m_f_kg
     reached, times = 0, []
@@ -164,7 +165,7 @@ def test_the_rest_of_the_flight_is_the_same_flight(ares_v):
     flown = whole.trajectory
     for time, arc, arc_start in ((250.0, 0, 155.9), (380.0, 1, 337.15), (600.0, 1, 337.15)):
         i = int(np.searchsorted(flown.time_s, time))
-        state = start_of(ares_v)
+        state = ares_v.start().navigation()
         state["time"] = flown.time_s[i]
         state["position"] = flown.position[i]
         state["velocity"] = flown.velocity[i]
@@ -204,7 +205,7 @@ def test_polar_and_far_targets(ares_v):
         arrays = ares_v.arrays()
         arrays.target["inclination"] = math.radians(inclination)
         arrays.target["speed"] = speed
-        solution = proven(solve(arrays, state=start_of(ares_v)))
+        solution = proven(solve(arrays, state=ares_v.start().navigation()))
         last = solution.trajectory
         figures = elements(last.position[-1], last.velocity[-1], 3.986e14)
         assert figures["inclination"] == pytest.approx(inclination, abs=1e-4)
@@ -217,7 +218,7 @@ def test_jettison_before_staging(ares_v):
     arrays.jettisons["stage"] = 0
     arrays.jettisons["value"] = 3e5
     arrays.arcs["stack_mass"][1] -= 5837.0
-    solution = proven(solve(arrays, state=start_of(ares_v)))
+    solution = proven(solve(arrays, state=ares_v.start().navigation()))
     assert 200.0 < solution.t_plf_s < 337.15
     staged = next(arc for arc in solution.arcs if arc.start_s == 337.15)
     assert staged.start_mass_kg == pytest.approx(302_000.0)
@@ -229,7 +230,7 @@ def test_two_heating_jettisons(ares_v):
     two["mass"] = (2000.0, 3837.0)
     two["value"] = (1135.0, 8000.0)
     arrays = type(arrays)(arrays.environment, arrays.atmosphere, arrays.arcs, two, arrays.target)
-    solution = proven(solve(arrays, state=start_of(ares_v)))
+    solution = proven(solve(arrays, state=ares_v.start().navigation()))
     late, early = solution.jettison_times_s
     assert 340.0 < early < late < 425.0
     assert solution.m_f_kg > 174_183.1
@@ -238,7 +239,7 @@ def test_two_heating_jettisons(ares_v):
 def test_deadline_ends_a_search(ares_v, monkeypatch):
     arrays = ares_v.arrays()
     arrays.jettisons["value"] = 1e-9
-    start = start_of(ares_v)
+    start = ares_v.start().navigation()
     # the time is over when it is asked for the fourth time
     asked = iter([False] * 3)
     monkeypatch.setattr(Deadline, "passed", property(lambda _: next(asked, True)))
@@ -249,7 +250,7 @@ def test_deadline_ends_a_search(ares_v, monkeypatch):
 
 
 def test_solver_object_tells_how_it_ended(ares_v):
-    found = find_direct(ares_v.arrays(), start_of(ares_v)[0], "direct11")
+    found = find_direct(ares_v.arrays(), ares_v.start().navigation()[0], "direct11")
     assert found.converged
     assert found.base_converged
     assert found.miss < 1e-7

@@ -9,7 +9,7 @@ from ares_models.mission import load_mission
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.indirect.solver import TwoPointSolver, navigation
 from ares_optimizer.proof.flight import fly, steering_of
-from ares_optimizer.request import DIRECT_METHODS, INDIRECT_METHODS, Heating, Request, start_of
+from ares_optimizer.request import DIRECT_METHODS, INDIRECT_METHODS, Heating, Request
 from ares_optimizer.rival import ample_delta_v, beside_rival, find_rival
 from ares_optimizer.solution import OUT_OF_TIME, Cause, OptimizerError, Status, failed
 from ares_optimizer.solve import solve
@@ -45,7 +45,7 @@ class Optimum:
         arcs = self.solution.arcs
         self.flight = fly(
             self.arrays,
-            start_of(self.mission)[0],
+            self.mission.start().navigation()[0],
             steering_of(arcs),
             self.solution.jettison_times_s,
             self.solution.t_meco_s,
@@ -186,7 +186,7 @@ class TestRival:
 
     def test_leads_a_failed_search(self, ares_v):
         """What the indirect method did not find from nothing, it finds from its rival."""
-        start = start_of(ares_v.mission)
+        start = ares_v.mission.start().navigation()
 
         def again(guess):
             solver = TwoPointSolver(ares_v.arrays)
@@ -200,7 +200,7 @@ class TestRival:
         assert end.restarts == 1
 
     def test_beats_what_is_no_optimum(self, ares_v):
-        start = start_of(ares_v.mission)
+        start = ares_v.mission.start().navigation()
         worse = replace(ares_v.solution, t_meco_s=800.0, m_f_kg=164_000.0)
         end = beside_rival(indirect(ares_v, start), worse, lambda _: worse)
         assert not end.converged
@@ -210,7 +210,7 @@ class TestRival:
         )
 
     def test_has_no_time_after_the_deadline(self, ares_v):
-        start = start_of(ares_v.mission)
+        start = ares_v.mission.start().navigation()
         end = beside_rival(
             indirect(ares_v, start, Deadline(0.0)),
             ares_v.solution,
@@ -225,7 +225,7 @@ class TestRival:
 
     def test_ample_velocity(self, ares_v):
         """Above what the optimum takes from the start, and little where little is left."""
-        start = start_of(ares_v.mission)
+        start = ares_v.mission.start().navigation()
         spent = sum(arc.delta_v_m_s for arc in ares_v.solution.arcs)
         assert spent < ample_delta_v(ares_v.arrays, start) < 2.0 * spent
         assert ample_delta_v(ares_v.arrays, ares_v.state(0.01)) < 50.0
@@ -246,7 +246,9 @@ class TestTimeLimit:
         monkeypatch.setattr(Deadline, "passed", property(lambda _: next(asked, True)))
         arrays = ares_v.mission.arrays()
         arrays.target["radius"] = 2.0e7
-        solution = solve(arrays, method, state=start_of(ares_v.mission), time_limit_s=60.0)
+        solution = solve(
+            arrays, method, state=ares_v.mission.start().navigation(), time_limit_s=60.0
+        )
         assert not solution.converged
         assert solution.reason == OUT_OF_TIME.reason
 
@@ -254,7 +256,7 @@ class TestTimeLimit:
         from ares_optimizer.indirect.solve import _from_light_drops
 
         solver = TwoPointSolver(ares_v.arrays, deadline=Deadline(0.0))
-        assert _from_light_drops(solver, start_of(ares_v.mission)) is None
+        assert _from_light_drops(solver, ares_v.mission.start().navigation()) is None
 
     @pytest.mark.parametrize("limit", [-1.0, float("nan")])
     def test_bad_limits(self, ares_v, limit):

@@ -29,7 +29,7 @@ from ares_optimizer.direct.kernels.sqp import (
 from ares_optimizer.direct.search import carry_over, find_direct, own_starts, run
 from ares_optimizer.direct.transcription import transcribe
 from ares_optimizer.kernels.terminal import MAX_ROWS, terminal_rows
-from ares_optimizer.request import Heating, start_of
+from ares_optimizer.request import Heating
 
 STEP = 1e-30
 TIME, RATE = 100.0, 1e-3
@@ -149,9 +149,9 @@ def test_tangents_agree_with_complex_step(mission, method, j2):
     mission = load_mission(mission)
     arrays = mission.arrays()
     arrays.environment["j2"] = j2
-    problem = transcribe(arrays, start_of(mission)[0], method).problem
+    problem = transcribe(arrays, mission.start().navigation()[0], method).problem
     n = problem.variables
-    p = own_starts(transcribe(arrays, start_of(mission)[0], method), Deadline())[0]
+    p = own_starts(transcribe(arrays, mission.start().navigation()[0], method), Deadline())[0]
     rng = np.random.default_rng(3)
     p[: n - 1 - len(problem.drops)] += 0.05 * rng.standard_normal(n - 1 - len(problem.drops))
     scratch = make_scratch(problem)
@@ -178,7 +178,7 @@ def test_tangents_agree_with_complex_step(mission, method, j2):
 def test_steps_are_fine_enough():
     # 0.05 kg of final mass are 0.17 ms of burning: 1.3 mm/s
     mission = load_mission("ares_v")
-    start = start_of(mission)[0]
+    start = mission.start().navigation()[0]
     coarse = transcribe(mission.arrays(), start, "direct11")
     fine = transcribe(mission.arrays(), start, "direct11", longest_step=1.0)
     p = own_starts(coarse, Deadline())[0]
@@ -196,7 +196,7 @@ def test_constraint_rows_agree_with_differences():
     mission = load_mission("ares_v")
     arrays = mission.arrays()
     arrays.environment["density_factor"] = 2.1
-    start = start_of(mission)[0]
+    start = mission.start().navigation()[0]
     base = find_direct(arrays, start, "direct11")
     transcription = transcribe(arrays, start, "direct14", Heating.FROM_JETTISON)
     problem = transcription.problem
@@ -296,7 +296,7 @@ def test_equatorial_target_needs_two_rows_for_its_plane():
 def test_reduced_hessian_is_that_of_the_lagrangian():
     # along a direction of the null space, against second differences of the Lagrangian
     mission = load_mission("ares_v")
-    transcription = transcribe(mission.arrays(), start_of(mission)[0], "direct14")
+    transcription = transcribe(mission.arrays(), mission.start().navigation()[0], "direct14")
     found = run(transcription, own_starts(transcription, Deadline())[0], 1.0, Deadline())
     problem = transcription.problem
     p, n = found.variables, problem.variables

@@ -12,7 +12,6 @@ from ares_optimizer.direct.kernels.flight import N_COLUMNS, N_TIME, STORED
 from ares_optimizer.direct.kernels.heating import between_nodes, heating_peaks
 from ares_optimizer.direct.search import own_starts
 from ares_optimizer.direct.transcription import transcribe
-from ares_optimizer.request import start_of
 from ares_optimizer.solution import OptimizerError
 from ares_optimizer.solve import solve
 
@@ -40,7 +39,7 @@ def by_name(solution, name):
     [(1.0, 1.0, 0.0), (1.2, 1.0, 0.0), (1.5, 1.0, 0.0), (1.8, 1.0, 0.0), (2.2, 1.11, 2230.0)],
 )
 def test_density_factors(ares_v, method, factor, peak, price):
-    arrays, start = dense(ares_v, factor), start_of(ares_v)
+    arrays, start = dense(ares_v, factor), ares_v.start().navigation()
     at_jettison = solve(arrays, method, state=start)
     assert at_jettison.converged
     seen = at_jettison.verification.peak_fmhr_after_jettison_w_m2 / LIMIT
@@ -72,7 +71,7 @@ def test_the_mission_says_where_its_limit_holds(ares_v):
 
 def test_a_touch_is_cheaper_than_keeping_the_fairing(ares_v):
     # at this density the flight lofts and touches the limit at the later peak
-    arrays, start = dense(ares_v, 2.05), start_of(ares_v)
+    arrays, start = dense(ares_v, 2.05), ares_v.start().navigation()
     held = solve(arrays, "direct20", state=start, heating="from_jettison")
     assert held.converged, held.reason
     assert held.t_plf_s < 445.0
@@ -93,7 +92,7 @@ def test_a_touch_is_cheaper_than_keeping_the_fairing(ares_v):
 
 def test_a_limit_that_cannot_be_held_is_named(ares_v):
     # at cut-off alone the heating is past the limit
-    arrays, start = dense(ares_v, 2.6), start_of(ares_v)
+    arrays, start = dense(ares_v, 2.6), ares_v.start().navigation()
     solution = solve(arrays, state=start, heating="from_jettison")
     assert not solution.converged
     assert "1,135 W/m2 cannot be held to cut-off" in solution.reason
@@ -101,7 +100,7 @@ def test_a_limit_that_cannot_be_held_is_named(ares_v):
 
 def test_quintic_between_nodes_is_the_flight():
     mission = load_mission("ares_v")
-    transcription = transcribe(mission.arrays(), start_of(mission)[0], "direct11")
+    transcription = transcribe(mission.arrays(), mission.start().navigation()[0], "direct11")
     problem = transcription.problem
     p = own_starts(transcription, Deadline())[0]
     scratch = make_scratch(problem)
@@ -128,7 +127,7 @@ def test_quintic_between_nodes_is_the_flight():
 def test_peaks_are_found_and_counted():
     mission = load_mission("ares_v")
     arrays = mission.arrays()
-    solution = solve(arrays, state=start_of(mission))
+    solution = solve(arrays, state=mission.start().navigation())
     flown = solution.trajectory
     first = int(np.searchsorted(flown.time_s, solution.t_plf_s)) + 1
     rows = np.arange(first, len(flown.time_s), 8)

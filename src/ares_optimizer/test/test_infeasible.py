@@ -5,7 +5,6 @@ import math
 import pytest
 
 from ares_models.mission import load_mission
-from ares_optimizer.request import start_of
 from ares_optimizer.solve import solve
 
 
@@ -20,7 +19,7 @@ def ares_v():
 def refused(mission, change, method="direct11", **options):
     arrays = mission.arrays()
     change(arrays)
-    solution = solve(arrays, method, state=start_of(mission), **options)
+    solution = solve(arrays, method, state=mission.start().navigation(), **options)
     assert not solution.converged
     return solution
 

@@ -5,7 +5,6 @@ import pytest
 
 from ares_models.mission import load_mission
 from ares_optimizer.direct.kernels.jump import JUMP_INPUTS, JUMP_OUTPUTS, heating_slopes, jump
-from ares_optimizer.request import start_of
 from ares_optimizer.solve import solve
 
 LIMIT = 1135.0
@@ -104,7 +103,7 @@ def test_steering_follows_the_recovered_primer(solutions):
 
 
 def test_without_a_jettison_the_jump_method_is_one_law(ares_v):
-    state = start_of(ares_v)
+    state = ares_v.start().navigation()
     solution = solve(ares_v.arrays(), "jump", state=state, heating="ignored")
     assert solution.converged
     assert len(solution.parameters) == 7

@@ -14,7 +14,7 @@ from ares_optimizer.direct.kernels.flight import BREAKS, STORED
 from ares_optimizer.direct.search import MOST_CUTS, own_starts, run, splits_for
 from ares_optimizer.direct.transcription import transcribe
 from ares_optimizer.indirect.solver import TwoPointSolver
-from ares_optimizer.request import METHODS, start_of
+from ares_optimizer.request import METHODS
 from ares_optimizer.solution import OUT_OF_TIME, OptimizerError
 from ares_optimizer.solve import solve
 from ares_optimizer.two_point.kernels import newton
@@ -28,7 +28,7 @@ def with_long_coast(seconds):
     arrays = mission.arrays()
     coasts = np.flatnonzero(arrays.arcs["kind"] == COAST)
     arrays.arcs["duration"][coasts[-1]] = seconds
-    return arrays, start_of(mission)
+    return arrays, mission.start().navigation()
 
 
 @pytest.mark.parametrize("seconds", [4e3, 4e4, 1e5, 1e9, 1e300])
@@ -76,7 +76,7 @@ def test_there_is_room_for_every_event_and_step(method, cuts):
 
 def test_a_flag_ends_a_direct_search():
     mission = load_mission("ares_v")
-    transcription = transcribe(mission.arrays(), start_of(mission)[0], "direct11")
+    transcription = transcribe(mission.arrays(), mission.start().navigation()[0], "direct11")
     guess = own_starts(transcription, Deadline())[0]
     stopped = Deadline()
     stopped.flag[0] = 1
@@ -86,7 +86,7 @@ def test_a_flag_ends_a_direct_search():
 
 def test_a_flag_or_spent_work_ends_a_two_point_search():
     mission = load_mission("ares_v")
-    start = start_of(mission)
+    start = mission.start().navigation()
     solver = TwoPointSolver(mission.arrays())
     assert solver.solve(start).converged
     solver.work["stop"] = 1

@@ -9,7 +9,7 @@ import pytest
 from ares_models.mission import load_mission
 from ares_optimizer.direct.search import Guess
 from ares_optimizer.direct.solve import guess_from
-from ares_optimizer.request import DIRECT_METHODS, INDIRECT_METHODS, start_of
+from ares_optimizer.request import DIRECT_METHODS, INDIRECT_METHODS
 from ares_optimizer.solution import OptimizerError
 from ares_optimizer.solve import solve
 
@@ -62,7 +62,7 @@ def test_json_has_the_published_keys(ares_v):
 def test_json_of_a_failure_has_no_nan(ares_v):
     arrays = ares_v.arrays()
     arrays.target["radius"] = 6.2e6
-    summary = solve(arrays, state=start_of(ares_v)).to_json()
+    summary = solve(arrays, state=ares_v.start().navigation()).to_json()
     assert summary["m_f_kg"] is None
     assert summary["t_plf_s"] is None
     assert summary["verification"] is None
@@ -83,13 +83,15 @@ def test_prices_are_those_of_another_solution(ares_v):
         for sign in (1.0, -1.0):
             arrays = ares_v.arrays()
             arrays.target[field] += sign * step
-            masses.append(solve(arrays, "direct14", state=start_of(ares_v), verify=False).m_f_kg)
+            masses.append(
+                solve(arrays, "direct14", state=ares_v.start().navigation(), verify=False).m_f_kg
+            )
         unit = math.degrees(step) if table[name].unit == "deg" else step
         slope = (masses[0] - masses[1]) / (2 * unit)
         assert table[name].multiplier == pytest.approx(slope, rel=0.02, abs=0.02)
     arrays = ares_v.arrays()
     arrays.jettisons["value"] += 5.0
-    more = solve(arrays, "direct14", state=start_of(ares_v), verify=False).m_f_kg
+    more = solve(arrays, "direct14", state=ares_v.start().navigation(), verify=False).m_f_kg
     slope = (more - solution.m_f_kg) / 5.0
     assert table["heating at jettison 0"].multiplier == pytest.approx(slope, rel=0.02)
 
@@ -147,7 +149,7 @@ def test_bad_requests(ares_v, arguments, text):
     ],
 )
 def test_bad_states(ares_v, field, value, text):
-    state = start_of(ares_v)
+    state = ares_v.start().navigation()
     state[field] = value
     with pytest.raises(OptimizerError) as error:
         solve(ares_v, state=state)
@@ -158,7 +160,7 @@ def test_arrays_need_a_state(ares_v):
     with pytest.raises(OptimizerError, match="state is missing"):
         solve(ares_v.arrays())
     with pytest.raises(OptimizerError, match="shape"):
-        solve(ares_v.arrays(), state=np.zeros(2, start_of(ares_v).dtype))
+        solve(ares_v.arrays(), state=np.zeros(2, ares_v.start().navigation().dtype))
 
 
 def test_a_guess_without_jettison_time_drops_where_the_heating_allows(ares_v):
@@ -173,7 +175,7 @@ def test_a_guess_without_jettison_time_drops_where_the_heating_allows(ares_v):
 def test_guess_from_a_failure_is_refused(ares_v):
     arrays = ares_v.arrays()
     arrays.target["radius"] = 6.2e6
-    nothing = solve(arrays, state=start_of(ares_v))
+    nothing = solve(arrays, state=ares_v.start().navigation())
     with pytest.raises(OptimizerError, match="no steering arcs"):
         solve(ares_v, guess=nothing)
 
@@ -193,5 +195,10 @@ def test_the_methods_seed_each_other(ares_v):
 def test_mission_arrays_are_left_alone(ares_v):
     arrays = ares_v.arrays()
     before = [a.copy() for a in arrays]
-    solve(arrays, state=start_of(ares_v), jettison_times={0: 430.0}, heating="from_jettison")
+    solve(
+        arrays,
+        state=ares_v.start().navigation(),
+        jettison_times={0: 430.0},
+        heating="from_jettison",
+    )
     assert all(np.array_equal(a, b) for a, b in zip(before, arrays, strict=True))

@@ -14,7 +14,7 @@ from ares_optimizer.proof.checks import constraint_table
 from ares_optimizer.proof.flight import fly, steering_of
 from ares_optimizer.proof.physics import elements, gravity, heating
 from ares_optimizer.proof.sequence import plan_flight, running, thrust_and_flow
-from ares_optimizer.request import Heating, start_of
+from ares_optimizer.request import Heating
 from ares_optimizer.solve import solve
 
 
@@ -32,7 +32,7 @@ def test_a_coast_is_a_conic(ares_v):
     arrays.arcs["thrust"] = 0.0
     arrays.arcs["mass_flow"] = 0.0
     arrays.arcs["kind"][0] = COAST
-    start = start_of(ares_v)[0]
+    start = ares_v.start().navigation()[0]
     flight = fly(arrays, start, along_velocity, [math.nan], 800.0)
     r, v = kepler(tuple(start["position"]), tuple(start["velocity"]), 800.0 - 155.9, 3.986e14)
     assert flight.final[:3] == pytest.approx(np.array(r), abs=1e-3)
@@ -42,7 +42,7 @@ def test_a_coast_is_a_conic(ares_v):
 def test_masses_follow_the_sequence(ares_v):
     # Table 2.2: 450,600 kg at burnout, then the second stage's own stack
     arrays = ares_v.arrays()
-    flight = fly(arrays, start_of(ares_v)[0], along_velocity, [441.02], 769.45)
+    flight = fly(arrays, ares_v.start().navigation()[0], along_velocity, [441.02], 769.45)
     times, mass = flight.trajectory.time_s, flight.trajectory.mass
     i = int(np.searchsorted(times, 337.15))
     assert mass[i] == pytest.approx(450_600.0, abs=1.0)
@@ -56,7 +56,7 @@ def test_masses_follow_the_sequence(ares_v):
 def test_thrust_curves_give_their_area():
     mission = load_mission("saturn_v_as506")
     arrays = mission.arrays()
-    start = start_of(mission)[0]
+    start = mission.start().navigation()[0]
     plan = plan_flight(arrays, start, 700.0)
     grid = np.linspace(162.3, plan.end, 200_001)
     middle = 0.5 * (grid[1:] + grid[:-1])
@@ -78,7 +78,7 @@ def test_thrust_curves_give_their_area():
 def test_a_burn_ends_when_its_propellant_is_gone(ares_v):
     arrays = ares_v.arrays()
     arrays.arcs["propellant"][0] *= 0.5
-    plan = plan_flight(arrays, start_of(ares_v)[0], 700.0)
+    plan = plan_flight(arrays, ares_v.start().navigation()[0], 700.0)
     assert plan.stagings == [(pytest.approx(155.9 + 0.5 * 181.25, abs=1e-6), 1)]
 
 
@@ -133,7 +133,7 @@ def test_elements_of_a_known_orbit():
 )
 def test_a_wrong_solution_is_caught(ares_v, change, name):
     solution = solve(ares_v)
-    arrays, start = ares_v.arrays(), start_of(ares_v)[0]
+    arrays, start = ares_v.arrays(), ares_v.start().navigation()[0]
     cutoff = solution.t_meco_s + change.get("t_meco_s", 0.0)
     drops = [solution.t_plf_s + change.get("jettison_times_s", 0.0)]
     flight = fly(
@@ -151,7 +151,7 @@ def test_a_wrong_solution_is_caught(ares_v, change, name):
 
 def test_a_jettison_left_out_is_caught(ares_v):
     solution = solve(ares_v)
-    arrays, start = ares_v.arrays(), start_of(ares_v)[0]
+    arrays, start = ares_v.arrays(), ares_v.start().navigation()[0]
     flight = fly(arrays, start, steering_of(solution.arcs), [math.nan], solution.t_meco_s)
     table = constraint_table(arrays, start, flight, Heating.AT_JETTISON)
     assert "jettison 0 before cut-off" in [c.name for c in table if not c.satisfied]
@@ -173,6 +173,6 @@ def test_drop_at_a_time_after_ignition(ares_v):
     arrays.jettisons["criterion"] = TIME_AFTER_IGNITION
     arrays.jettisons["value"] = 100.0
     assert isinstance(arrays, MissionArrays)
-    solution = solve(arrays._replace(), state=start_of(ares_v))
+    solution = solve(arrays._replace(), state=ares_v.start().navigation())
     assert solution.converged, solution.reason
     assert solution.t_plf_s == pytest.approx(437.15)

@@ -6,14 +6,20 @@
 
 import math
 
-from ares_guidance.arrays import ERROR_NONE, ERROR_NOT_CONVERGED, LAW_PEG, Onboard
+from ares_guidance.arrays import ERROR_NONE, ERROR_NOT_CONVERGED, LAW_PEG, STEEPEST, Onboard
+from ares_guidance.kernels.large_turn import converge_large_turn, converge_lofted
 from ares_guidance.kernels.peg import iterate
 from ares_guidance.kernels.segments import plan_segments
+from ares_guidance.kernels.start import start_guess
 from ares_models.arrays import MissionRecords
 from ares_models.jit import kernel
 
 #: What `state.law` becomes.
 LAW = LAW_PEG
+#: Of the tolerance, to be met in so many passes more in the last cycle before the steering is
+#: held: nothing comes after to make up for what it leaves.
+LAST_SHARE = 0.01
+LAST_PASSES = 20
 
 
 @kernel
@@ -43,12 +49,29 @@ def converge(mission: MissionRecords, onboard: Onboard) -> tuple[int, bool]:
 
 
 @kernel
-def seek(
-    mission: MissionRecords,
-    onboard: Onboard,
-    cold: bool,  # noqa: ARG001  other laws begin in another way
-) -> tuple[int, bool]:
-    """A solution by the law.
+def settle(mission: MissionRecords, onboard: Onboard) -> int:
+    """Before the steering is held: repeat the pass until next to nothing moves.
+
+    Args: as in :func:`ares_guidance.kernels.cycle.guidance_step`.
+
+    Returns:
+        ERROR_NONE, at once in any other cycle; ERROR_NOT_CONVERGED.
+    """
+    settings = onboard.settings
+    solution = onboard.state.solution
+    if solution.time_to_go > settings.hold_time + settings.cycle_period:
+        return ERROR_NONE
+    for _ in range(LAST_PASSES):
+        if solution.miss_speed < LAST_SHARE * settings.velocity_to_go_tolerance:
+            return ERROR_NONE
+        solution.miss_speed, _, _ = iterate(mission, onboard)
+        onboard.state.iterations += 1
+    return ERROR_NOT_CONVERGED
+
+
+@kernel
+def seek(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bool]:
+    """A solution by the law; where small angles do not lead to one, through large angles.
 
     Args:
         mission: as in :func:`ares_guidance.kernels.cycle.guidance_step`; so the next.
@@ -57,5 +80,31 @@ def seek(
 
     Returns: as :func:`converge`.
     """
-    onboard.state.law = LAW
-    return converge(mission, onboard)
+    state = onboard.state
+    limit = onboard.settings.small_turn_limit
+    error, reachable = ERROR_NOT_CONVERGED, True
+    small_does = False
+    if state.solution.primer_rate == 0.0:
+        state.law = LAW
+        error, reachable = converge(mission, onboard)
+        if math.isinf(limit):
+            return error, reachable
+        if error == ERROR_NONE and reachable and state.solution.turn <= limit:
+            error = settle(mission, onboard)
+            if error == ERROR_NONE:
+                return error, reachable
+        small_does = error == ERROR_NONE and (state.solution.turn < STEEPEST or not reachable)
+        if error != ERROR_NONE:
+            if cold:
+                start_guess(mission, onboard)
+            else:
+                state.solution = state.saved
+    state.law = LAW_PEG
+    error = converge_large_turn(mission, onboard)
+    if error != ERROR_NONE and cold:
+        error = converge_lofted(mission, onboard)
+    if error != ERROR_NONE and small_does:
+        state.law = LAW
+        start_guess(mission, onboard)
+        return converge(mission, onboard)
+    return error, True

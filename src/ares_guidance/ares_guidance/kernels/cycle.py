@@ -330,13 +330,10 @@ def run_cycle(mission: MissionRecords, onboard: Onboard) -> None:
 
 
 @kernel
-def time_jettison(mission: MissionRecords, onboard: Onboard, due: bool) -> None:
+def time_jettison(mission: MissionRecords, onboard: Onboard) -> None:
     """Command the next drop that the heating decides; close to it, refined on every state.
 
-    Args:
-        mission: as in :func:`guidance_step`; so the next.
-        onboard: what is on board. Changed.
-        due: a cycle was due, and has just predicted it.
+    Args: as in :func:`guidance_step`.
     """
     nav = onboard.navigation
     state = onboard.state
@@ -347,7 +344,7 @@ def time_jettison(mission: MissionRecords, onboard: Onboard, due: bool) -> None:
         if awaits_heating(mission.jettisons, nav.jettisoned, j):
             soonest = min(soonest, jettison_time[j])
     near = soonest - nav.time <= onboard.settings.cycle_period
-    if state.phase != PHASE_CONVERGING and not due and near:
+    if state.phase != PHASE_CONVERGING and near:
         plan_segments(mission, onboard)
         ahead = LinearTangent(
             load(steering.direction),
@@ -387,9 +384,8 @@ def guidance_step(mission: MissionRecords, onboard: Onboard) -> None:
         return
     catch_up(mission, onboard)
     hold(mission, onboard)
-    due = nav.time >= state.next_cycle_time - 1e-9
-    if due:
+    if nav.time >= state.next_cycle_time - 1e-9:
         run_cycle(mission, onboard)
     if state.phase == PHASE_CONVERGING and math.isnan(onboard.steering.cutoff_time):
         point_along_velocity(onboard)
-    time_jettison(mission, onboard, due)
+    time_jettison(mission, onboard)

@@ -12,7 +12,7 @@ only velocity constrained. docs/igm.md says where this goes beyond the law as fl
 
 import math
 
-from ares_guidance.arrays import Onboard
+from ares_guidance.arrays import STEEPEST, Onboard
 from ares_guidance.kernels.jettison import predict_jettisons
 from ares_guidance.kernels.prediction import LinearTangent
 from ares_guidance.kernels.segments import (
@@ -41,9 +41,6 @@ from ares_models.kernels.vectors import (
 
 #: Terminal frame: xi up, eta along the angular momentum, zeta downrange at the cut-off point.
 Frame = tuple[Vector, Vector, Vector]
-
-#: rad; K1 or K3 beyond it is no small turn, and no solution.
-STEEPEST = 1.0
 
 
 @kernel
@@ -166,6 +163,7 @@ def iterate(mission: MissionRecords, onboard: Onboard) -> tuple[float, float, bo
     miss = dot(coast, xi) - norm(wanted_r) + s_p * math.sin(pitch)
     k_1 = within_limit(miss / (d_p * math.cos(pitch)))
     k_2 = ratio * k_1
+    solution.turn = max(abs(k_1), abs(k_3))
 
     # the plan is expanded about chi-tilde, where the chi that is flown stands at J / L
     middle = thrust_direction(frame, pitch, yaw)

@@ -6,7 +6,13 @@ from typing import Any
 from numpy.typing import NDArray
 
 from ares_guidance.arrays import HEATING_MEASURED, Onboard
-from ares_guidance.kernels.prediction import LinearTangent, gravity_effect, steered_thrust
+from ares_guidance.kernels.prediction import (
+    LinearTangent,
+    gravity_effect,
+    primer,
+    steered_thrust,
+    turned_thrust,
+)
 from ares_guidance.kernels.segments import thrust_integrals
 from ares_models.arrays import MissionRecords, Record
 from ares_models.jit import kernel
@@ -15,6 +21,8 @@ from ares_models.kernels.sequence import awaits_heating
 from ares_models.kernels.vectors import add, axpy, load, unit
 
 JETTISON_SEARCH_STEPS = 12
+#: s; for a jettison that comes before the next cycle.
+EXACT = 1e-4
 
 
 @kernel
@@ -37,7 +45,11 @@ def predicted_log_heating(
     state = onboard.state
     r = load(nav.position)
     v = load(nav.velocity)
-    thrust_v, thrust_r = steered_thrust(thrust_integrals(state, t, math.inf), steering)
+    # what is commanded next must be exact: the expansion is not at either end of the turn
+    if state.solution.primer_rate > 0.0 or t <= onboard.settings.cycle_period:
+        thrust_v, thrust_r = turned_thrust(state, t, math.inf, steering)
+    else:
+        thrust_v, thrust_r = steered_thrust(thrust_integrals(state, t, math.inf), steering)
     gravity_v, gravity_r = gravity_effect(r, v, thrust_v, thrust_r, t, environment.mu)
     r_t = add(axpy(t, v, r), add(gravity_r, thrust_r))
     v_t = add(v, add(gravity_v, thrust_v))
@@ -47,7 +59,7 @@ def predicted_log_heating(
         into = t - segment.start
         if 0.0 <= into <= segment.duration:
             thrust = segment.exhaust_velocity / (segment.tau - into)
-            turned = axpy(t - steering.reference, steering.rate, steering.direction)
+            turned, _ = primer(state.solution, steering, t)
             acceleration = axpy(thrust, unit(turned), acceleration)
             break
     return log_heating(r_t, v_t, environment, mission.atmosphere, acceleration)
@@ -78,7 +90,7 @@ def heating_crossing(
     Returns:
         s from now; inf when the limit is not met before cut-off.
     """
-    tolerance = onboard.settings.jettison_time_tolerance
+    settings = onboard.settings
     horizon = onboard.state.solution.time_to_go
     falling = earliest
     t = min(max(guess, earliest), horizon)
@@ -96,7 +108,9 @@ def heating_crossing(
             following = 0.5 * (falling + t)
             if t <= earliest:
                 return earliest if excess <= 0.0 else math.inf
-        if abs(following - t) <= tolerance:
+        # from the left every iterate is above the limit
+        near = following <= settings.cycle_period
+        if abs(following - t) <= (EXACT if near else settings.jettison_time_tolerance):
             return following if slope < 0.0 or excess <= 0.0 else math.inf
         t = following
     return math.inf

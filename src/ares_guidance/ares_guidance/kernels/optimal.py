@@ -13,7 +13,7 @@ from ares_guidance.arrays import ERROR_NONE, ERROR_NOT_CONVERGED, LAW_OPTIMAL, O
 from ares_guidance.kernels.convergence import seek as seek_by_peg
 from ares_guidance.kernels.jettison import on_board_heating
 from ares_guidance.kernels.segments import note_tail_off, plan_segments, thrust_integrals
-from ares_models.arrays import BURN, HEATING_LIMIT, MissionRecords, Record
+from ares_models.arrays import BURN, HEATING_LIMIT, MissionRecords
 from ares_models.jit import inlined, kernel
 from ares_models.kernels.environment import log_heating_gradient
 from ares_models.kernels.sequence import aboard, awaits_heating, empty_mass
@@ -40,11 +40,15 @@ from ares_optimizer.two_point.contract import (
 
 #: Longest step of the on-board flight, s: the cut-off is off by 0.1 ms at most.
 STEP = 40.0
+#: The same as a share of the time in which the last burn would use up all the mass.
+STEP_SHARE = 0.07
 #: Last Newton step in scaled unknowns: 1e-4 s of cut-off.
 TOLERANCE = 1e-6
 #: Cycles on one Jacobian, and the scaled correction up to which it is trusted.
 REFRESH = 20
 SMALL = 3e-3
+#: s to go below which each cycle has a Jacobian of its own: what it leaves is not made up for.
+LAST = 20.0
 #: Change of an engine up to which that Jacobian is kept.
 SAME_ENGINE = 0.01
 _ROUNDING = 1e-6
@@ -270,13 +274,15 @@ def tell(mission: MissionRecords, onboard: Onboard) -> None:
 
 
 @kernel
-def set_options(options: Record, max_iterations: int) -> None:
+def set_options(mission: MissionRecords, onboard: Onboard) -> None:
     """The on-board problem: inverse-square gravity, coarse steps."""
+    options = onboard.state.optimal.options
+    last = mission.arcs[mission.arcs.shape[0] - 1]
     options.gravity = INVERSE_SQUARE
     options.propagator = RUNGE_KUTTA
     options.heating = HEATING_OPTIMAL
-    options.step = STEP
-    options.max_iterations = max_iterations
+    options.step = min(STEP, STEP_SHARE * onboard.navigation.mass / last.mass_flow)
+    options.max_iterations = onboard.settings.max_solve_iterations
     options.tolerance = TOLERANCE
 
 
@@ -296,14 +302,15 @@ def solve_optimal(mission: MissionRecords, onboard: Onboard, guessed: bool, rest
     nav = onboard.navigation
     state = onboard.state
     memory = state.optimal
-    set_options(memory.options, onboard.settings.max_solve_iterations)
+    set_options(mission, onboard)
     believed = believed_mission(mission, onboard)
     iterations = 1
     found = False
     if memory.solved == 1:
         carry(believed, onboard)
         memory.age += 1
-        if memory.age < REFRESH:
+        remaining = memory.unknowns[COLUMN_CUTOFF] - nav.time
+        if memory.age < REFRESH and remaining > LAST:
             found = correct(believed, onboard)
     else:
         if guessed:

@@ -6,7 +6,7 @@ boundary, gravity from a conic coast. The thesis (section 6.4, Appendix A) flew 
 full target at staging and jettison as well; here only the cut-off is targeted.
 """
 
-from ares_guidance.arrays import Onboard
+from ares_guidance.arrays import STEEPEST, Onboard
 from ares_guidance.kernels.jettison import predict_jettisons
 from ares_guidance.kernels.prediction import LinearTangent, gravity_effect, steered_thrust
 from ares_guidance.kernels.segments import burn_time_to_go, note_tail_off, thrust_integrals
@@ -66,10 +66,9 @@ def iterate(mission: MissionRecords, onboard: Onboard) -> tuple[float, float, bo
     # downrange is free: the part along the thrust is what the burn gives
     r_go = axpy((s_sum - dot(direction, r_go)) / dot(direction, downrange), downrange, r_go)
     rate = scale(1.0 / (q_sum - s_sum * k), axpy(-s_sum, direction, r_go))
-    # a turn of more than a radian over the burn is no small-angle solution
-    steepest = 1.0 / max(k, t_go - k)
-    if norm(rate) > steepest:
-        rate = scale(steepest / norm(rate), rate)
+    solution.turn = norm(rate) * max(k, t_go - k)
+    if solution.turn > STEEPEST:
+        rate = scale(STEEPEST / solution.turn, rate)
     steering = LinearTangent(direction, rate, k)
 
     # prediction

@@ -1,10 +1,12 @@
 """What thrust and gravity do to position and velocity over the burn to come."""
 
+import math
 from typing import NamedTuple
 
-from ares_guidance.kernels.segments import (
-    Integrals,
-)
+import numpy as np
+
+from ares_guidance.kernels.segments import Integrals
+from ares_models.arrays import Record
 from ares_models.jit import kernel
 from ares_models.kernels.kepler import kepler
 from ares_models.kernels.vectors import (
@@ -12,9 +14,16 @@ from ares_models.kernels.vectors import (
     add,
     axpy,
     dot,
+    load,
     scale,
     sub,
+    unit,
 )
+
+_nodes, _weights = np.polynomial.legendre.leggauss(6)
+#: Gauss-Legendre on (0, 1).
+NODES = tuple((0.5 * (1.0 + _nodes)).tolist())
+WEIGHTS = tuple((0.5 * _weights).tolist())
 
 
 class LinearTangent(NamedTuple):
@@ -22,7 +31,7 @@ class LinearTangent(NamedTuple):
 
     Attributes:
         direction: unit vector.
-        rate: 1/s, normal to it.
+        rate: 1/s, normal to it; of a primer, any.
         reference: s from now.
     """
 
@@ -55,6 +64,71 @@ def steered_thrust(integrals: Integrals, steering: LinearTangent) -> tuple[Vecto
         add(scale(along_v, direction), scale(across_v, rate)),
         add(scale(along_r, direction), scale(across_r, rate)),
     )
+
+
+@kernel
+def primer(solution: Record, steering: LinearTangent, t: float) -> tuple[Vector, Vector]:
+    """Primer at a time, and its rate: p'' = w^2 (3 (p . axis) axis - p).
+
+    That is the gradient of an inverse-square field whose direction and strength stay; with
+    w = 0 it is the linear tangent.
+
+    Args:
+        solution: record SOLUTION, with w and the axis.
+        steering: its value and rate at the reference.
+        t: s from now.
+    """
+    direction, rate, reference = steering
+    s = t - reference
+    w = solution.primer_rate
+    if w == 0.0:
+        return axpy(s, rate, direction), rate
+    up = load(solution.primer_axis)
+    k = math.sqrt(2.0) * w
+    a, b = dot(direction, up), dot(rate, up)
+    c, sine = math.cos(w * s), math.sin(w * s)
+    ch, sh = math.cosh(k * s), math.sinh(k * s)
+    along = a * (ch - c) + b * (sh / k - sine / w)
+    along_rate = a * (k * sh + w * sine) + b * (ch - c)
+    return (
+        axpy(along, up, axpy(sine / w, rate, scale(c, direction))),
+        axpy(along_rate, up, axpy(c, rate, scale(-w * sine, direction))),
+    )
+
+
+@kernel
+def turned_thrust(
+    state: Record, until: float, cutoff: float, steering: LinearTangent
+) -> tuple[Vector, Vector]:
+    """Velocity and displacement that the planned thrust gives, however far it turns.
+
+    Gauss-Legendre over the velocity that each segment gives.
+
+    Args:
+        state: record GUIDANCE_STATE with planned segments.
+        until: s from now.
+        cutoff: end of all thrust, s from now.
+        steering: how the thrust turns.
+
+    Returns:
+        velocity m/s, displacement m.
+    """
+    thrust_v = (0.0, 0.0, 0.0)
+    thrust_r = (0.0, 0.0, 0.0)
+    for i in range(state.segment_count):
+        segment = state.segments[i]
+        burn = min(segment.duration, min(until, cutoff) - segment.start)
+        if burn <= 0.0:
+            break
+        ve = segment.exhaust_velocity
+        gain = -ve * math.log1p(-burn / segment.tau)
+        for k in range(len(NODES)):
+            t = segment.start - segment.tau * math.expm1(-NODES[k] * gain / ve)
+            direction, _ = primer(state.solution, steering, t)
+            given = scale(WEIGHTS[k] * gain, unit(direction))
+            thrust_v = add(thrust_v, given)
+            thrust_r = axpy(until - t, given, thrust_r)
+    return thrust_v, thrust_r
 
 
 @kernel

@@ -23,6 +23,7 @@ def start_guess(mission: MissionRecords, onboard: Onboard) -> None:
     nav = onboard.navigation
     state = onboard.state
     solution = state.solution
+    solution.primer_rate = 0.0
     r = load(nav.position)
     v = load(nav.velocity)
     if state.seeded == 1:

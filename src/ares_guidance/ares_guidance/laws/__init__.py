@@ -2,6 +2,10 @@
 
 from functools import cache
 
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_guidance.arrays import ERROR_NOT_CONVERGED
 from ares_guidance.law import Law, LawKind, LawSettings
 from ares_guidance.registry import law_names, registered_laws
 from ares_models.arrays import MissionArrays
@@ -40,3 +44,23 @@ def make_law(name: str, arrays: MissionArrays, settings: LawSettings | None = No
     """
     kind = find_law(name)
     return kind.build(arrays, settings) if kind.build else Law(arrays, settings, kind)
+
+
+def check_law(name: str, arrays: MissionArrays, start: NDArray[np.void]) -> None:
+    """Try a law, with settings of its own, where a mission starts.
+
+    Args:
+        name: as of :func:`make_law`; so the next.
+        arrays: the mission.
+        start: navigation state, shape (1,), dtype NAVIGATION.
+
+    Raises:
+        ValueError: it finds no way to the target from there.
+    """
+    law = make_law(name, arrays)
+    law.step(start[0])
+    if law.state["error"] == ERROR_NOT_CONVERGED and not law.kind.needs_trajectory:
+        raise ValueError(
+            f"law is {name!r}; expected one that finds a way from the mission's start to its "
+            "target: this one finds none"
+        )

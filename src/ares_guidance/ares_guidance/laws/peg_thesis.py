@@ -1,5 +1,6 @@
 """Law `peg_thesis`: PEG as the thesis flew it (section 6.4)."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -128,6 +129,7 @@ def _rules(settings: LawSettings) -> tuple[Any, Any]:
     rules = np.repeat(settings.record(), 2)
     rules["max_iterations"] = settings.passes_per_cycle
     rules["velocity_to_go_tolerance"] = settings.settled_below_m_s
+    rules["small_turn_limit"] = math.inf
     early, late = rules
     early["hold_time"] = settings.jettison_hold_time_s
     return early, late

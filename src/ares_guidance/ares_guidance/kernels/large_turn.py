@@ -1,0 +1,356 @@
+"""Steering through large angles: thrust along a primer, its integrals by quadrature.
+
+PEG expands the thrust about its mean direction, IGM its angles about chi-tilde; both hold for
+turns below a radian. A vehicle that climbs far at little thrust turns further. Here the thrust
+follows the primer p of a flight in linear gravity, its integrals are quadratures, and the end is
+met by Newton's method. What the target leaves free is chosen by transversality: with p' its rate
+and g the pull, C = v x p - r x p' has no part along the axis of a rotation that is free (downrange,
+the node), and p . g = p' . v where the place on an orbit is free.
+"""
+
+import math
+
+from ares_guidance.arrays import ERROR_NONE, ERROR_NOT_CONVERGED, TURN_UNKNOWNS, Onboard
+from ares_guidance.kernels.jettison import predict_jettisons
+from ares_guidance.kernels.prediction import LinearTangent, gravity_effect, primer, turned_thrust
+from ares_guidance.kernels.segments import (
+    burn_time_to_go,
+    note_tail_off,
+    plan_segments,
+    thrust_integrals,
+)
+from ares_guidance.kernels.start import start_guess
+from ares_models.arrays import (
+    TARGET_KEPLERIAN,
+    TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
+    MissionRecords,
+    Record,
+)
+from ares_models.jit import kernel
+from ares_models.kernels.environment import gravity
+from ares_models.kernels.targets import desired_state, named_plane, project_to_plane
+from ares_models.kernels.vectors import (
+    Vector,
+    add,
+    axpy,
+    cross,
+    dot,
+    is_finite,
+    load,
+    norm,
+    scale,
+    store,
+    sub,
+    unit,
+)
+
+#: Sine of the inclination below which the node has no meaning.
+EQUATORIAL = 1e-6
+#: Newton steps in one search, and halvings of one of them.
+STEPS = 20
+HALVINGS = 8
+#: Scaled residual at which the end is met: of 4 km/s over 300 s, 4 cm/s and 12 m.
+MET = 1e-5
+#: Move of an unknown that the Jacobian is differenced over.
+DIFFERENCE = 1e-6
+SINGULAR = 1e-14
+#: Part of the last burn's mass that may be burnt in a prediction.
+MOST_BURNT = 0.98
+SHORTEST = 0.1  # s
+#: Guesses where the first does not do, rad, and the velocity that a radian costs, as a part.
+LOFTS = (0.5, 0.9, 1.2)
+LOFT_COSTS = 0.3
+
+#: State at the end of the thrust, and the primer with its rate there.
+End = tuple[Vector, Vector, Vector, Vector]
+
+
+@kernel
+def possible_cutoff(state: Record, t: float) -> float:
+    """The time to go nearest to ``t`` that there is mass for, s."""
+    last = state.segments[state.segment_count - 1]
+    return min(max(t, SHORTEST), last.start + MOST_BURNT * last.tau)
+
+
+@kernel
+def steering_of(turn: Record) -> LinearTangent:
+    """The primer that the unknowns stand for."""
+    y = turn.unknowns
+    rate = scale(1.0 / turn.time_scale, (y[3], y[4], y[5]))
+    return LinearTangent((y[0], y[1], y[2]), rate, turn.reference)
+
+
+@kernel
+def predict_end(mission: MissionRecords, onboard: Onboard) -> End:
+    """Where the unknowns lead.
+
+    Args:
+        mission: as guidance believes it; so the next.
+        onboard: what is on board, with planned segments.
+    """
+    state = onboard.state
+    turn = state.turn
+    r = load(onboard.navigation.position)
+    v = load(onboard.navigation.velocity)
+    t_go = turn.unknowns[6] * turn.time_scale
+    horizon = t_go + state.solution.tail_drift
+    steering = steering_of(turn)
+    thrust_v, thrust_r = turned_thrust(state, horizon, t_go, steering)
+    gravity_v, gravity_r = gravity_effect(r, v, thrust_v, thrust_r, horizon, mission.environment.mu)
+    direction, rate = primer(state.solution, steering, t_go)
+    return (
+        add(axpy(horizon, v, r), add(gravity_r, thrust_r)),
+        add(v, add(gravity_v, thrust_v)),
+        direction,
+        rate,
+    )
+
+
+@kernel
+def miss_free_node(target: Record, turn: Record, end: End, rows: Record) -> None:
+    """Residuals of radius, speed, angle, inclination; node and downrange are free."""
+    r, v, direction, rate = end
+    radius, speed = norm(r), norm(v)
+    h = cross(r, v)
+    c = sub(cross(v, direction), cross(r, rate))
+    sine = dot(r, v) / (radius * speed)
+    scaled = speed / turn.speed_scale
+    rows[0] = (radius - target.radius) / turn.length_scale
+    rows[1] = (speed - target.speed) / turn.speed_scale
+    rows[2] = (sine - math.sin(target.flight_path_angle)) * scaled
+    rows[3] = (h[2] / norm(h) - math.cos(target.inclination)) * scaled
+    rows[4] = c[2] / speed
+    rows[5] = dot(c, unit(h)) / speed
+
+
+@kernel
+def miss_named_plane(mission: MissionRecords, turn: Record, end: End, rows: Record) -> None:
+    """Residuals of a state in a named plane; the place in it is free."""
+    target = mission.target
+    r, v, direction, rate = end
+    normal = named_plane(target)
+    wanted_r, wanted_v, _ = desired_state(
+        target, mission.environment.mu, project_to_plane(r, normal), normal
+    )
+    store(rows, scale(1.0 / turn.speed_scale, sub(v, wanted_v)))
+    rows[3] = (norm(r) - norm(wanted_r)) / turn.length_scale
+    rows[4] = dot(r, normal) / turn.length_scale
+    if target.kind == TARGET_KEPLERIAN:
+        pull = gravity(r, mission.environment)
+        rows[5] = (dot(direction, pull) - dot(rate, v)) * turn.time_scale / turn.speed_scale
+    else:
+        rows[5] = dot(sub(cross(v, direction), cross(r, rate)), normal) / norm(v)
+
+
+@kernel
+def residuals(mission: MissionRecords, onboard: Onboard, column: int) -> float:
+    """By how much the unknowns miss the target and transversality, scaled.
+
+    Args:
+        mission: as in :func:`predict_end`; so the next.
+        onboard: what is on board. Column of ``state.turn.rows`` is written.
+        column: which.
+
+    Returns:
+        largest of them; inf when one is no number.
+    """
+    turn = onboard.state.turn
+    target = mission.target
+    rows = turn.rows[column]
+    end = predict_end(mission, onboard)
+    node_is_free = target.kind == TARGET_RADIUS_SPEED_ANGLE_INCLINATION
+    if node_is_free and math.sin(target.inclination) > EQUATORIAL:
+        miss_free_node(target, turn, end, rows)
+    else:
+        miss_named_plane(mission, turn, end, rows)
+    # the length of the primer has no meaning
+    rows[6] = dot(load(turn.unknowns), load(turn.first_direction)) - 1.0
+    largest = 0.0
+    for i in range(TURN_UNKNOWNS):
+        largest = max(largest, abs(rows[i]))
+        if not math.isfinite(rows[i]):
+            return math.inf
+    return largest
+
+
+@kernel
+def solve_step(turn: Record) -> bool:
+    """Newton's step into ``turn.step``, by elimination with pivots; False if there is none.
+
+    The first column of ``rows`` holds the residuals, the others the same with one unknown
+    moved each.
+    """
+    n = TURN_UNKNOWNS
+    rows, matrix, step = turn.rows, turn.matrix, turn.step
+    for i in range(n):
+        for k in range(n):
+            matrix[i, k] = (rows[k + 1, i] - rows[0, i]) / DIFFERENCE
+        matrix[i, n] = -rows[0, i]
+    for k in range(n):
+        best = k
+        for i in range(k + 1, n):
+            if abs(matrix[i, k]) > abs(matrix[best, k]):
+                best = i
+        if not abs(matrix[best, k]) > SINGULAR:
+            return False
+        for j in range(k, n + 1):
+            matrix[k, j], matrix[best, j] = matrix[best, j], matrix[k, j]
+        for i in range(k + 1, n):
+            factor = matrix[i, k] / matrix[k, k]
+            for j in range(k, n + 1):
+                matrix[i, j] -= factor * matrix[k, j]
+    for k in range(n - 1, -1, -1):
+        s = matrix[k, n]
+        for j in range(k + 1, n):
+            s -= matrix[k, j] * step[j]
+        step[k] = s / matrix[k, k]
+    return True
+
+
+@kernel
+def newton_step(mission: MissionRecords, onboard: Onboard, merit: float) -> float:
+    """One step of Newton's method, halved until the end comes nearer.
+
+    Args:
+        mission: as in :func:`predict_end`; so the next.
+        onboard: what is on board. Its unknowns are moved.
+        merit: largest residual of the unknowns, which stand in column 0.
+
+    Returns:
+        largest residual after it; inf when no step leads nearer.
+    """
+    turn = onboard.state.turn
+    y, before = turn.unknowns, turn.before
+    for k in range(TURN_UNKNOWNS):
+        before[k] = y[k]
+        y[k] += DIFFERENCE
+        residuals(mission, onboard, k + 1)
+        y[k] = before[k]
+    if not solve_step(turn):
+        return math.inf
+    part = 1.0
+    for _ in range(HALVINGS):
+        for k in range(TURN_UNKNOWNS):
+            y[k] = before[k] + part * turn.step[k]
+        y[6] = possible_cutoff(onboard.state, y[6] * turn.time_scale) / turn.time_scale
+        after = residuals(mission, onboard, 0)
+        if after < MET or after < (1.0 - 0.1 * part) * merit:
+            return after
+        part *= 0.5
+    return math.inf
+
+
+@kernel
+def begin(mission: MissionRecords, onboard: Onboard) -> None:
+    """Unknowns, their scales and the linear gravity, from the solution on board."""
+    state = onboard.state
+    solution = state.solution
+    turn = state.turn
+    r = load(onboard.navigation.position)
+    end = load(solution.desired_position)
+    radius = 0.5 * (norm(r) + norm(end))
+    t_go = possible_cutoff(state, solution.time_to_go)
+    l_sum, j_sum, _, _, _, _ = thrust_integrals(state, t_go, t_go)
+    turn.reference = j_sum / l_sum
+    turn.time_scale = t_go
+    turn.speed_scale = l_sum
+    turn.length_scale = l_sum * t_go
+    steering = LinearTangent(
+        load(solution.direction),
+        load(solution.direction_rate),
+        solution.reference_time - onboard.navigation.time,
+    )
+    middle, rate = primer(solution, steering, turn.reference)
+    solution.primer_rate = math.sqrt(mission.environment.mu / radius**3)
+    store(solution.primer_axis, unit(add(unit(r), unit(end))))
+    size = norm(middle)
+    store(turn.first_direction, scale(1.0 / size, middle))
+    store(turn.unknowns, scale(1.0 / size, middle))
+    store(turn.unknowns[3:], scale(t_go / size, rate))
+    turn.unknowns[6] = 1.0
+
+
+@kernel
+def take(mission: MissionRecords, onboard: Onboard) -> None:
+    """Put what the unknowns stand for into the solution on board."""
+    state = onboard.state
+    solution = state.solution
+    r_p, v_p, _, _ = predict_end(mission, onboard)
+    t_go = state.turn.unknowns[6] * state.turn.time_scale
+    direction, rate = primer(solution, steering_of(state.turn), 0.0)
+    size = norm(direction)
+    l_sum, _, _, _, _, _ = thrust_integrals(state, t_go, t_go)
+    solution.time_to_go = t_go
+    store(solution.direction, scale(1.0 / size, direction))
+    store(solution.direction_rate, scale(1.0 / size, rate))
+    solution.reference_time = onboard.navigation.time
+    store(solution.velocity_to_go, scale(l_sum / size, direction))
+    store(solution.desired_position, r_p)
+    store(solution.plane_normal, unit(cross(r_p, v_p)))
+    store(state.predicted_position, r_p)
+    store(state.predicted_velocity, v_p)
+
+
+@kernel
+def converge_large_turn(mission: MissionRecords, onboard: Onboard) -> int:
+    """A solution that may turn far, from the one on board.
+
+    Args: as in :func:`ares_guidance.kernels.cycle.guidance_step`.
+
+    Returns:
+        ERROR_NONE or ERROR_NOT_CONVERGED.
+    """
+    state = onboard.state
+    solution = state.solution
+    plan_segments(mission, onboard)
+    if state.segment_count == 0 or not is_finite(load(solution.direction)):
+        return ERROR_NOT_CONVERGED
+    note_tail_off(mission.arcs[state.segments[state.segment_count - 1].arc], state)
+    begin(mission, onboard)
+    moved = math.inf
+    merit = math.inf
+    for _ in range(STEPS):
+        if moved > 0.0:
+            plan_segments(mission, onboard)
+            merit = residuals(mission, onboard, 0)
+        if math.isfinite(merit):
+            merit = newton_step(mission, onboard, merit)
+        state.iterations += 1
+        solution.miss_speed = merit * state.turn.speed_scale
+        if not math.isfinite(merit):
+            break
+        take(mission, onboard)
+        steering = LinearTangent(load(solution.direction), load(solution.direction_rate), 0.0)
+        moved = predict_jettisons(mission, onboard, steering)
+        if merit < MET and moved < onboard.settings.jettison_time_tolerance:
+            return ERROR_NONE
+    return ERROR_NOT_CONVERGED
+
+
+@kernel
+def lofted_guess(mission: MissionRecords, onboard: Onboard, loft: float) -> None:
+    """Steering from ``loft``, rad, above the horizontal to as much below it at cut-off."""
+    start_guess(mission, onboard)
+    nav = onboard.navigation
+    state = onboard.state
+    solution = state.solution
+    up = unit(load(nav.position))
+    v = load(nav.velocity)
+    ahead = unit(axpy(-dot(v, up), up, v))
+    t_go, _ = burn_time_to_go(
+        state, (1.0 + LOFT_COSTS * loft) * norm(load(solution.velocity_to_go))
+    )
+    solution.time_to_go = t_go
+    store(solution.direction, ahead)
+    store(solution.direction_rate, scale(-2.0 * math.tan(loft) / t_go, up))
+    solution.reference_time = nav.time + 0.5 * t_go
+
+
+@kernel
+def converge_lofted(mission: MissionRecords, onboard: Onboard) -> int:
+    """As :func:`converge_large_turn`, from guesses that climb ever more steeply."""
+    for loft in LOFTS:
+        lofted_guess(mission, onboard, loft)
+        if converge_large_turn(mission, onboard) == ERROR_NONE:
+            return ERROR_NONE
+    return ERROR_NOT_CONVERGED
