@@ -12,7 +12,6 @@ from ares_guidance.registry import law_names
 from ares_studies.random_vehicles import Solved, fly_as_planned, solvable
 from ares_vehicle_sim.arrays import DEPLETION
 
-
 #: %, a loss that is named.
 MUCH = 1.0
 

@@ -1,6 +1,6 @@
 """Steering through large angles: thrust along a primer, its integrals by quadrature.
 
-PEG expands the thrust about its mean direction, IGM its angles about chi-tilde; both hold for
+PEG expands the thrust about its mean direction, other laws their angles; that holds for
 turns below a radian. A vehicle that climbs far at little thrust turns further. Here the thrust
 follows the primer p of a flight in linear gravity, its integrals are quadratures, and the end is
 met by Newton's method. What the target leaves free is chosen by transversality: with p' its rate
