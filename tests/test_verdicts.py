@@ -150,10 +150,17 @@ CAUSES = {
         ("the vehicle met the ground",),
         mission=short_burn(
             **{
-                "initial_state.position_m": [6390000.0, 0.0, 0.0],
-                "initial_state.velocity_m_s": [-1000.0, 1000.0, 500.0],
+                # 100 m below the start
+                "environment.earth.equatorial_radius_m": 6578037.0,
+                "initial_state.velocity_m_s": [-40.0, 6680.0, 3626.0],
             }
         ),
+    ),
+    "a target out of reach": Cause(
+        2,
+        ("expected one that finds a way from the mission's start to its target",),
+        mission=short_burn(**{"target.radius_m": 7.4e6}),
+        bag=False,
     ),
     "a missed target": Cause(1, ("target missed: ",), mission=short_burn(119.4)),
     "Ctrl-C": Cause(130, ("interrupted",), SLOWEST, act=lambda f: f.signal(signal.SIGINT)),

@@ -13,6 +13,7 @@ from ares_guidance.arrays import ERROR_NONE, ERROR_NOT_CONVERGED, LAW_OPTIMAL, O
 from ares_guidance.kernels.convergence import seek as seek_by_peg
 from ares_guidance.kernels.jettison import on_board_heating
 from ares_guidance.kernels.segments import note_tail_off, plan_segments, thrust_integrals
+from ares_guidance.kernels.start import start_guess
 from ares_models.arrays import BURN, HEATING_LIMIT, MissionRecords
 from ares_models.jit import inlined, kernel
 from ares_models.kernels.environment import log_heating_gradient
@@ -52,6 +53,8 @@ LAST = 20.0
 #: Change of an engine up to which that Jacobian is kept.
 SAME_ENGINE = 0.01
 _ROUNDING = 1e-6
+#: An extremal that burns longer than PEG's plan by this factor, and a second, is no optimum.
+LONGER = 1.02
 #: Steps of the integrator that may go into searches without a result while an arc lasts; then
 #: the law flies PEG until the next arc. It bounds what a hopeless mission costs, to seconds.
 MOST_WASTED = 4_000_000
@@ -346,10 +349,18 @@ def seek(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bo
         error = solve_optimal(mission, onboard, solved, cold)
     if error == ERROR_NONE:
         return error, True
+    state = onboard.state
     error, reachable = seek_by_peg(mission, onboard, cold)
     if cold or error == ERROR_NONE:
         guessed = error == ERROR_NONE
+        longest = LONGER * state.solution.time_to_go + 1.0 if guessed else math.inf
         found = solve_optimal(mission, onboard, guessed, cold)
         if found == ERROR_NONE:
-            return found, True
+            if state.solution.time_to_go <= longest:
+                return found, True
+            # an extremal, and no optimum
+            state.optimal.solved = 0
+            state.optimal.wasted += state.optimal.work.spent
+            start_guess(mission, onboard)
+            return seek_by_peg(mission, onboard, True)
     return error, reachable
