@@ -15,6 +15,7 @@ REQUIREMENTS = sorted((ROOT / "requirements").glob("*.txt"))
 
 # import name -> key of rosdep, where they differ
 KEYS = {
+    "llvmlite": "python3-numba",
     "mcap": "mcap-ros2-support",
     "mcap_ros2": "mcap-ros2-support",
     "pydantic_core": "python3-pydantic",
@@ -30,7 +31,12 @@ KEYS = {
 # rosdep knows no key for these: installed with pip
 NO_KEY = {"distributed", "plotly", "pyarrow", "pymsis"}
 # import name -> name in the package index, where they differ
-DISTRIBUTIONS = {"mcap_ros2": "mcap-ros2-support", "yaml": "PyYAML", "pydantic_core": "pydantic"}
+DISTRIBUTIONS = {
+    "llvmlite": "numba",
+    "mcap_ros2": "mcap-ros2-support",
+    "pydantic_core": "pydantic",
+    "yaml": "PyYAML",
+}
 MESSAGE = re.compile(r"([a-z]\w*_msgs)/(?:msg|srv)/[A-Z]\w*$")
 # come with a distribution that is listed under another name
 COMES_WITH = {"mcap-ros2": "mcap-ros2-support", "yaml": "pyyaml", "pydantic-core": "pydantic-core"}

@@ -90,6 +90,9 @@ OPTIMAL_MEMORY = np.dtype(
         ("arcs", ARC, (MAX_SEGMENTS,)),  # with the engines as measured
         ("arcs_from", np.int64),  # the arc at which they were copied, + 1
         ("wasted", np.int64),  # steps of the integrator in searches that found nothing
+        ("first_start", np.int64),  # own guess that the next search begins with
+        ("searched_in", np.int64),  # the cycle
+        ("steps_left", np.int64),  # in it
         ("wasted_in", np.int64),  # the arc in which that was, + 1
         ("thrust_ratio", np.float64),
         ("flow_ratio", np.float64),

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ares_guidance.laws import check_law
 from ares_models.mission import Mission
 from ares_optimizer.solution import Check
 from ares_optimizer.solve import solve
@@ -169,6 +170,7 @@ def fly_as_planned(mission: Mission, law: str) -> Any:
         ValueError: the law cannot fly the mission.
         RuntimeError: the flight broke off.
     """
+    check_law(law, mission.arrays(foreseen=True), mission.start().navigation())
     flown = Range(Settings(mission, Dispersions(), law=law)).fly(0, 1)
     if flown.errors:
         raise RuntimeError(flown.errors[0])

@@ -52,6 +52,15 @@ def test_a_jettison_two_seconds_after_the_start_keeps_its_limit():
     assert flown["peak_heating_after"] <= flown["jettison_limit"]
 
 
+@pytest.mark.parametrize("law", ["peg", "igm"])
+def test_an_inclination_below_the_latitude_is_flown_to(law):
+    """By a turn out of the plane that no small angle covers."""
+    mission = load_mission("ares_v")
+    low = mission.target.model_copy(update={"inclination_deg": 15.0})
+    flown = fly_as_planned(mission.model_copy(update={"target": low}), law)
+    assert flown["terminal_accuracy"] == 1
+
+
 def test_a_law_that_finds_no_way_says_so_before_the_start(tmp_path):
     """A burn of 46 minutes goes half round the planet: no thrust integral covers it."""
     mission = orbit_raise(tmp_path)

@@ -30,7 +30,7 @@ from ares_bringup.bag_paths import new_bag, workspace_root
 from ares_bringup.options import CannotStart, HeatingSource
 from ares_bringup.report import console, number, shown_path
 from ares_guidance.law import LawSettings
-from ares_guidance.laws import find_law
+from ares_guidance.laws import check_law, find_law
 from ares_models.atmosphere import AtmosphereError
 from ares_models.input_file import InputError
 from ares_models.mission import load_mission
@@ -109,8 +109,10 @@ class CampaignOptions:
             dispersions = load_dispersions(self.dispersions)
             if self.heating_source == HeatingSource.MODEL:
                 given["heating_margin"] = dispersions.heating_margin()
+            mission = load_mission(self.mission)
+            check_law(self.guidance, mission.arrays(foreseen=True), mission.start().navigation())
             return Settings(
-                mission=load_mission(self.mission),
+                mission=mission,
                 dispersions=dispersions,
                 seed=self.seed,
                 law=self.guidance,

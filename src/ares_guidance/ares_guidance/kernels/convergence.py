@@ -70,6 +70,15 @@ def settle(mission: MissionRecords, onboard: Onboard) -> int:
 
 
 @kernel
+def begin_again(mission: MissionRecords, onboard: Onboard, cold: bool) -> None:
+    """Put back what the search began with."""
+    if cold:
+        start_guess(mission, onboard)
+    else:
+        onboard.state.solution = onboard.state.saved
+
+
+@kernel
 def seek(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bool]:
     """A solution by the law; where small angles do not lead to one, through large angles.
 
@@ -82,29 +91,27 @@ def seek(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bo
     """
     state = onboard.state
     limit = onboard.settings.small_turn_limit
-    error, reachable = ERROR_NOT_CONVERGED, True
     small_does = False
     if state.solution.primer_rate == 0.0:
         state.law = LAW
         error, reachable = converge(mission, onboard)
         if math.isinf(limit):
             return error, reachable
-        if error == ERROR_NONE and reachable and state.solution.turn <= limit:
-            error = settle(mission, onboard)
-            if error == ERROR_NONE:
-                return error, reachable
-        small_does = error == ERROR_NONE and (state.solution.turn < STEEPEST or not reachable)
-        if error != ERROR_NONE:
-            if cold:
-                start_guess(mission, onboard)
-            else:
-                state.solution = state.saved
+        good = error == ERROR_NONE and reachable and state.solution.turn <= limit
+        if good and settle(mission, onboard) == ERROR_NONE:
+            return ERROR_NONE, True
+        # too late to mend the position, speed and angle are still worth having
+        late = state.solution.time_to_go <= onboard.settings.restart_time
+        small = state.solution.turn < STEEPEST or not reachable or late
+        small_does = error == ERROR_NONE and small
+        if good or error != ERROR_NONE:
+            begin_again(mission, onboard, cold)
     state.law = LAW_PEG
     error = converge_large_turn(mission, onboard)
     if error != ERROR_NONE and cold:
         error = converge_lofted(mission, onboard)
     if error != ERROR_NONE and small_does:
         state.law = LAW
-        start_guess(mission, onboard)
+        begin_again(mission, onboard, cold)
         return converge(mission, onboard)
     return error, True

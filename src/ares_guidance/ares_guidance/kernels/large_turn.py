@@ -309,7 +309,7 @@ def converge_large_turn(mission: MissionRecords, onboard: Onboard) -> int:
     begin(mission, onboard)
     moved = math.inf
     merit = math.inf
-    for _ in range(STEPS):
+    for _ in range(min(STEPS, onboard.settings.max_iterations)):
         if moved > 0.0:
             plan_segments(mission, onboard)
             merit = residuals(mission, onboard, 0)

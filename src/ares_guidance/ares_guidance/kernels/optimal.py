@@ -55,6 +55,8 @@ SAME_ENGINE = 0.01
 _ROUNDING = 1e-6
 #: An extremal that burns longer than PEG's plan by this factor, and a second, is no optimum.
 LONGER = 1.02
+#: Steps of the integrator in one cycle. What is found at all takes 60 in the median, 260 at most.
+MOST_STEPS = 1_500
 #: Steps of the integrator that may go into searches without a result while an arc lasts; then
 #: the law flies PEG until the next arc. It bounds what a hopeless mission costs, to seconds.
 MOST_WASTED = 4_000_000
@@ -224,18 +226,24 @@ def search(
     if memory.wasted_in != nav.arc + 1:
         memory.wasted_in = nav.arc + 1
         memory.wasted = 0
-    if memory.wasted >= MOST_WASTED:
+    if memory.searched_in != onboard.state.cycle:
+        memory.searched_in = onboard.state.cycle
+        memory.steps_left = MOST_STEPS
+    memory.options.max_steps = min(memory.steps_left, MOST_WASTED - memory.wasted)
+    if memory.options.max_steps <= 0:
         return 0, False
-    memory.options.max_steps = MOST_WASTED - memory.wasted
     # a slice: for the nested array itself the search would be compiled once more
-    iterations, _, status, _ = find_optimum(
+    iterations, _, status, starts = find_optimum(
         nav,
         believed,
         memory.options,
-        Effort(guessed, restart, False),
+        Effort(guessed, restart, False, memory.first_start),
         memory.unknowns[:],
         work,
     )
+    memory.steps_left -= work.spent
+    # the next search in vain begins where this one has stopped
+    memory.first_start = 0 if status == CONVERGED else memory.first_start + starts
     memory.wasted = 0 if status == CONVERGED else memory.wasted + work.spent
     memory.age = 0
     for j in range(jettisons.shape[0]):
@@ -258,6 +266,7 @@ def tell(mission: MissionRecords, onboard: Onboard) -> None:
     store(solution.direction, scale(size, lambda_v))
     store(solution.direction_rate, (-size * u[3], -size * u[4], -size * u[5]))
     solution.reference_time = nav.time
+    solution.turn = 0.0
     note_tail_off(mission.arcs[mission.arcs.shape[0] - 1], state)
     solution.time_to_go = u[COLUMN_CUTOFF] - nav.time + solution.tail_gain
     index = COLUMN_JETTISON

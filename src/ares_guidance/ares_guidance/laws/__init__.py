@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_guidance.arrays import ERROR_NOT_CONVERGED
+from ares_guidance.arrays import ERROR_NOT_CONVERGED, STEEPEST
 from ares_guidance.law import Law, LawKind, LawSettings
 from ares_guidance.registry import law_names, registered_laws
 from ares_models.arrays import MissionArrays
@@ -59,7 +59,10 @@ def check_law(name: str, arrays: MissionArrays, start: NDArray[np.void]) -> None
     """
     law = make_law(name, arrays)
     law.step(start[0])
-    if law.state["error"] == ERROR_NOT_CONVERGED and not law.kind.needs_trajectory:
+    solution = law.state["solution"]
+    lost = law.state["error"] == ERROR_NOT_CONVERGED
+    past = solution["primer_rate"] == 0.0 and solution["turn"] > STEEPEST
+    if (lost or past) and not law.kind.needs_trajectory:
         raise ValueError(
             f"law is {name!r}; expected one that finds a way from the mission's start to its "
             "target: this one finds none"

@@ -322,7 +322,7 @@ class TwoPointSolver:
             thorough: seek further roots, see ``Effort``, and keep the best.
         """
         unknowns = self._room(start, guess)
-        effort = Effort(guess is not None, restart, thorough)
+        effort = Effort(guess is not None, restart, thorough, 0)
         iterations, residual, status, restarts = search.find_optimum(
             start[0], self._mission, self.options[0], effort, unknowns, self.work[0]
         )

@@ -111,8 +111,10 @@ class Effort(NamedTuple):
         restart: go on with own guesses when the guess leads nowhere.
         thorough: seek one root from the guess, one from own guesses and, with a free node, one
             in the other plane, and take that which cuts off first; else take the first root.
+        first: how many of the own guesses have been tried in vain, over and over.
     """
 
     guessed: bool
     restart: bool
     thorough: bool
+    first: int

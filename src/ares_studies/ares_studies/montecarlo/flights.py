@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ares_guidance.arrays import blank_onboard
 from ares_guidance.law import LawSettings
-from ares_guidance.laws import check_law, make_law
+from ares_guidance.laws import make_law
 from ares_models.mission import Mission
 from ares_studies.arrays import closed_loop
 from ares_studies.loops import campaign_loop
@@ -80,7 +80,6 @@ class Range:
         self.columns = self._sampler.columns
         self._nominal = nominal_truth(mission, settings.dispersions)
         believed = mission.arrays(foreseen=True)
-        check_law(settings.law, believed, mission.start().navigation())
         law = make_law(settings.law, believed, settings.law_settings)
         self._fly_many = campaign_loop(law.kind)
         # the atmosphere of each flight comes with its draws

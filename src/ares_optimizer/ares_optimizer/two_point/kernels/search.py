@@ -378,6 +378,9 @@ def _search_from_guesses(
     total = 0
     starts = 0
     last = len(_OWN_STARTS) if effort.restart or not effort.guessed else 0
+    if effort.first // len(_OWN_STARTS) % 2 == 1:
+        # these have been tried: on with the drops at fixed times
+        last = 0
     one_plane = mission.target.kind != TARGET_RADIUS_SPEED_ANGLE_INCLINATION
     solved_near = False
     solved_far = False
@@ -386,7 +389,7 @@ def _search_from_guesses(
             if best_status != CONVERGED:
                 best_status = STOPPED
             break
-        own = _OWN_STARTS[max(0, attempt)]
+        own = _OWN_STARTS[(effort.first + max(0, attempt)) % len(_OWN_STARTS)]
         near = attempt < 0 or own.branch > 0.0
         if attempt >= 0 and (solved_near if near else solved_far):
             continue
@@ -455,7 +458,7 @@ def find_optimum(
             break
         _reset(mission.jettisons, work)
         starts += 1
-        own = _OWN_STARTS[attempt]
+        own = _OWN_STARTS[(effort.first + attempt) % len(_OWN_STARTS)]
         iterations, residual, ended = _solve_timed_first(
             start, mission, options, own, unknowns, work
         )
