@@ -162,7 +162,12 @@ CAUSES = {
         mission=short_burn(**{"target.radius_m": 7.4e6}),
         bag=False,
     ),
-    "a missed target": Cause(1, ("target missed: ",), mission=short_burn(119.4)),
+    "a missed target": Cause(
+        1,
+        ("target missed: radius_m off by ",),
+        # a climb that takes all there is, and more
+        mission=short_burn(119.4, **{"target.flight_path_angle_deg": 1.0}),
+    ),
     "Ctrl-C": Cause(130, ("interrupted",), SLOWEST, act=lambda f: f.signal(signal.SIGINT)),
     "SIGTERM": Cause(130, (), SLOWEST, act=lambda f: f.signal(signal.SIGTERM)),
     "a second guidance": Cause(0, ("a second guidance",), SLOW, act=lambda f: f.join(GuidanceNode)),
