@@ -60,7 +60,7 @@ NO_KERNELS = ""
 FEW_KERNELS = ("", "-h", "bag", "env", "missions", "plot", "replay")
 #: The law whose kernels compile while the messages are built: it is known without a registry.
 FIRST_LAW = "peg"
-COMPILING = {True: "once, until they change: two minutes", False: "once, half a minute"}
+COMPILING = {True: "once, until they change: a minute", False: "once, half a minute"}
 
 VERBS = """\
 Workspace:
