@@ -52,6 +52,13 @@ def test_a_jettison_two_seconds_after_the_start_keeps_its_limit():
     assert flown["peak_heating_after"] <= flown["jettison_limit"]
 
 
+@pytest.mark.parametrize("law", ["peg", "optimal"])
+def test_a_cutoff_just_after_a_staging_is_that_of_the_next_stage(law):
+    """Held in the burn before: 0.1 s of the last stage and a coast of 3 s are to come."""
+    flown = fly_as_planned(random_mission(5204), law)
+    assert flown["terminal_accuracy"] == 1
+
+
 @pytest.mark.parametrize("law", ["peg", "igm"])
 def test_an_inclination_below_the_latitude_is_flown_to(law):
     """By a turn out of the plane that no small angle covers."""

@@ -63,7 +63,9 @@ def held_cutoff(mission: MissionRecords, onboard: Onboard) -> float:
     state = onboard.state
     solution = state.solution
     arc = mission.arcs[nav.arc]
-    if arc.kind != BURN:
+    left = nav.arc_start_time + arc.duration - nav.time
+    if arc.kind != BURN or left < solution.time_to_go:
+        # the cut-off is that of a later arc
         return solution.time_to_go
     r = load(nav.position)
     v = load(nav.velocity)
