@@ -62,17 +62,21 @@ for call in calls:
 """
 
 
-def test_an_index_beyond_its_array_raises(tmp_path):
-    script = tmp_path / "kernels_of_a_test.py"
-    script.write_text(KERNELS)
-    environment = {**os.environ, "NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(tmp_path)}
-    done = subprocess.run(
+def run_kernels(text, folder, **environment):
+    """Run a module of kernels with a cache of its own, in a process of its own."""
+    script = folder / "kernels_of_a_test.py"
+    script.write_text(text)
+    return subprocess.run(
         [sys.executable, str(script)],
-        env=environment,
+        env={**os.environ, "NUMBA_CACHE_DIR": str(folder), **environment},
         capture_output=True,
         text=True,
         check=False,
     )
+
+
+def test_an_index_beyond_its_array_raises(tmp_path):
+    done = run_kernels(KERNELS, tmp_path, NUMBA_BOUNDSCHECK="1")
     assert done.stdout == 10 * "index is out of bounds\n", done.stderr
 
 
@@ -149,16 +153,7 @@ print(part(1.0, 3))
 
 
 def test_a_kernel_is_linked_once_for_all_literals_and_compiled_when_python_calls(tmp_path):
-    script = tmp_path / "kernels_of_a_test.py"
-    script.write_text(LINKED)
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
     # the second time from the cache, where nothing is linked any more
     for linked in (1, 0):
-        done = subprocess.run(
-            [sys.executable, str(script)],
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        done = run_kernels(LINKED, tmp_path)
         assert (done.stdout, done.stderr) == (f"5.0 {linked} []\n4.0\n", "")

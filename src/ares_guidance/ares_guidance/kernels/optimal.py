@@ -10,10 +10,10 @@ from typing import Any
 from numpy.typing import NDArray
 
 from ares_guidance.arrays import ERROR_NONE, ERROR_NOT_CONVERGED, LAW_OPTIMAL, Onboard
+from ares_guidance.kernels.convergence import begin_again
 from ares_guidance.kernels.convergence import seek as seek_by_peg
 from ares_guidance.kernels.jettison import on_board_heating
 from ares_guidance.kernels.segments import note_tail_off, plan_segments, thrust_integrals
-from ares_guidance.kernels.start import start_guess
 from ares_models.arrays import BURN, HEATING_LIMIT, MissionRecords
 from ares_models.jit import inlined, kernel
 from ares_models.kernels.environment import log_heating_gradient
@@ -370,6 +370,6 @@ def seek(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bo
             # an extremal, and no optimum
             state.optimal.solved = 0
             state.optimal.wasted += state.optimal.work.spent
-            start_guess(mission, onboard)
-            return seek_by_peg(mission, onboard, True)
+            begin_again(mission, onboard, cold)
+            return seek_by_peg(mission, onboard, cold)
     return error, reachable
