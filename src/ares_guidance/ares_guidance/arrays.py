@@ -156,7 +156,8 @@ TURN_WORK = np.dtype(
         ("step", np.float64, (TURN_UNKNOWNS,)),
         # residuals, and behind them those with one unknown moved each
         ("rows", np.float64, (TURN_UNKNOWNS + 1, TURN_UNKNOWNS)),
-        ("matrix", np.float64, (TURN_UNKNOWNS, TURN_UNKNOWNS + 1)),
+        ("matrix", np.float64, (TURN_UNKNOWNS, TURN_UNKNOWNS)),
+        ("pivots", np.int64, (TURN_UNKNOWNS,)),
     ],
     align=True,
 )

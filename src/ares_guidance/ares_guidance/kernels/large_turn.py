@@ -28,6 +28,7 @@ from ares_models.arrays import (
 )
 from ares_models.jit import kernel
 from ares_models.kernels.environment import gravity
+from ares_models.kernels.linear import back_substitute, factor
 from ares_models.kernels.targets import desired_state, named_plane, project_to_plane
 from ares_models.kernels.vectors import (
     Vector,
@@ -53,7 +54,6 @@ HALVINGS = 8
 MET = 1e-5
 #: Move of an unknown that the Jacobian is differenced over.
 DIFFERENCE = 1e-6
-SINGULAR = 1e-14
 #: Part of the last burn's mass that may be burnt in a prediction.
 MOST_BURNT = 0.98
 SHORTEST = 0.1  # s
@@ -175,35 +175,20 @@ def residuals(mission: MissionRecords, onboard: Onboard, column: int) -> float:
 
 @kernel
 def solve_step(turn: Record) -> bool:
-    """Newton's step into ``turn.step``, by elimination with pivots; False if there is none.
+    """Newton's step into ``turn.step``; False if there is none.
 
     The first column of ``rows`` holds the residuals, the others the same with one unknown
     moved each.
     """
     n = TURN_UNKNOWNS
-    rows, matrix, step = turn.rows, turn.matrix, turn.step
+    rows, matrix = turn.rows, turn.matrix
     for i in range(n):
         for k in range(n):
             matrix[i, k] = (rows[k + 1, i] - rows[0, i]) / DIFFERENCE
-        matrix[i, n] = -rows[0, i]
-    for k in range(n):
-        best = k
-        for i in range(k + 1, n):
-            if abs(matrix[i, k]) > abs(matrix[best, k]):
-                best = i
-        if not abs(matrix[best, k]) > SINGULAR:
-            return False
-        for j in range(k, n + 1):
-            matrix[k, j], matrix[best, j] = matrix[best, j], matrix[k, j]
-        for i in range(k + 1, n):
-            factor = matrix[i, k] / matrix[k, k]
-            for j in range(k, n + 1):
-                matrix[i, j] -= factor * matrix[k, j]
-    for k in range(n - 1, -1, -1):
-        s = matrix[k, n]
-        for j in range(k + 1, n):
-            s -= matrix[k, j] * step[j]
-        step[k] = s / matrix[k, k]
+        turn.step[i] = -rows[0, i]
+    if not factor(n, matrix, turn.pivots):
+        return False
+    back_substitute(n, matrix, turn.pivots, turn.step)
     return True
 
 

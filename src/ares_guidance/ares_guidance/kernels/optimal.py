@@ -17,6 +17,7 @@ from ares_guidance.kernels.segments import note_tail_off, plan_segments, thrust_
 from ares_models.arrays import BURN, HEATING_LIMIT, MissionRecords
 from ares_models.jit import inlined, kernel
 from ares_models.kernels.environment import log_heating_gradient
+from ares_models.kernels.linear import back_substitute
 from ares_models.kernels.sequence import aboard, awaits_heating, empty_mass
 from ares_models.kernels.vectors import axpy, load, norm, scale, store, unit
 from ares_optimizer.two_point.arrays import (
@@ -31,7 +32,6 @@ from ares_optimizer.two_point.contract import (
     COLUMN_JETTISON,
     CONVERGED,
     HEATING_OPTIMAL,
-    back_substitute,
     find_optimum,
     gravity_terms,
     scaled_length,

@@ -5,7 +5,6 @@ package (`tests/test_architecture.py`). It finds an optimum once by :func:`find_
 keeps it up by :func:`shoot` and one back substitution per cycle.
 """
 
-from ares_optimizer.kernels.algebra import back_substitute
 from ares_optimizer.kernels.timetable import COLUMN_CUTOFF, COLUMN_JETTISON, HEATING_OPTIMAL
 from ares_optimizer.two_point.kernels.newton import CONVERGED, scaled_length
 from ares_optimizer.two_point.kernels.search import find_optimum
@@ -16,7 +15,6 @@ __all__ = [
     "COLUMN_JETTISON",
     "CONVERGED",
     "HEATING_OPTIMAL",
-    "back_substitute",
     "find_optimum",
     "gravity_terms",
     "scaled_length",

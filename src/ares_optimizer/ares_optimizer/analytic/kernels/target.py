@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ares_models.arrays import Record
 from ares_models.jit import allocating, kernel
 from ares_models.kernels.environment import heating_rate
+from ares_models.kernels.linear import back_substitute, factor
 from ares_optimizer.analytic.kernels.burn import (
     LOCAL,
     MAX_NODES,
@@ -26,7 +27,6 @@ from ares_optimizer.analytic.kernels.burn import (
 )
 from ares_optimizer.analytic.kernels.iteration import guess_angles, iterate
 from ares_optimizer.analytic.kernels.plane import Plane, place
-from ares_optimizer.kernels.algebra import back_substitute, factor
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from ares_models.arrays import BURN, LONGEST_FLIGHT, MissionRecords, Record
 from ares_models.jit import kernel
+from ares_models.kernels.linear import back_substitute, factor
 from ares_models.kernels.sequence import awaits_heating
-from ares_optimizer.kernels.algebra import back_substitute, factor
 from ares_optimizer.kernels.timetable import (
     COLUMN_CUTOFF,
     COLUMN_JETTISON,
