@@ -12,7 +12,8 @@ $FAKE_<NAME> says how the node behaves:
     miss     (simulator) ends far from the target
 
 The simulator ends the flight only when the others have come to their faults, however slow the
-machine: each leaves a file of its name in $FAKE_MARKS.
+machine: each leaves a file of its name, with its process id, in $FAKE_MARKS; one that kills
+itself must be dead as well.
 """
 
 import math
@@ -104,7 +105,7 @@ class FakeNode(FlightNode):
             return
         self.step += 1
         if self.step == FAULT:
-            (marks() / self.role).touch()
+            (marks() / self.role).write_text(str(os.getpid()))
             if self.behaviour == "crash":
                 raise RuntimeError("crashed, as it was told")
             if self.behaviour == "kill":
@@ -172,7 +173,29 @@ def marks() -> Path:
 
 def others_came_to_their_faults() -> bool:
     """Whether guidance and recorder are past the step at which they fail."""
-    return all((marks() / name).exists() for name in ("guidance", "recorder"))
+    return all(
+        is_dead(name) if os.environ.get(f"FAKE_{name.upper()}") == "kill" else mark(name)
+        for name in ("guidance", "recorder")
+    )
+
+
+def mark(name: str) -> str:
+    """Process id that a node left at its fault; empty before."""
+    path = marks() / name
+    return path.read_text() if path.exists() else ""
+
+
+def is_dead(name: str) -> bool:
+    """Whether a node that kills itself has done so; its parent may not have looked yet."""
+    if not (pid := mark(name)):
+        return False
+    try:
+        status = Path(f"/proc/{pid}/stat").read_text()
+        threads = os.listdir(f"/proc/{pid}/task")
+    except OSError:
+        return True
+    # the parent hears of it when the last thread is gone
+    return status.rpartition(")")[2].split()[0] == "Z" and len(threads) == 1
 
 
 def main(name: str) -> int:
