@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 #: One element of a structured array, as kernels take it: fields by attribute.
 Record = Any
 
+MAX_ARCS = 24
 MAX_JETTISONS = 8
 MAX_KNOTS = 8
 
@@ -54,10 +55,12 @@ ARC = np.dtype(
         ("thrust", np.float64),  # N, full thrust; 0 for a coast
         ("exhaust_velocity", np.float64),  # m/s; 1 for a coast
         ("mass_flow", np.float64),  # kg/s at full thrust; 0 for a coast
-        (
-            "duration",
-            np.float64,
-        ),  # s to the cut-off command; inf: free; 0: to the last drop
+        ("duration", np.float64),  # s to its end by the clock; inf: free; 0: to the last drop
+        ("shortest", np.float64),  # s; bounds of a free arc
+        ("longest", np.float64),  # s; inf: none but the propellant
+        ("held", np.int64),  # 1: the direction at ignition is kept
+        ("max_acceleration", np.float64),  # m/s2, to which it is throttled; inf: it is not
+        ("min_throttle", np.float64),  # fraction of full thrust
         ("begins_stage", np.int64),  # 1: the mass is reset to stack_mass when the arc begins
         ("stack_mass", np.float64),  # kg, the stage and all above it, at the arc that begins it
         ("propellant", np.float64),  # kg usable by the whole stage

@@ -31,6 +31,7 @@ from ares_models.mission_parts import (
     Target,
     TargetState,
     Text,
+    shortest,
 )
 
 __all__ = ["MISSION", "Mission", "MissionError", "Start", "list_missions", "load_mission"]
@@ -114,6 +115,12 @@ class Mission(Part):
         return tuple(names)
 
     @property
+    def plans_arcs(self) -> bool:
+        """Whether guidance decides the end of more than the last arc."""
+        arcs = [arc for stage in self.stages for arc in stage.flight_arcs]
+        return any(arc.free for arc in arcs[:-1])
+
+    @property
     def jettison_names(self) -> tuple[str, ...]:
         """Names in the order of the file; the bits of ``jettisoned``."""
         return tuple(jettison.name for jettison in self.jettisons)
@@ -130,7 +137,7 @@ class Mission(Part):
         return sum(jettison.mass_kg for jettison in self.jettisons if jettison.stage == name)
 
     def ignition_times(self) -> tuple[float, ...]:
-        """Mission elapsed time of each stage's first ignition command, s."""
+        """Mission elapsed time of each stage's first ignition command, s, at the earliest."""
         times = []
         now = self.initial_state.time_s
         for stage in self.stages:
@@ -138,7 +145,7 @@ class Mission(Part):
             for arc in stage.flight_arcs:
                 if isinstance(arc, BurnArc) and math.isnan(first):
                     first = now
-                now += arc.duration_s
+                now += shortest(arc)
             times.append(first)
         return tuple(times)
 
@@ -153,7 +160,7 @@ class Mission(Part):
             return part.propellant_kg
         if any(arc.free for arc in part.burns):
             return DEFAULT_PROPELLANT_SHARE * (part.ignition_mass_kg - self.jettison_mass(stage))
-        return sum(arc.propellant(self.environment.g0_m_s2) for arc in part.burns)
+        return part.fixed_propellant(self.environment.g0_m_s2)
 
     def start(self) -> Start:
         """Time, position, velocity and mass at which the flight begins."""
@@ -243,6 +250,8 @@ class Mission(Part):
                 row = np.zeros(1, layout.ARC)
                 row["stage"] = i
                 row["duration"] = arc.duration_s
+                row["shortest"] = shortest(arc)
+                row["longest"] = arc.max_s or arc.duration_s
                 row["begins_stage"] = int(k == 0)
                 row["stack_mass"] = stage.ignition_mass_kg
                 row["propellant"] = self.propellant(i)
@@ -261,6 +270,9 @@ class Mission(Part):
         row["thrust"] = arc.thrust_n
         row["exhaust_velocity"] = g0 * arc.isp_s
         row["mass_flow"] = arc.mass_flow(g0)
+        row["held"] = int(arc.attitude == "held")
+        row["max_acceleration"] = arc.max_acceleration_m_s2 or math.inf
+        row["min_throttle"] = arc.least_throttle
         for key, curve in (("start", arc.start), ("tail", arc.tail_off)):
             if curve is None:
                 continue

@@ -6,8 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ares_models.arrays import MAX_JETTISONS
-from ares_models.mission_parts import BurnArc, CoastArc, TargetOrbit, TargetState, fail
+from ares_models.arrays import MAX_ARCS, MAX_JETTISONS
+from ares_models.mission_parts import (
+    BurnArc,
+    CoastArc,
+    Stage,
+    TargetOrbit,
+    TargetState,
+    fail,
+    shortest,
+)
 from ares_models.mission_physics import check_body, check_engines, check_flight_time
 from ares_models.orbits import Insertion
 
@@ -15,7 +23,6 @@ if TYPE_CHECKING:
     from ares_models.mission import Mission
 
 MAX_STAGES = 8
-MAX_ARCS = 24
 
 #: Largest change of orbital plane between initial state and target, rad. An ascent that
 #: turns further is a slip in the file.
@@ -36,7 +43,7 @@ def check_mission(mission: "Mission") -> None:
     """
     _check_names(mission)
     check_body(mission)
-    _check_free_burn(mission)
+    _check_free_arcs(mission)
     _check_curves_fit(mission)
     _check_masses(mission)
     check_engines(mission)
@@ -68,32 +75,39 @@ def _check_names(mission: "Mission") -> None:
         fail(("epoch",), None, "a date and time, because the atmosphere is nrlmsis")
 
 
-def _check_free_burn(mission: "Mission") -> None:
-    last_stage = len(mission.stages) - 1
+def _check_free_arcs(mission: "Mission") -> None:
+    """What guidance decides: at least one burn, and the flight ends with a burn."""
     for i, stage in enumerate(mission.stages):
-        arcs = stage.flight_arcs
+        last_stage = i == len(mission.stages) - 1
         if not stage.burns:
-            fail(("stages", i, "arcs"), list(arcs), "at least one burn")
-        for k, arc in enumerate(arcs):
-            last = i == last_stage and k == len(arcs) - 1
-            path = ("stages", i, *stage.arc_path(k, "burn_time_s"))
-            if isinstance(arc, BurnArc) and arc.free and not last:
-                fail(path, "free", "a time in s; only the last arc of the last stage is free")
-            if last and isinstance(arc, CoastArc):
-                fail(
-                    ("stages", i, *stage.arc_path(k, "coast_s")),
-                    arc.coast_s,
-                    "a burn with burn_time_s: free as the last arc of the last stage",
-                )
-            if last and isinstance(arc, BurnArc) and not arc.free:
-                fail(path, arc.burn_time_s, "free, for the last arc of the last stage")
+            fail(("stages", i, "arcs"), list(stage.flight_arcs), "at least one burn")
+        for k, arc in enumerate(stage.flight_arcs):
+            if not isinstance(arc, BurnArc) or not arc.free:
+                continue
+            if arc.attitude == "held":
+                path = ("stages", i, *stage.arc_path(k, "attitude"))
+                fail(path, "held", "guided, for a burn with burn_time_s: free")
+            if stage.propellant_kg is None and not last_stage:
+                expected = f"a number, because burn {arc.name or stage.name} is free"
+                fail(("stages", i, "propellant_kg"), None, expected)
+    stage = mission.stages[-1]
+    k = len(stage.flight_arcs) - 1
+    last = stage.flight_arcs[k]
+    path = ("stages", len(mission.stages) - 1, *stage.arc_path(k))
+    if isinstance(last, CoastArc):
+        fail((*path, "coast_s"), last.coast_s, "a burn as the last arc of the last stage")
+    if not any(burn.free for stage in mission.stages for burn in stage.burns):
+        fail((*path, "burn_time_s"), last.burn_time_s, "free, for at least one burn")
 
 
 def _check_curves_fit(mission: "Mission") -> None:
     for i, stage in enumerate(mission.stages):
         arcs = stage.flight_arcs
+        ends_flight = len(arcs) - 1 if i == len(mission.stages) - 1 else None
         for k, arc in enumerate(arcs):
-            if not isinstance(arc, BurnArc) or arc.free or arc.tail_off is None:
+            if not isinstance(arc, BurnArc) or arc.tail_off is None:
+                continue
+            if arc.free and k == ends_flight:
                 continue
             room = _coast_after(arcs, k)
             if arc.tail_s > room:
@@ -110,7 +124,7 @@ def _coast_after(arcs: Sequence[BurnArc | CoastArc], k: int) -> float:
     for arc in arcs[k + 1 :]:
         if isinstance(arc, BurnArc):
             break
-        room += arc.coast_s
+        room += shortest(arc)
     return room
 
 
@@ -142,12 +156,12 @@ def _check_masses(mission: "Mission") -> None:
                 stage.propellant_kg,
                 f"at most the {room:,.9g} kg that the stage can lose",
             )
-        used = sum(arc.propellant(g0) for arc in stage.burns if not arc.free)
+        used = stage.fixed_propellant(g0)
         usable = room if stage.propellant_kg is None else stage.propellant_kg
         if used > usable + slack:
             k = max(
                 (k for k, arc in enumerate(stage.flight_arcs) if isinstance(arc, BurnArc)),
-                key=lambda k: k if not _is_free(stage.flight_arcs[k]) else -1,
+                key=lambda k: -1 if stage.flight_arcs[k].free else k,
             )
             arc = stage.flight_arcs[k]
             fail(
@@ -156,10 +170,6 @@ def _check_masses(mission: "Mission") -> None:
                 f"burns that take at most {usable:,.9g} kg; the fixed burns of stage "
                 f"{stage.name} take {used:,.9g} kg",
             )
-
-
-def _is_free(arc: BurnArc | CoastArc) -> bool:
-    return isinstance(arc, BurnArc) and arc.free
 
 
 def _check_jettison_times(mission: "Mission") -> None:
@@ -172,6 +182,38 @@ def _check_jettison_times(mission: "Mission") -> None:
                 jettison.time_s,
                 f"at least {earliest:g} s, when stage {jettison.stage} ignites",
             )
+    if mission.plans_arcs:
+        _check_jettison_before_free_arcs(mission)
+
+
+def _check_jettison_before_free_arcs(mission: "Mission") -> None:
+    """A drop by the clock must not depend on an end that guidance decides."""
+    for k, jettison in enumerate(mission.jettisons):
+        path = ("jettisons", k)
+        if jettison.time_s is not None:
+            expected = "no such key in a mission with free arcs before its last"
+            fail((*path, "time_s"), jettison.time_s, expected)
+        after = jettison.time_after_ignition_s
+        if after is None:
+            continue
+        stage = mission.stages[mission.stage_names.index(jettison.stage)]
+        room = _fixed_time_after_ignition(stage)
+        if after > room:
+            expected = f"at most {room:g} s, before an arc of stage {stage.name} ends that is free"
+            fail((*path, "time_after_ignition_s"), after, expected)
+
+
+def _fixed_time_after_ignition(stage: Stage) -> float:
+    """From a stage's first ignition to the earliest end of its first free arc, s."""
+    room = 0.0
+    lit = False
+    for arc in stage.flight_arcs:
+        lit = lit or isinstance(arc, BurnArc)
+        if lit:
+            room += shortest(arc)
+            if arc.free:
+                return room
+    return math.inf
 
 
 def _check_heating_limits(mission: "Mission") -> None:

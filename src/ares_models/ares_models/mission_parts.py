@@ -93,6 +93,7 @@ SpecificImpulse = Annotated[float, Range(1.0, 1e6)]
 Duration = Annotated[float, Range(MIN_TIME_S, MAX_FLIGHT_S)]
 Delay = Annotated[float, Range(0.0, MAX_FLIGHT_S)]
 KnotTime = Annotated[float, Range(0.0, 3600.0)]
+Acceleration = Annotated[float, Range(1e-3, 1e4)]
 Fraction = Annotated[float, Range(0.0, 1.0)]
 HeatingRate = Annotated[float, Range(1e-6, 1e12)]
 
@@ -126,7 +127,7 @@ def _free(value: object) -> object:
     return value
 
 
-BurnTime = Annotated[
+FreeTime = Annotated[
     Annotated[Duration, Tag("<time>")]
     | Annotated[Literal["free"], BeforeValidator(_free), Tag("<word>")],
     Discriminator(_is_free),
@@ -348,24 +349,56 @@ class EngineOut(Part):
         return (self.engines - self.lost) / self.engines
 
 
+def check_bounds(key: str, time_s: object, min_s: float | None, max_s: float | None) -> None:
+    """Report bounds of a time that is not free, or that leave nothing between them."""
+    for name, bound in (("min_s", min_s), ("max_s", max_s)):
+        if bound is not None and time_s != "free":
+            fail((name,), bound, f"no such key without {key}: free")
+    if min_s is not None and max_s is not None and min_s > max_s:
+        fail(("min_s",), min_s, f"at most max_s, {max_s} s")
+
+
 class BurnArc(Part):
-    """A stretch of constant full thrust, or of less once engines are lost."""
+    """A stretch of constant full thrust; of less once engines are lost, or throttled."""
 
     name: Name | None = None
     thrust_n: Thrust
     isp_s: SpecificImpulse
-    burn_time_s: BurnTime
+    burn_time_s: FreeTime
+    min_s: Delay | None = None
+    max_s: Duration | None = None
+    attitude: Literal["guided", "held"] = "guided"
+    max_acceleration_m_s2: Acceleration | None = None
+    min_throttle: Fraction | None = None
     start: Curve | None = None
     tail_off: Curve | None = None
     engine_out: EngineOut | None = None
 
     @model_validator(mode="after")
-    def _curves(self) -> "BurnArc":
-        self.check_curves()
+    def _whole(self) -> "BurnArc":
+        self.check_whole()
         return self
 
-    def check_curves(self) -> None:
-        """Report a thrust-time curve that is none, or does not fit the burn."""
+    def check_whole(self) -> None:
+        """Report keys that do not fit each other."""
+        check_bounds("burn_time_s", self.burn_time_s, self.min_s, self.max_s)
+        self._check_throttle()
+        self._check_curves()
+
+    def _check_throttle(self) -> None:
+        if self.max_acceleration_m_s2 is None:
+            if self.min_throttle is not None:
+                fail(
+                    ("min_throttle",),
+                    self.min_throttle,
+                    "no such key without max_acceleration_m_s2",
+                )
+            return
+        for key in ("start", "tail_off", "engine_out"):
+            if getattr(self, key) is not None:
+                fail((key,), getattr(self, key), "no such key beside max_acceleration_m_s2")
+
+    def _check_curves(self) -> None:
         _check_curve("start", self.start, 1.0)
         _check_curve("tail_off", self.tail_off, 0.0)
         if self.start and self.burn_time_s != "free" and self.burn_time_s < self.start[-1][0]:
@@ -421,21 +454,66 @@ class BurnArc(Part):
         """kg/s at full thrust: T / (g0 Isp), Eq. 2.1."""
         return self.thrust_n / (g0 * self.isp_s)
 
-    def propellant(self, g0: float) -> float:
-        """kg that a burn of fixed time takes, start and tail-off counted; inf if free."""
-        return self.mass_flow(g0) * (self.duration_s - self.start_loss_s + self.tail_gain_s)
+    def propellant(self, g0: float, mass_kg: float) -> float:
+        """kg that a burn of fixed time takes, start and tail-off counted; inf if free.
+
+        Args:
+            g0: m/s2.
+            mass_kg: at ignition; counts for a throttled burn only.
+        """
+        flow = self.mass_flow(g0)
+        time = self.duration_s - self.start_loss_s + self.tail_gain_s
+        limit = self.max_acceleration_m_s2
+        if limit is None or math.isinf(time):
+            return flow * time
+        # full thrust down to the mass that meets the limit, then thrust in proportion to the
+        # mass down to the least thrust
+        least = self.least_throttle
+        upper = min(mass_kg, self.thrust_n / limit)
+        full = min(time, (mass_kg - upper) / flow)
+        throttled = time - full
+        if throttled <= 0.0:
+            return flow * full
+        lower = min(upper, least * self.thrust_n / limit)
+        fade = g0 * self.isp_s / limit
+        if lower <= 0.0 or throttled <= fade * math.log(upper / lower):
+            return flow * full + upper * -math.expm1(-throttled / fade)
+        rest = throttled - fade * math.log(upper / lower)
+        return flow * full + upper - lower + least * flow * rest
+
+    @property
+    def least_throttle(self) -> float:
+        """Fraction of full thrust below which the engine cannot be throttled."""
+        return 0.0 if self.min_throttle is None else self.min_throttle
 
 
 class CoastArc(Part):
     """A stretch without thrust."""
 
     name: Name | None = None
-    coast_s: Duration
+    coast_s: FreeTime
+    min_s: Delay | None = None
+    max_s: Duration | None = None
+
+    @model_validator(mode="after")
+    def _bounds(self) -> "CoastArc":
+        check_bounds("coast_s", self.coast_s, self.min_s, self.max_s)
+        return self
+
+    @property
+    def free(self) -> bool:
+        """Guidance decides when it ends."""
+        return self.coast_s == "free"
 
     @property
     def duration_s(self) -> float:
-        """How long."""
-        return self.coast_s
+        """How long; inf if free."""
+        return math.inf if self.coast_s == "free" else self.coast_s
+
+
+def shortest(arc: BurnArc | CoastArc) -> float:
+    """Least length of an arc, s."""
+    return (arc.min_s or 0.0) if arc.free else arc.duration_s
 
 
 Arc = Annotated[
@@ -443,7 +521,7 @@ Arc = Annotated[
     Discriminator(by_keys({"<coast>": CoastArc, "<burn>": BurnArc}, "<burn>")),
 ]
 
-_SHORTHAND = ("thrust_n", "isp_s", "burn_time_s", "start", "tail_off", "engine_out")
+_SHORTHAND = tuple(key for key in BurnArc.model_fields if key != "name")
 
 
 class Stage(Part):
@@ -458,7 +536,12 @@ class Stage(Part):
     arcs: Annotated[tuple[Arc, ...], Field(min_length=1)] | None = None
     thrust_n: Thrust | None = None
     isp_s: SpecificImpulse | None = None
-    burn_time_s: BurnTime | None = None
+    burn_time_s: FreeTime | None = None
+    min_s: Delay | None = None
+    max_s: Duration | None = None
+    attitude: Literal["guided", "held"] = "guided"
+    max_acceleration_m_s2: Acceleration | None = None
+    min_throttle: Fraction | None = None
     start: Curve | None = None
     tail_off: Curve | None = None
     engine_out: EngineOut | None = None
@@ -469,10 +552,10 @@ class Stage(Part):
             for key in ("thrust_n", "isp_s", "burn_time_s"):
                 if getattr(self, key) is None:
                     fail((key,), None, "a value, or a list of arcs in its place")
-            self._single_arc().check_curves()
+            self._single_arc().check_whole()
         else:
             for key in _SHORTHAND:
-                if getattr(self, key) is not None:
+                if key in self.model_fields_set:
                     fail((key,), getattr(self, key), "no such key beside arcs")
         return self
 
@@ -493,6 +576,14 @@ class Stage(Part):
     def burns(self) -> tuple[BurnArc, ...]:
         """The arcs with thrust."""
         return tuple(arc for arc in self.flight_arcs if isinstance(arc, BurnArc))
+
+    def fixed_propellant(self, g0: float) -> float:
+        """kg that the burns of fixed time take."""
+        used = 0.0
+        for burn in self.burns:
+            if not burn.free:
+                used += burn.propellant(g0, self.ignition_mass_kg - used)
+        return used
 
 
 HeatingLimitHolds = Literal["at_jettison", "from_jettison"]

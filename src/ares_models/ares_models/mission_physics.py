@@ -7,7 +7,7 @@ import math
 from typing import TYPE_CHECKING
 
 from ares_models.input_file import KeyPath, format_number
-from ares_models.mission_parts import MAX_FLIGHT_S, MIN_TIME_S, BurnArc, Stage, fail
+from ares_models.mission_parts import MAX_FLIGHT_S, MIN_TIME_S, BurnArc, fail
 from ares_models.ranges import Range
 
 if TYPE_CHECKING:
@@ -100,9 +100,15 @@ def longest_flight(mission: "Mission") -> float:
         for k, arc in enumerate(stage.flight_arcs):
             path = ("stages", i, *stage.arc_path(k))
             if isinstance(arc, BurnArc) and arc.free:
-                now += _longest_free_burn(mission, stage, arc, path, now)
+                # the burns of a stage share its propellant: the last of them takes what is left
+                later = stage.flight_arcs[k + 1 :]
+                if not any(isinstance(other, BurnArc) and other.free for other in later):
+                    now += _longest_free_burn(mission, i, arc, path, now)
                 continue
-            now += _longest(arc) if isinstance(arc, BurnArc) else arc.coast_s
+            if isinstance(arc, BurnArc):
+                now += _longest(arc)
+            else:
+                now += (arc.max_s or 0.0) if arc.free else arc.duration_s
             if now > MAX_FLIGHT_S:
                 fail(
                     (*path, "burn_time_s" if isinstance(arc, BurnArc) else "coast_s"),
@@ -122,20 +128,19 @@ def _longest(burn: BurnArc) -> float:
 
 
 def _longest_free_burn(
-    mission: "Mission", stage: Stage, burn: BurnArc, path: KeyPath, begin: float
+    mission: "Mission", stage: int, burn: BurnArc, path: KeyPath, begin: float
 ) -> float:
     """Length of the free burn, s, when it goes on until the propellant is gone.
 
     Args:
         mission: the mission.
-        stage: its last stage.
+        stage: which.
         burn: the free burn.
         path: key path of the burn.
         begin: s after the initial state.
     """
     g0 = mission.environment.g0_m_s2
-    fixed = sum(other.propellant(g0) for other in stage.burns if not other.free)
-    left = mission.propellant(len(mission.stages) - 1) - fixed
+    left = mission.propellant(stage) - mission.stages[stage].fixed_propellant(g0)
     full_thrust = left / burn.mass_flow(g0)
     # a start that outlasts the propellant never comes to full thrust
     started = 0.0 if burn.start is None else burn.start[-1][0]

@@ -293,13 +293,43 @@ BROKEN = {
         "burn_time_s: free",
         "burn_time_s: 400.0",
         "stages[1].burn_time_s",
-        "is 400.0; expected free, for the last arc of the last stage",
+        "is 400.0; expected free, for at least one burn",
     ),
-    "free burn too early": (
+    "free burn of a stage without propellant": (
         "burn_time_s: 181.25",
         "burn_time_s: free",
-        "stages[0].burn_time_s",
-        "is 'free'; expected a time in s; only the last arc of the last stage is free",
+        "stages[0].propellant_kg",
+        "expected a number, because burn core is free",
+    ),
+    "bounds of a burn that is not free": (
+        "burn_time_s: 181.25",
+        "burn_time_s: 181.25\n    max_s: 200",
+        "stages[0].max_s",
+        "is 200.0; expected no such key without burn_time_s: free",
+    ),
+    "bounds that cross": (
+        "burn_time_s: free",
+        "burn_time_s: free\n    min_s: 300\n    max_s: 200",
+        "stages[1].min_s",
+        "is 300.0; expected at most max_s, 200.0 s",
+    ),
+    "free burn in held attitude": (
+        "burn_time_s: free",
+        "burn_time_s: free\n    attitude: held",
+        "stages[1].attitude",
+        "is 'held'; expected guided, for a burn with burn_time_s: free",
+    ),
+    "throttle without a limit": (
+        "burn_time_s: free",
+        "burn_time_s: free\n    min_throttle: 0.6",
+        "stages[1].min_throttle",
+        "is 0.6; expected no such key without max_acceleration_m_s2",
+    ),
+    "throttled engine with a start": (
+        "burn_time_s: free",
+        "burn_time_s: free\n    max_acceleration_m_s2: 30\n    start: [[0, 0], [2, 1]]",
+        "stages[1].start",
+        "expected no such key beside max_acceleration_m_s2",
     ),
     "burn past the propellant": (
         "burn_time_s: 181.25",
@@ -552,6 +582,38 @@ def test_problem_inside_an_arc(tmp_path):
     )
     path = edited(tmp_path, "time_s: 192.3", "time_s: 92.3", SATURN)
     assert "jettisons[1].time_s is 92.3; expected at least 163 s, when stage S-II" in message(path)
+
+
+def with_free_core(jettison):
+    """Ares V whose core burn is free, with another criterion for its fairing."""
+    text = TEXT.replace("burn_time_s: 181.25", "burn_time_s: free\n    propellant_kg: 777134")
+    text = text.replace("stage: upper stage ", "stage: core ")
+    return text.replace("heating_limit_w_m2: 1135.0", jettison)
+
+
+@pytest.mark.parametrize(
+    ("jettison", "line"),
+    [
+        (
+            "time_s: 200.0",
+            (
+                "jettisons[0].time_s is 200.0; expected no such key in a mission with free arcs "
+                "before its last"
+            ),
+        ),
+        (
+            "time_after_ignition_s: 10.0",
+            (
+                "jettisons[0].time_after_ignition_s is 10.0; expected at most 0 s, before an arc "
+                "of stage core ends that is free"
+            ),
+        ),
+    ],
+)
+def test_jettison_by_the_clock_beside_a_free_arc(tmp_path, jettison, line):
+    path = tmp_path / "free.yaml"
+    path.write_text(with_free_core(jettison))
+    assert line in message(path)
 
 
 FILES = {

@@ -48,9 +48,10 @@ class TestMission:
         core = mission.stages[0]
         (burn,) = core.burns
         assert burn.tail_gain_s == pytest.approx(0.958, abs=1e-9)
-        taken = burn.propellant(mission.environment.g0_m_s2)
+        g0 = mission.environment.g0_m_s2
+        taken = burn.propellant(g0, core.ignition_mass_kg)
         (plain,) = load_mission(PLAIN).stages[0].burns
-        assert taken == pytest.approx(plain.propellant(mission.environment.g0_m_s2), abs=1e-3)
+        assert taken == pytest.approx(plain.propellant(g0, core.ignition_mass_kg), abs=1e-3)
         left = core.ignition_mass_kg - taken
         assert left == pytest.approx(450_600.0, abs=1.0)
         assert left - mission.stages[1].ignition_mass_kg == pytest.approx(142_763.0, abs=1.0)
