@@ -14,7 +14,8 @@ from ares_models.arrays import (
     TARGET,
     Record,
 )
-from ares_optimizer.two_point.arrays import MAX_UNKNOWNS, OPTIONS, WORK
+from ares_optimizer.two_point.arrays import OPTIONS, WORK
+from ares_optimizer.two_point.contract import MAX_UNKNOWNS
 
 MAX_SEGMENTS = 32
 

@@ -20,10 +20,13 @@ from ares_models.kernels.vectors import cross, load, norm, sub
 from ares_optimizer.direct.search import Found, find_direct, steering_laws
 from ares_optimizer.indirect.solve import solve_indirect
 from ares_optimizer.indirect.solver import IndirectGuess, TwoPointOptions
+from ares_optimizer.plan import plans_arcs, with_lengths
 from ares_optimizer.request import DIRECT_METHODS, Heating, Request
 from ares_optimizer.solution import OptimizerError, Solution, Status, UnfitMethod
 
 _SAME_KG = 1.0
+#: For a direct solution beside free arcs, s: over long coasts it often finds none.
+_RIVAL_S = 1.0
 #: Of the velocity that takes a vehicle to its target in two manoeuvres, one after the other.
 _DETOUR = 2.0
 
@@ -176,9 +179,20 @@ def solve_beside_rival(request: Request) -> Solution:
         )
 
     solution = extremal(guess)
+    if plans_arcs(arrays, state[0]):
+        return _beside_planned(request, solution)
     if solution.converged and not request.verify and not detour_line(arrays, state, solution):
         return solution
     return beside_rival(request, solution, extremal)
+
+
+def _beside_planned(request: Request, solution: Solution) -> Solution:
+    """Set an extremal with free arcs beside a direct solution with arcs of the same lengths."""
+    if not solution.converged or not request.verify:
+        return solution
+    planned = with_lengths(request.arrays, request.state[0], np.array(solution.lengths_s))
+    beside = replace(request, arrays=planned, deadline=request.deadline.within(_RIVAL_S))
+    return beside_rival(beside, solution, lambda _guess: solution)
 
 
 def _costates_of(request: Request, solution: Solution) -> IndirectGuess:

@@ -67,6 +67,8 @@ class Check(StrEnum):
     HEATING_FROM_JETTISON = "heating_from_jettison"
     LOWEST_ALTITUDE = "lowest_altitude"
     PROPELLANT = "propellant"
+    #: of one free arc each
+    ARC_LENGTH = "arc_length"
 
 
 class OptimizerError(ValueError):
@@ -102,6 +104,21 @@ class SteeringArc:
     start_mass_kg: float
     end_mass_kg: float
     delta_v_m_s: float
+
+
+@dataclass(frozen=True)
+class FlownArc:
+    """An arc of the mission as it is flown.
+
+    Attributes:
+        arc: index into the mission's arcs.
+        start_s, end_s: ignition and cut-off commands of a burn; a start in the past for one
+            that runs.
+    """
+
+    arc: int
+    start_s: float
+    end_s: float
 
 
 @dataclass(frozen=True)
@@ -232,6 +249,8 @@ class Solution:
         verification: the independent integration; None when there is no trajectory.
         trajectory: sampled flight; None when there is no trajectory.
         costates: None when the method gives none.
+        flown: the mission's arcs from the start on, with their times.
+        lengths_s: of the free arcs before the last, in flight order, as planned.
         parameters: shape (n,), the solver's own variables: a guess for the next call.
         restarts: further starts that the solver had to make.
         notes: further figures by name, with unit suffix.
@@ -246,6 +265,8 @@ class Solution:
     iterations: int
     solve_ms: float
     arcs: tuple[SteeringArc, ...] = ()
+    flown: tuple[FlownArc, ...] = ()
+    lengths_s: tuple[float, ...] = ()
     constraints: tuple[ConstraintCheck, ...] = ()
     verification: Verification | None = None
     trajectory: Trajectory | None = None
@@ -265,8 +286,17 @@ class Solution:
         done = [t for t in self.jettison_times_s if math.isfinite(t)]
         return max(done) if done else math.nan
 
-    def to_json(self) -> dict[str, Any]:
-        """The published summary, ready for ``json.dumps``: what is unknown is None."""
+    @property
+    def delta_v_m_s(self) -> float:
+        """Exhaust velocity times log of the mass ratio, summed over the burns; nan: no flight."""
+        return sum(arc.delta_v_m_s for arc in self.arcs) if self.arcs else math.nan
+
+    def to_json(self, arc_names: Sequence[str] = ()) -> dict[str, Any]:
+        """The published summary, ready for ``json.dumps``: what is unknown is None.
+
+        Args:
+            arc_names: of the mission's arcs; empty: the arcs are counted from 0.
+        """
         v = self.verification
         return {
             "method": self.method,
@@ -275,6 +305,15 @@ class Solution:
             "t_plf_s": _number(self.t_plf_s),
             "t_meco_s": _number(self.t_meco_s),
             "m_f_kg": _number(self.m_f_kg),
+            "delta_v_m_s": _number(self.delta_v_m_s),
+            "arcs": [
+                {
+                    "name": arc_names[flown.arc] if arc_names else str(flown.arc),
+                    "start_s": _number(flown.start_s),
+                    "end_s": _number(flown.end_s),
+                }
+                for flown in self.flown
+            ],
             "iterations": self.iterations,
             "solve_ms": _number(self.solve_ms),
             "verification": None

@@ -1,16 +1,19 @@
 """One call for every method: a mission in, a proven solution or a named reason out."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import MissionArrays
+from ares_models.arrays import BURN, MISSION_TIME, MissionArrays
 from ares_models.mission import Mission
 from ares_optimizer.analytic.solve import solve_analytic
 from ares_optimizer.deadline import Deadline
+from ares_optimizer.direct.free_arcs import solve_direct_planned
 from ares_optimizer.direct.solve import solve_direct
+from ares_optimizer.plan import flown_arcs, free_arcs, plans_arcs, with_lengths
 from ares_optimizer.request import (
     ANALYTIC_METHOD,
     INDIRECT_METHODS,
@@ -80,11 +83,45 @@ def solve(
         arrays = hold_jettisons(arrays, jettison_times)
     with Deadline(time_limit_s) as deadline:
         request = Request(arrays, state, method, Heating(heating), deadline, guess, verify)
-        if method == ANALYTIC_METHOD:
-            return _solve_analytic(request)
-        if method in INDIRECT_METHODS:
-            return solve_beside_rival(request)
-        return solve_direct(request)
+        _check_arcs(request)
+        return _with_arcs(request, _solve(request))
+
+
+def _solve(request: Request) -> Solution:
+    if request.method == ANALYTIC_METHOD:
+        return _solve_analytic(request)
+    if request.method in INDIRECT_METHODS:
+        return solve_beside_rival(request)
+    if plans_arcs(request.arrays, request.state[0]):
+        return solve_direct_planned(request)
+    return solve_direct(request)
+
+
+def _check_arcs(request: Request) -> None:
+    """Refuse arcs that no method, or not this one, plans yet."""
+    ahead = request.arrays.arcs[int(request.state[0]["arc"]) :]
+    for what, flags in (
+        ("attitude is held", ahead["held"] == 1),
+        ("thrust is throttled", (ahead["kind"] == BURN) & np.isfinite(ahead["max_acceleration"])),
+    ):
+        if flags.any():
+            arc = int(request.state[0]["arc"]) + int(np.argmax(flags))
+            raise UnfitMethod(f"arc {arc}: its {what}; no method plans that yet")
+    if not plans_arcs(request.arrays, request.state[0]):
+        return
+    if request.method in (ANALYTIC_METHOD, "closed_form"):
+        raise UnfitMethod(f"{request.method} takes missions whose last arc alone is free")
+    if (request.arrays.jettisons["criterion"] == MISSION_TIME).any():
+        raise UnfitMethod("a jettison is held at a time; free arcs before the last do not take it")
+
+
+def _with_arcs(request: Request, solution: Solution) -> Solution:
+    """The solution with the mission's arcs as they are flown."""
+    start = request.state[0]
+    if not solution.arcs or len(solution.lengths_s) != len(free_arcs(request.arrays, start)):
+        return solution
+    planned = with_lengths(request.arrays, start, np.array(solution.lengths_s))
+    return replace(solution, flown=flown_arcs(planned, start, solution.t_meco_s))
 
 
 def _solve_analytic(request: Request) -> Solution:

@@ -32,7 +32,7 @@ from ares_optimizer.indirect.solver import (
     TwoPointSolver,
     navigation,
 )
-from ares_optimizer.kernels.timetable import MAX_SEGMENTS, SEGMENT, build_timetable
+from ares_optimizer.kernels.timetable import MAX_SEGMENTS, SEGMENT, Times, build_timetable
 from ares_optimizer.request import Heating
 from ares_optimizer.solution import OptimizerError
 from ares_optimizer.two_point.arrays import INVERSE_SQUARE, WORK, Gravity
@@ -339,7 +339,6 @@ def test_runge_kutta_nystroem_is_of_order_six():
     segment = np.zeros(1, SEGMENT)
     segment["end"] = 400.0
     segment["thrust"], segment["flow"], segment["mass"] = 1.3e6, 297.0, 302000.0
-    segment["start_column"] = segment["end_column"] = -1
     first = np.array([6.5e6, 1e5, 2e5, 100.0, 4e3, 50.0, 0.3, 0.9, 0.1, 1e-4, -1e-3, 5e-4])
 
     def end(steps):
@@ -645,7 +644,11 @@ class TestTimetable:
     def build(self, arrays, start, cutoff, heating=2, times=(0.0,) * 8):
         segments = np.zeros(MAX_SEGMENTS, SEGMENT)
         count = build_timetable(
-            start[0], arrays.arcs, arrays.jettisons, heating, np.array(times), cutoff, segments
+            start[0],
+            arrays.arcs,
+            arrays.jettisons,
+            Times(heating, np.array(times), np.zeros(0), cutoff),
+            segments,
         )
         return segments[:count]
 

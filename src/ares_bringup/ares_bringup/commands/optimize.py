@@ -64,7 +64,7 @@ def optimize(
     except (MissionError, OptimizerError) as error:
         raise CannotStart(" ".join(str(error).split())) from error
     if as_json:
-        print(json.dumps(solution.to_json(), indent=2, allow_nan=False))
+        print(json.dumps(solution.to_json(mission.arc_names), indent=2, allow_nan=False))
     else:
         _print(mission, solution, console())
     return EXIT_OPTIMAL if solution.converged else EXIT_NOT_OPTIMAL

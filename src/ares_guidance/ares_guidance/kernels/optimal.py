@@ -22,7 +22,6 @@ from ares_models.kernels.sequence import aboard, awaits_heating, empty_mass
 from ares_models.kernels.vectors import axpy, load, norm, scale, store, unit
 from ares_optimizer.two_point.arrays import (
     INVERSE_SQUARE,
-    MAX_UNKNOWNS,
     RUNGE_KUTTA,
     Effort,
     Gravity,
@@ -32,6 +31,7 @@ from ares_optimizer.two_point.contract import (
     COLUMN_JETTISON,
     CONVERGED,
     HEATING_OPTIMAL,
+    MAX_UNKNOWNS,
     find_optimum,
     gravity_terms,
     scaled_length,
@@ -193,13 +193,12 @@ def first_guess(jettisons: NDArray[Any], onboard: Onboard) -> None:
 def correct(believed: MissionRecords, onboard: Onboard) -> bool:
     """One correction with the Jacobian of an earlier cycle; False if that is not enough."""
     nav = onboard.navigation
-    jettisons = believed.jettisons
     memory = onboard.state.optimal
     work = memory.work
     u = memory.unknowns[:]
     if not shoot(nav, believed, memory.options, u, work):
         return False
-    n = unknown_count(nav, jettisons, memory.options)
+    n = unknown_count(nav, believed, memory.options)
     for i in range(n):
         work.correction[i] = -work.residual[i]
     back_substitute(n, work.factors, work.pivots, work.correction)
@@ -207,7 +206,7 @@ def correct(believed: MissionRecords, onboard: Onboard) -> bool:
         return False
     for i in range(n):
         u[i] += work.correction[i]
-    for i in range(COLUMN_JETTISON, n, 2):
+    for i in range(COLUMN_JETTISON, work.first_free, 2):
         # a limit that has stopped to bind is a matter for the search
         if u[i + 1] > _ROUNDING or u[i] < work.floor[i] or u[i] > u[COLUMN_CUTOFF]:
             return False

@@ -39,6 +39,7 @@ from ares_optimizer.kernels.timetable import (
     HEATING_TIMED,
     MAX_SEGMENTS,
     SEGMENT,
+    Times,
     build_timetable,
     propellant_used,
 )
@@ -85,9 +86,12 @@ def _sequence(
         start,
         arrays.arcs,
         arrays.jettisons,
-        HEATING_IGNORED if heating is Heating.IGNORED else HEATING_TIMED,
-        np.full(len(arrays.jettisons), math.inf),
-        _FAR,
+        Times(
+            HEATING_IGNORED if heating is Heating.IGNORED else HEATING_TIMED,
+            np.full(len(arrays.jettisons), math.inf),
+            np.zeros(0),
+            _FAR,
+        ),
         segments,
     )
     if count == 0:

@@ -16,10 +16,10 @@ from ares_models.arrays import MissionArrays
 from ares_models.kernels.environment import log_heating_gradient
 from ares_optimizer.indirect.kernels.beside import exact_beside
 from ares_optimizer.indirect.solver import Rule, TwoPointOptions
-from ares_optimizer.kernels.timetable import SEGMENT
+from ares_optimizer.kernels.timetable import MAX_UNKNOWNS, SEGMENT
 from ares_optimizer.request import Heating
 from ares_optimizer.solution import OptimizerError
-from ares_optimizer.two_point.arrays import LINEAR, MAX_UNKNOWNS, PIS, WORK, Gravity
+from ares_optimizer.two_point.arrays import LINEAR, PIS, WORK, Gravity
 from ares_optimizer.two_point.kernels.closed_form import closed_form_segment
 from ares_optimizer.two_point.kernels.shooting import begin_flight, fly_segment
 
@@ -101,8 +101,6 @@ def thrust_integrals(
     segment = np.zeros(1, SEGMENT)
     segment["end"] = duration
     segment["thrust"], segment["flow"], segment["mass"] = engine
-    segment["start_column"] = -1
-    segment["end_column"] = -1
     options = TwoPointOptions(propagator="closed_form", rule=rule, correction=False)
     work = np.zeros(1, WORK)
     state = work["state"][0]

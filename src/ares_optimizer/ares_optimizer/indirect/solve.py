@@ -24,6 +24,7 @@ from ares_models.arrays import (
 )
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.indirect.closed_form import flight_errors
+from ares_optimizer.indirect.free_arcs import find_planned
 from ares_optimizer.indirect.kernels import sample
 from ares_optimizer.indirect.solver import (
     Guess,
@@ -36,6 +37,7 @@ from ares_optimizer.kernels import timetable
 from ares_optimizer.kernels.timetable import COLUMN_JETTISON
 from ares_optimizer.obstacles import check_obstacle, target_obstacle
 from ares_optimizer.pieces import first_ignitions
+from ares_optimizer.plan import free_arcs, length_bounds, with_lengths
 from ares_optimizer.proof.checks import constraint_table, verification
 from ares_optimizer.proof.flight import Direction, Steering, fly
 from ares_optimizer.request import Heating
@@ -55,12 +57,20 @@ from ares_optimizer.solution import (
     infeasible,
 )
 from ares_optimizer.targets import figures_of, half_turn, target_rows
-from ares_optimizer.two_point.arrays import INVERSE_SQUARE, LINEAR, PIS, RUNGE_KUTTA, TIMES
+from ares_optimizer.two_point.arrays import (
+    AT_SHORTEST,
+    DRY,
+    INVERSE_SQUARE,
+    LINEAR,
+    NOT_HELD,
+    RUNGE_KUTTA,
+)
 from ares_optimizer.two_point.kernels import newton
 
 Array = NDArray[np.float64]
 
 
+_SAME_LENGTH = 1e-3  # s
 _NODE_STRIDE = 10  # of the samples that the verification compares
 _SHORT_KG = 0.1  # of propellant, to count
 _SEARCH_STEP_S = 40.0
@@ -181,8 +191,12 @@ def _find(solver: TwoPointSolver, start: NDArray[np.void], guess: Array | None) 
     fine = float(solver.options["step"][0])
     if solver.options["propagator"][0] == RUNGE_KUTTA:
         solver.options["step"] = max(fine, _SEARCH_STEP_S)
-    root = solver.solve(start, guess, thorough=True)
-    if not root.converged:
+    planned = solver.plans_arcs(start)
+    if planned:
+        root = find_planned(solver, start, guess)
+    else:
+        root = solver.solve(start, guess, thorough=True)
+    if not root.converged and not planned:
         for ladder in (_from_linear_gravity, _from_light_drops, _from_high_limits):
             if solver.deadline.passed:
                 break
@@ -395,7 +409,7 @@ def _closed_form_notes(
     """What the closed form came to, and how far from its end the exact flight of its steering."""
     flight = solver.sample(start, root.unknowns)
     error = flight_errors(solver.arrays, start, root.unknowns, options)
-    times = root.unknowns[TIMES]
+    times = root.drop_times_s
     return {
         "closed_form_m_f_kg": float(flight[-1, sample.MASS]),
         "closed_form_t_meco_s": root.cutoff_s,
@@ -413,7 +427,7 @@ def _jettison_times(
     ignitions = first_ignitions(start[0], _pieces(solver), arrays.arcs)
     now = float(start["time"][0])
     times = []
-    heated = iter(root.unknowns[TIMES])
+    heated = iter(root.drop_times_s)
     for j, jettison in enumerate(arrays.jettisons):
         if (int(start["jettisoned"][0]) >> j) & 1:
             times.append(math.nan)
@@ -505,14 +519,14 @@ def _multipliers(
     start: NDArray[np.void],
     root: Root,
     flight: Array,
-    final: float,
+    price: float,
     table: tuple[ConstraintCheck, ...],
 ) -> tuple[ConstraintCheck, ...]:
     """The table of constraints with what each is worth, from the costates.
 
     At cut-off lambda . dx = H_f dt_f: with lambda_f written in the gradients of the terminal
-    figures, a figure's part over H_f is seconds of burning per unit of it; at a heating
-    jettison pi over H_f is seconds per unit of log heating.
+    figures, a figure's part over the price of propellant, H_f per kg/s, is kg per unit of it;
+    at a heating jettison pi over it is kg per unit of log heating.
     """
     arrays = solver.arrays
     mu = float(arrays.environment[0]["mu"])
@@ -539,7 +553,7 @@ def _multipliers(
             gradient[i, k] = change / (2.0 * steps[k])
     # scaled so that position and velocity weigh alike
     worth = np.linalg.lstsq((gradient * steps).T, costate * steps, rcond=None)[0]
-    flow = -float(arrays.arcs[-1]["mass_flow"]) / final
+    flow = -1.0 / price
     per_unit: dict[tuple[Check, int | None], float] = {
         (rows[i].key, None): flow * float(worth[i]) for i in range(len(rows))
     }
@@ -549,7 +563,7 @@ def _multipliers(
         if jettison["criterion"] == HEATING_LIMIT and not (int(start["jettisoned"][0]) >> j) & 1
     ]
     if solver.options["heating"][0] == timetable.HEATING_OPTIMAL:
-        for j, pi in zip(heated, root.unknowns[PIS], strict=True):
+        for j, pi in zip(heated, root.pis, strict=True):
             per_unit[Check.HEATING_AT_JETTISON, j] = (
                 flow * float(pi) / float(arrays.jettisons[j]["value"])
             )
@@ -557,6 +571,35 @@ def _multipliers(
         replace(check, multiplier=per_unit.get((check.key, check.jettison), check.multiplier))
         for check in table
     )
+
+
+def _length_checks(
+    solver: TwoPointSolver, start: NDArray[np.void], root: Root, price: float
+) -> tuple[ConstraintCheck, ...]:
+    """The bounds of the free arcs, and what a second of them is worth."""
+    arrays = solver.arrays
+    checks = []
+    low, high = length_bounds(arrays, start[0])
+    for f, k in enumerate(free_arcs(arrays, start[0])):
+        hold = solver.holds(start)[f]
+        length = float(root.lengths[f])
+        bound = float(low[f]) if hold == AT_SHORTEST or math.isinf(high[f]) else float(high[f])
+        if hold == DRY:
+            bound = length
+        worth = float(solver.work["switches"]["worth"][0, f]) / price
+        checks.append(
+            ConstraintCheck(
+                Check.ARC_LENGTH,
+                f"length of arc {k}",
+                length,
+                bound,
+                hold != NOT_HELD,
+                "s",
+                low[f] - _SAME_LENGTH <= length <= high[f] + _SAME_LENGTH,
+                worth if hold != NOT_HELD else 0.0,
+            )
+        )
+    return tuple(checks)
 
 
 def _solution(
@@ -581,6 +624,7 @@ def _solution(
         root.iterations,
         elapsed,
         arcs=laws,
+        lengths_s=tuple(float(length) for length in root.lengths),
         trajectory=_trajectory(flight),
         parameters=root.unknowns,
         restarts=root.restarts,
@@ -606,8 +650,11 @@ def _proven(
     solver: TwoPointSolver, start: NDArray[np.void], root: Root, solution: Solution
 ) -> Solution:
     """A solution flown again by another integrator, with its costates."""
-    arrays = solver.arrays
+    arrays = with_lengths(solver.arrays, start[0], root.lengths)
     final = solver.final_hamiltonian(start, root.unknowns)
+    price = final / float(arrays.arcs[-1]["mass_flow"])
+    if solver.plans_arcs(start):
+        price = float(solver.work["price"][0])
     flight = solver.sample(start, root.unknowns)
     pieces = _pieces(solver)
     flown = fly(
@@ -654,7 +701,10 @@ def _proven(
     return replace(
         solution,
         **cause._asdict(),
-        constraints=_multipliers(solver, start, root, flight, final, checks),
+        constraints=(
+            *_multipliers(solver, start, root, flight, price, checks),
+            *_length_checks(solver, start, root, price),
+        ),
         verification=verification(arrays, flown, picked),
         trajectory=flown.trajectory,
         costates=Costates(
@@ -663,7 +713,7 @@ def _proven(
             flight[:, sample.LAMBDA_V : sample.LAMBDA_V + 3].copy(),
             flight[:, sample.HAMILTONIAN].copy(),
             _hamiltonian_spread(pieces, flight),
-            tuple(float(pi) / limit for pi, limit in zip(root.unknowns[PIS], limits, strict=False)),
+            tuple(float(pi) / limit for pi, limit in zip(root.pis, limits, strict=False)),
         ),
         notes={
             **solution.notes,

@@ -1,6 +1,7 @@
 """The two-point problem of one mission, solved and flown by the kernels."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol, get_args
 
@@ -11,14 +12,16 @@ from ares_models.arrays import BURN, NAVIGATION, MissionArrays
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.indirect.kernels import sample
 from ares_optimizer.kernels import timetable
-from ares_optimizer.kernels.timetable import COLUMN_CUTOFF, COLUMN_JETTISON
+from ares_optimizer.kernels.timetable import COLUMN_CUTOFF, COLUMN_JETTISON, MAX_UNKNOWNS
+from ares_optimizer.plan import free_arcs, plans_arcs
 from ares_optimizer.request import Heating
 from ares_optimizer.solution import OptimizerError
 from ares_optimizer.two_point.arrays import (
+    HELD,
     INVERSE_SQUARE,
     LAMBDA_R,
     LINEAR,
-    MAX_UNKNOWNS,
+    NOT_HELD,
     OPTIONS,
     PIS,
     PRIMER,
@@ -70,7 +73,7 @@ class IndirectGuess:
     pi: tuple[float, ...] = ()
 
     def unknowns(self, drops: int) -> Array:
-        """The solver's own variables, shape (7 + 2 drops,).
+        """The solver's own variables but for the ends of arcs, shape (7 + 2 drops,).
 
         Raises:
             OptimizerError: the guess does not fit the mission.
@@ -106,11 +109,14 @@ class Root:
 
     Attributes:
         unknowns: shape (n,): lambda_v (3), lambda_r (3, 1/s), cut-off time (s), then time (s)
-            and pi (per unit of log heating) of every heating jettison to come.
+            and pi (per unit of log heating) of every heating jettison to come, then the end (s)
+            of every free arc before the last.
         iterations: Newton iterations, restarts included.
         residual_norm: norm of the last residuals, without unit.
         status: ``two_point.kernels.newton``: CONVERGED or what went wrong.
         restarts: starts after the first.
+        lengths: s, shape (n,), of the free arcs before the last.
+        last_length: s, of the last arc, from now on if it runs.
     """
 
     unknowns: Array
@@ -118,11 +124,27 @@ class Root:
     residual_norm: float
     status: int
     restarts: int
+    lengths: Array
+    last_length: float
 
     @property
     def cutoff_s(self) -> float:
         """Cut-off time."""
         return float(self.unknowns[COLUMN_CUTOFF])
+
+    @property
+    def drop_times_s(self) -> Array:
+        """Times of the heating jettisons to come, in the order of the file."""
+        return self.unknowns[TIMES][: self._drops]
+
+    @property
+    def pis(self) -> Array:
+        """Their pi, per unit of log heating."""
+        return self.unknowns[PIS][: self._drops]
+
+    @property
+    def _drops(self) -> int:
+        return (self.unknowns.size - COLUMN_JETTISON - self.lengths.size) // 2
 
     @property
     def converged(self) -> bool:
@@ -293,9 +315,13 @@ class TwoPointSolver:
         heating = int(self.options["heating"][0])
         return int(timetable.heating_count(start[0], self.arrays.jettisons, heating))
 
+    def plans_arcs(self, start: NDArray[np.void]) -> bool:
+        """Whether there is more to decide than the cut-off."""
+        return plans_arcs(self.arrays, start[0])
+
     def size(self, start: NDArray[np.void]) -> int:
         """Number of unknowns."""
-        return COLUMN_JETTISON + 2 * self.drops(start)
+        return COLUMN_JETTISON + 2 * self.drops(start) + len(free_arcs(self.arrays, start[0]))
 
     def _room(self, start: NDArray[np.void], unknowns: Array | None) -> Array:
         """Unknowns with the room that kernels need."""
@@ -310,6 +336,7 @@ class TwoPointSolver:
         start: NDArray[np.void],
         guess: Array | None = None,
         *,
+        times: Array | None = None,
         restart: bool = True,
         thorough: bool = False,
     ) -> Root:
@@ -318,16 +345,54 @@ class TwoPointSolver:
         Args:
             start: shape (1,), dtype NAVIGATION, see :func:`navigation`.
             guess: shape (n,), see :attr:`Root.unknowns`; None for the solver's own.
+            times: as ``guess``, of which only the ends of free arcs are read; without a guess,
+                where there are any.
             restart: go on with own guesses when ``guess`` leads nowhere.
             thorough: seek further roots, see ``Effort``, and keep the best.
         """
-        unknowns = self._room(start, guess)
+        unknowns = self._room(start, times if guess is None else guess)
         effort = Effort(guess is not None, restart, thorough, 0)
         iterations, residual, status, restarts = search.find_optimum(
             start[0], self._mission, self.options[0], effort, unknowns, self.work[0]
         )
+        return self._root(start, unknowns, iterations, residual, status, restarts)
+
+    def _root(
+        self,
+        start: NDArray[np.void],
+        unknowns: Array,
+        iterations: int,
+        residual: float,
+        status: int,
+        restarts: int,
+    ) -> Root:
+        """What the kernels left, with the lengths of the arcs."""
         n = self.size(start)
-        return Root(unknowns[:n].copy(), iterations, residual, status, restarts)
+        free = free_arcs(self.arrays, start[0])
+        begins = self.work["layout"]["begins"]["time"][0]
+        lengths = unknowns[n - len(free) : n] - begins[free]
+        last = float(unknowns[COLUMN_CUTOFF] - begins[len(self.arrays.arcs) - 1])
+        return Root(
+            unknowns[:n].copy(), iterations, residual, status, restarts, lengths.copy(), last
+        )
+
+    def hold(self, start: NDArray[np.void], lengths: Mapping[int, float]) -> None:
+        """Hold free arcs at given lengths in what follows; the others are let go.
+
+        Args:
+            start: shape (1,), dtype NAVIGATION.
+            lengths: s, by index into :func:`plan.free_arcs`.
+        """
+        switches = self.work["switches"][0]
+        switches["hold"] = NOT_HELD
+        for f, length in lengths.items():
+            switches[f]["hold"] = HELD
+            switches[f]["length"] = length
+
+    def holds(self, start: NDArray[np.void]) -> list[int]:
+        """What held each free arc in the last search: ``two_point.arrays``: NOT_HELD, ..."""
+        count = len(free_arcs(self.arrays, start[0]))
+        return [int(hold) for hold in self.work["switches"]["hold"][0, :count]]
 
     def newton(self, start: NDArray[np.void], unknowns: Array) -> Root:
         """Newton's method from a guess and nothing else: what a guidance cycle calls."""
@@ -336,7 +401,7 @@ class TwoPointSolver:
         iterations, residual, status = newton.solve_two_point(
             start[0], self._mission, self.options[0], trial, self.work[0]
         )
-        return Root(trial[: self.size(start)].copy(), iterations, residual, status, 0)
+        return self._root(start, trial, iterations, residual, status, 0)
 
     def shoot(self, start: NDArray[np.void], unknowns: Array) -> tuple[Array, Array, Array]:
         """Fly the unknowns.

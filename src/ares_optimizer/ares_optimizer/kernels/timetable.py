@@ -1,9 +1,10 @@
 """The flight cut into segments of smooth thrust, for given cut-off and jettison times.
 
 The sequence is the plant's: arcs in flight order, a burn that is fixed ends by the clock or
-when its propellant is gone, the last burn ends at the cut-off time; thrust-time curves at
-start and cut-off are linear between knots, so that within a segment thrust and mass flow are
-linear in time. A segment knows which unknown time moves its ends.
+when its propellant is gone, the last burn ends at the cut-off time and any other free arc at a
+time of its own; thrust-time curves at start and cut-off are linear between knots, so that
+within a segment thrust and mass flow are linear in time. A segment knows how its ends, its
+mass and its thrust move with each unknown time.
 """
 
 import math
@@ -12,7 +13,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import BURN, HEATING_LIMIT, SEQUENCE, Record
+from ares_models.arrays import (
+    BURN,
+    HEATING_LIMIT,
+    MAX_ARCS,
+    MAX_JETTISONS,
+    SEQUENCE,
+    TIME_AFTER_IGNITION,
+    Record,
+)
 from ares_models.jit import allocating, kernel
 from ares_models.kernels.sequence import (
     SAME_BURNOUT,
@@ -25,10 +34,14 @@ from ares_models.kernels.sequence import (
     enter_arc,
     last_ignition,
     loaded_mass,
-    next_knot,
     tail_end_time,
 )
-from ares_models.kernels.thrust_curve import curve_slope, curve_value
+from ares_models.kernels.thrust_curve import (
+    curve_slope,
+    curve_value,
+    start_knot_after,
+    tail_knot_after,
+)
 
 MAX_SEGMENTS = 64
 
@@ -40,9 +53,15 @@ HEATING_IGNORED = 2
 HEATING_TIMED = 3
 
 #: First columns of the unknowns: lambda_v, lambda_r, cut-off time, then per heating
-#: jettison its time and its pi.
+#: jettison its time and its pi, then the end of each free arc that is not the last.
 COLUMN_CUTOFF = 6
 COLUMN_JETTISON = 7
+
+#: Free arcs before the last.
+MAX_FREE = 8
+MAX_UNKNOWNS = COLUMN_JETTISON + 2 * MAX_JETTISONS + MAX_FREE
+#: Columns from COLUMN_CUTOFF on: what moves with the unknown times has one entry for each.
+MAX_MOVES = MAX_UNKNOWNS - COLUMN_CUTOFF
 
 SEGMENT = np.dtype(
     [
@@ -53,14 +72,44 @@ SEGMENT = np.dtype(
         ("flow", np.float64),  # kg/s at the start, and its slope, kg/s2
         ("flow_slope", np.float64),
         ("mass", np.float64),  # kg at the start, after drops
-        ("start_column", np.int64),  # unknown that moves the start; -1: none
-        ("end_column", np.int64),
-        ("mass_by_start", np.float64),  # d mass / d start time, kg/s
-        ("thrust_by_start", np.float64),
-        ("flow_by_start", np.float64),
         ("end_heating", np.int64),  # which heating unknown ends it (0, 1, ...); -1: none
+        ("end_arc", np.int64),  # free arc, not the last, that it ends; -1: none
         ("arc", np.int64),
         ("after_cutoff", np.int64),  # 1: tail-off after the cut-off command
+        # derivatives by the unknown times; 0: an unknown moves nothing of the segment
+        ("moves", np.int64),
+        ("start_by", np.float64, (MAX_MOVES,)),
+        ("end_by", np.float64, (MAX_MOVES,)),
+        ("mass_by", np.float64, (MAX_MOVES,)),
+        ("thrust_by", np.float64, (MAX_MOVES,)),
+        ("flow_by", np.float64, (MAX_MOVES,)),
+    ],
+    align=True,
+)
+
+#: Where an arc begins, and what its stage has burnt by then.
+ARC_BEGIN = np.dtype(
+    [
+        ("time", np.float64),  # s
+        ("used", np.float64),  # kg
+        ("time_by", np.float64, (MAX_MOVES,)),
+        ("used_by", np.float64, (MAX_MOVES,)),
+    ],
+    align=True,
+)
+
+#: What is counted while a timetable is filled.
+LAYOUT = np.dtype(
+    [
+        ("sequence", SEQUENCE),
+        ("moves", np.int64),  # entries in use of what follows
+        ("now_by", np.float64, (MAX_MOVES,)),
+        ("mass_by", np.float64, (MAX_MOVES,)),
+        ("used_by", np.float64, (MAX_MOVES,)),
+        ("arc_start_by", np.float64, (MAX_MOVES,)),
+        ("tail_start_by", np.float64, (MAX_MOVES,)),
+        ("ignition_by", np.float64, (MAX_MOVES,)),
+        ("begins", ARC_BEGIN, (MAX_ARCS,)),
     ],
     align=True,
 )
@@ -82,6 +131,32 @@ def heating_count(start: Record, jettisons: NDArray[Any], heating: int) -> int:
         if awaits_heating(jettisons, start.jettisoned, j):
             count += 1
     return count
+
+
+@kernel
+def ends_by_plan(k: int, arcs: NDArray[Any]) -> bool:
+    """Whether the end of arc ``k`` is an unknown beside the cut-off."""
+    return k < arcs.shape[0] - 1 and arcs[k].duration == math.inf
+
+
+@kernel
+def free_count(start: Record, arcs: NDArray[Any]) -> int:
+    """Number of free arcs still to end before the last."""
+    count = 0
+    for k in range(start.arc, arcs.shape[0]):
+        if ends_by_plan(k, arcs):
+            count += 1
+    return count
+
+
+@kernel
+def free_index(start: Record, arcs: NDArray[Any], k: int) -> int:
+    """Which of the free arcs still to end ``k`` is: 0, 1, ..."""
+    index = 0
+    for i in range(start.arc, k):
+        if ends_by_plan(i, arcs):
+            index += 1
+    return index
 
 
 @kernel
@@ -124,11 +199,13 @@ class Times(NamedTuple):
     Attributes:
         heating: HEATING_*.
         jettisons: s, per heating jettison not done at the start, in the order of the file.
+        ends: s, per free arc still to end before the last, in flight order.
         cutoff: cut-off command, s.
     """
 
     heating: int
     jettisons: NDArray[np.float64]
+    ends: NDArray[np.float64]
     cutoff: float
 
 
@@ -187,18 +264,21 @@ def due_time(
 
 
 @kernel
-def out_of_time(sequence: Record, arcs: NDArray[Any]) -> bool:
-    """Whether the present arc ends now by the clock."""
-    end = sequence.arc_start_time + arcs[sequence.arc].duration
-    return end <= sequence.time + SAME_TIME
+def arc_end(start: Record, arcs: NDArray[Any], times: Times, sequence: Record) -> float:
+    """When the present arc, not the last, ends by the clock or by plan, s."""
+    k = sequence.arc
+    if ends_by_plan(k, arcs):
+        return times.ends[free_index(start, arcs, k)]
+    return sequence.arc_start_time + arcs[k].duration
 
 
 @kernel
 def burnt_out(sequence: Record, arcs: NDArray[Any]) -> bool:
-    """Whether the present burn has used up its stage's propellant."""
+    """Whether the present burn, of fixed length, has used up its stage's propellant."""
     arc = arcs[sequence.arc]
     left = arc.propellant - sequence.propellant_used
-    return arc.kind == BURN and left <= SAME_BURNOUT * arc.mass_flow
+    fixed = arc.kind == BURN and not ends_by_plan(sequence.arc, arcs)
+    return fixed and left <= SAME_BURNOUT * arc.mass_flow
 
 
 @kernel
@@ -227,7 +307,7 @@ def pass_instant(
             sequence.tail_arc = -1
         if sequence.arc == last:
             continue
-        if out_of_time(sequence, arcs):
+        if arc_end(start, arcs, times, sequence) <= now:
             end_thrust(sequence, arcs)
             enter_arc(sequence, sequence.arc + 1, arcs, jettisons)
             changed = True
@@ -235,6 +315,43 @@ def pass_instant(
             following = min(arc_after_burnout(sequence.arc, arcs), last)
             enter_arc(sequence, following, arcs, jettisons)
             changed = True
+
+
+@kernel
+def note_begin(layout: Record, k: int) -> None:
+    """Arc ``k`` begins now."""
+    begin = layout.begins[k]
+    begin.time = layout.sequence.arc_start_time
+    begin.used = layout.sequence.propellant_used
+    for c in range(layout.moves):
+        layout.arc_start_by[c] = layout.now_by[c]
+        begin.time_by[c] = layout.now_by[c]
+        begin.used_by[c] = layout.used_by[c]
+
+
+@kernel
+def pass_instant_moving(
+    start: Record, arcs: NDArray[Any], jettisons: NDArray[Any], times: Times, layout: Record
+) -> None:
+    """As :func:`pass_instant`, with how what begins here moves with the unknown times."""
+    sequence = layout.sequence
+    arc = sequence.arc
+    tail = sequence.tail_arc
+    ignited = sequence.ignited_stage
+    pass_instant(start, arcs, jettisons, times, sequence)
+    for k in range(arc + 1, sequence.arc + 1):
+        if arcs[k].begins_stage == 1:
+            # the mass is reset
+            for c in range(layout.moves):
+                layout.mass_by[c] = 0.0
+                layout.used_by[c] = 0.0
+        note_begin(layout, k)
+    if sequence.ignited_stage != ignited:
+        for c in range(layout.moves):
+            layout.ignition_by[c] = layout.now_by[c]
+    if sequence.tail_arc != tail:
+        for c in range(layout.moves):
+            layout.tail_start_by[c] = layout.now_by[c]
 
 
 @kernel
@@ -268,81 +385,184 @@ def write_thrust(sequence: Record, arcs: NDArray[Any], segment: Record) -> None:
 
 
 @kernel
+def end_with(segment: Record, at: float, moves: int, source: NDArray[np.float64]) -> None:
+    """Let a segment end at ``at``, a fixed time after what moves by ``source``."""
+    segment.end = at
+    segment.end_heating = -1
+    segment.end_arc = -1
+    for c in range(moves):
+        segment.end_by[c] = source[c]
+
+
+@kernel
+def end_by_unknown(segment: Record, at: float, moves: int, column: int) -> None:
+    """Let a segment end at an unknown time, or with no column (-1) at a given one."""
+    segment.end = at
+    segment.end_heating = -1
+    segment.end_arc = -1
+    for c in range(moves):
+        segment.end_by[c] = 0.0
+    if column >= 0:
+        segment.end_by[column - COLUMN_CUTOFF] = 1.0
+
+
+@kernel
+def write_knots(arcs: NDArray[Any], layout: Record, segment: Record) -> None:
+    """Let a segment end at the next knot of a running thrust curve, if there is one."""
+    sequence = layout.sequence
+    moves = layout.moves
+    now = sequence.time + SAME_TIME
+    if sequence.tail_arc >= 0:
+        begin = sequence.tail_start_time
+        at = begin + tail_knot_after(arcs[sequence.tail_arc], now - begin)
+        if at < segment.end:
+            end_with(segment, at, moves, layout.tail_start_by[:])
+    arc = arcs[sequence.arc]
+    if sequence.inserted == 0 and arc.kind == BURN:
+        begin = sequence.arc_start_time
+        at = begin + start_knot_after(arc, now - begin)
+        if at < segment.end:
+            end_with(segment, at, moves, layout.arc_start_by[:])
+
+
+@kernel
+def write_arc_end(
+    start: Record,
+    arcs: NDArray[Any],
+    drops: int,
+    times: Times,
+    layout: Record,
+    segment: Record,
+) -> None:
+    """Let a segment end with its arc, not the last one, or with the stage's propellant.
+
+    Args:
+        start: record NAVIGATION.
+        arcs: dtype ARC.
+        drops: number of unknown jettison times.
+        times: unknown ones.
+        layout: record LAYOUT.
+        segment: record SEGMENT with its thrust. Changed.
+    """
+    sequence = layout.sequence
+    moves = layout.moves
+    k = sequence.arc
+    arc = arcs[k]
+    at = arc_end(start, arcs, times, sequence)
+    if ends_by_plan(k, arcs):
+        if at <= segment.end:
+            column = COLUMN_JETTISON + 2 * drops + free_index(start, arcs, k)
+            end_by_unknown(segment, at, moves, column)
+            segment.end_arc = k
+        return
+    if at <= segment.end:
+        end_with(segment, at, moves, layout.arc_start_by[:])
+    if arc.kind == BURN and segment.flow > 0.0 and segment.flow_slope == 0.0:
+        burnout = sequence.time + (arc.propellant - sequence.propellant_used) / segment.flow
+        if burnout < segment.end - SAME_BURNOUT:
+            end_with(segment, burnout, moves, layout.now_by[:])
+            for c in range(moves):
+                segment.end_by[c] -= layout.used_by[c] / segment.flow
+
+
+@kernel
 def write_end(
     start: Record,
     arcs: NDArray[Any],
     jettisons: NDArray[Any],
     times: Times,
-    sequence: Record,
+    layout: Record,
     segment: Record,
 ) -> None:
-    """When a segment ends, and which unknown moves its end.
+    """When a segment ends, and how that moves with the unknown times.
 
     Args:
         start: record NAVIGATION.
         arcs: dtype ARC.
         jettisons: dtype JETTISON.
         times: unknown ones.
-        sequence: record SEQUENCE, at its begin.
+        layout: record LAYOUT, at the segment's begin.
         segment: record SEGMENT with its thrust. Changed.
     """
-    segment.end = next_knot(sequence, arcs, math.inf)
-    segment.end_column = -1
-    segment.end_heating = -1
+    sequence = layout.sequence
+    moves = layout.moves
+    end_by_unknown(segment, math.inf, moves, -1)
+    write_knots(arcs, layout, segment)
     if sequence.inserted == 1:
-        segment.end_column = COLUMN_CUTOFF
         return
-    arc = arcs[sequence.arc]
-    if sequence.arc < arcs.shape[0] - 1:
-        segment.end = min(segment.end, sequence.arc_start_time + arc.duration)
-        if arc.kind == BURN and segment.flow > 0.0 and segment.flow_slope == 0.0:
-            burnout = sequence.time + (arc.propellant - sequence.propellant_used) / segment.flow
-            if burnout < segment.end - SAME_BURNOUT:
-                segment.end = burnout
+    drops = heating_count(start, jettisons, times.heating)
+    last = sequence.arc == arcs.shape[0] - 1
+    if not last:
+        write_arc_end(start, arcs, drops, times, layout, segment)
     for j in range(jettisons.shape[0]):
         due = due_time(start, jettisons, j, times, sequence)
-        if due < segment.end:
-            segment.end = due
-            segment.end_column = -1
-            segment.end_heating = -1
-            if jettisons[j].criterion == HEATING_LIMIT and times.heating <= HEATING_PASSIVE:
-                segment.end_heating = heating_index(start, jettisons, j)
-                segment.end_column = COLUMN_JETTISON + 2 * segment.end_heating
-    if sequence.arc == arcs.shape[0] - 1 and times.cutoff < segment.end:
-        segment.end = times.cutoff
-        segment.end_column = COLUMN_CUTOFF
-        segment.end_heating = -1
+        if due >= segment.end:
+            continue
+        if jettisons[j].criterion == TIME_AFTER_IGNITION:
+            end_with(segment, due, moves, layout.ignition_by[:])
+        elif jettisons[j].criterion == HEATING_LIMIT and times.heating <= HEATING_PASSIVE:
+            index = heating_index(start, jettisons, j)
+            end_by_unknown(segment, due, moves, COLUMN_JETTISON + 2 * index)
+            segment.end_heating = index
+        else:
+            end_by_unknown(segment, due, moves, -1)
+    if last and times.cutoff < segment.end:
+        end_by_unknown(segment, times.cutoff, moves, COLUMN_CUTOFF)
 
 
 @kernel
-def begin_segment(
-    sequence: Record, segments: NDArray[Any], count: int, tail_mass_rate: float
-) -> None:
-    """What a segment, its thrust known, has at its begin, and how that moves with an unknown.
+def begin_segment(layout: Record, arcs: NDArray[Any], segment: Record) -> None:
+    """What a segment, its thrust known, has at its begin, and how that moves.
 
     Args:
-        sequence: record SEQUENCE.
-        segments: dtype SEGMENT. The one at ``count`` is changed.
-        count: number of the segments before.
-        tail_mass_rate: d mass / d cut-off time in the tail-off, kg/s.
+        layout: record LAYOUT.
+        arcs: dtype ARC.
+        segment: record SEGMENT with thrust and end. Changed.
     """
-    segment = segments[count]
-    column = segments[count - 1].end_column if count > 0 else -1
+    sequence = layout.sequence
     segment.start = sequence.time
     segment.mass = sequence.mass
-    segment.start_column = column
     segment.arc = sequence.arc
     segment.after_cutoff = sequence.inserted
-    segment.mass_by_start = 0.0
-    segment.thrust_by_start = 0.0
-    segment.flow_by_start = 0.0
-    if sequence.inserted == 1:
-        # the tail moves with the cut-off; only the mass that it finds differs
-        segment.mass_by_start = tail_mass_rate
-    elif column >= 0:
-        segment.mass_by_start = -segment.flow
-        segment.thrust_by_start = segment.thrust_slope
-        segment.flow_by_start = segment.flow_slope
+    segment.moves = 0
+    tail_thrust = 0.0
+    tail_flow = 0.0
+    if sequence.tail_arc >= 0:
+        tail = arcs[sequence.tail_arc]
+        into = sequence.time - sequence.tail_start_time + SAME_TIME
+        slope = curve_slope(tail.tail_time, tail.tail_fraction, tail.tail_knots, into)
+        tail_thrust = slope * tail.thrust
+        tail_flow = slope * tail.mass_flow
+    for c in range(layout.moves):
+        segment.start_by[c] = layout.now_by[c]
+        segment.mass_by[c] = layout.mass_by[c]
+        # along the curves that run
+        into_arc = layout.now_by[c] - layout.arc_start_by[c]
+        into_tail = layout.now_by[c] - layout.tail_start_by[c]
+        segment.thrust_by[c] = (
+            segment.thrust_slope - tail_thrust
+        ) * into_arc + tail_thrust * into_tail
+        segment.flow_by[c] = (segment.flow_slope - tail_flow) * into_arc + tail_flow * into_tail
+        if segment.start_by[c] != 0.0 or segment.end_by[c] != 0.0 or segment.mass_by[c] != 0.0:
+            segment.moves = 1
+
+
+@kernel
+def pass_segment(segment: Record, layout: Record) -> None:
+    """Count to the end of a segment."""
+    sequence = layout.sequence
+    length = segment.end - sequence.time
+    burnt = (segment.flow + 0.5 * segment.flow_slope * length) * length
+    flow = segment.flow + segment.flow_slope * length
+    sequence.mass -= burnt
+    sequence.propellant_used += burnt
+    sequence.time = segment.end
+    for c in range(layout.moves):
+        longer = segment.end_by[c] - segment.start_by[c]
+        more = flow * longer + segment.flow_by[c] * length
+        layout.mass_by[c] -= more
+        layout.used_by[c] += more
+        layout.now_by[c] = segment.end_by[c]
 
 
 @kernel
@@ -352,47 +572,56 @@ def fill_timetable(
     jettisons: NDArray[Any],
     times: Times,
     segments: NDArray[Any],
-    room: NDArray[Any],
+    layout: Record,
 ) -> int:
-    """Fill ``segments``; arguments and result as of :func:`build_timetable`.
+    """Fill ``segments`` from the start to the end of the tail-off.
 
     Args:
-        start: record NAVIGATION.
-        arcs: dtype ARC.
+        start: record NAVIGATION: time, mass (0: that of the stack), arc, arc_start_time,
+            jettisoned.
+        arcs: dtype ARC. The last one is the burn that ends at ``times.cutoff``.
         jettisons: dtype JETTISON.
         times: unknown ones.
-        segments: dtype SEGMENT. Changed.
-        room: shape (1,), dtype SEQUENCE, to count in.
+        segments: dtype SEGMENT, shape (MAX_SEGMENTS,), written.
+        layout: record LAYOUT, to count in; where each arc begins stands there afterwards.
+
+    Returns:
+        number of segments; 0 if there are too many, an arc ends before it begins, or a burn
+        begins after the cut-off.
     """
-    sequence = room[0]
+    sequence = layout.sequence
     begin_sequence(start, arcs, jettisons, sequence)
-    tail_mass_rate = 0.0
+    layout.moves = 1 + 2 * heating_count(start, jettisons, times.heating)
+    layout.moves += free_count(start, arcs)
+    for c in range(layout.moves):
+        layout.now_by[c] = 0.0
+        layout.mass_by[c] = 0.0
+        layout.used_by[c] = 0.0
+        layout.arc_start_by[c] = 0.0
+        layout.tail_start_by[c] = 0.0
+        layout.ignition_by[c] = 0.0
+    note_begin(layout, sequence.arc)
     for count in range(MAX_SEGMENTS + 1):
-        pass_instant(start, arcs, jettisons, times, sequence)
+        pass_instant_moving(start, arcs, jettisons, times, layout)
         due = sequence.arc == arcs.shape[0] - 1 and times.cutoff <= sequence.time + SAME_TIME
         if due and sequence.inserted == 0:
-            if count == 0 or segments[count - 1].end_column != COLUMN_CUTOFF:
+            if count == 0 or segments[count - 1].arc != sequence.arc:
                 return 0
-            before = segments[count - 1]
-            length = before.end - before.start
-            tail_mass_rate = -(before.flow + before.flow_slope * length)
             sequence.inserted = 1
             end_thrust(sequence, arcs)
+            for c in range(layout.moves):
+                layout.tail_start_by[c] = layout.now_by[c]
         if sequence.inserted == 1 and sequence.tail_arc < 0:
             return count
         if count == MAX_SEGMENTS:
             return 0
         segment = segments[count]
         write_thrust(sequence, arcs, segment)
-        write_end(start, arcs, jettisons, times, sequence, segment)
-        if not segment.end < math.inf:
+        write_end(start, arcs, jettisons, times, layout, segment)
+        if not segment.end < math.inf or segment.end < sequence.time:
             return 0
-        begin_segment(sequence, segments, count, tail_mass_rate)
-        length = segment.end - sequence.time
-        burnt = (segment.flow + 0.5 * segment.flow_slope * length) * length
-        sequence.mass -= burnt
-        sequence.propellant_used += burnt
-        sequence.time = segment.end
+        begin_segment(layout, arcs, segment)
+        pass_segment(segment, layout)
     return 0
 
 
@@ -401,30 +630,13 @@ def build_timetable(
     start: Record,
     arcs: NDArray[Any],
     jettisons: NDArray[Any],
-    heating: int,
-    heating_times: NDArray[np.float64],
-    cutoff: float,
+    times: Times,
     segments: NDArray[Any],
 ) -> int:
-    """Fill ``segments`` from the start to the end of the tail-off.
-
-    Args:
-        start: record NAVIGATION: time, mass (0: that of the stack), arc, arc_start_time,
-            jettisoned.
-        arcs: dtype ARC. The last one is the burn that ends at ``cutoff``.
-        jettisons: dtype JETTISON.
-        heating: HEATING_*.
-        heating_times: s, per heating jettison not done yet, in the order of the file.
-        cutoff: cut-off command, s.
-        segments: dtype SEGMENT, shape (MAX_SEGMENTS,), written.
-
-    Returns:
-        number of segments; 0 if there are too many or a burn begins after ``cutoff``.
-    """
+    """As :func:`fill_timetable`, where only the segments are wanted."""
     # a record does not keep its array alive: who allocates it lends it to another
-    room = np.zeros(1, SEQUENCE)
-    times = Times(heating, heating_times, cutoff)
-    return fill_timetable(start, arcs, jettisons, times, segments, room)
+    layout = np.zeros(1, LAYOUT)
+    return fill_timetable(start, arcs, jettisons, times, segments, layout[0])
 
 
 @kernel

@@ -34,6 +34,7 @@ class Plan:
     Attributes:
         engines: thrust curves that run, in order of time.
         stagings: (time s, arc that begins a stage).
+        arcs: (arc, begin s, end s) in order of time.
         breaks: times at which the equations of motion change their form, s.
         end: end of thrust, s.
         used_kg: propellant that the last stage has burnt at the end.
@@ -41,6 +42,7 @@ class Plan:
 
     engines: list[Engine] = field(default_factory=list)
     stagings: list[tuple[float, int]] = field(default_factory=list)
+    arcs: list[tuple[int, float, float]] = field(default_factory=list)
     breaks: set[float] = field(default_factory=set)
     end: float = math.nan
     used_kg: float = 0.0
@@ -154,6 +156,7 @@ def plan_flight(arrays: MissionArrays, start: Record, t_meco: float) -> Plan:
                 plan.engines.append(tail)
                 plan.breaks.update(end + tail_times)
         plan.breaks.add(end)
+        plan.arcs.append((k, begin, end))
         if k == last:
             plan.end = max([t_meco, *(e.end for e in running if e.tail and e.begin >= t_meco)])
             plan.used_kg = used + _burnt(arcs, running, stage_begin, plan.end)

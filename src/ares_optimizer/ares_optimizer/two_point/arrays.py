@@ -6,7 +6,14 @@ import numpy as np
 
 from ares_models.arrays import JETTISON, MAX_JETTISONS
 from ares_optimizer.kernels.nystroem import STAGES
-from ares_optimizer.kernels.timetable import COLUMN_JETTISON, MAX_SEGMENTS, SEGMENT
+from ares_optimizer.kernels.timetable import (
+    COLUMN_JETTISON,
+    LAYOUT,
+    MAX_FREE,
+    MAX_SEGMENTS,
+    MAX_UNKNOWNS,
+    SEGMENT,
+)
 
 #: Gravity: Eq. 2.13 without J2, or Eq. 3.4.
 INVERSE_SQUARE = 0
@@ -14,9 +21,8 @@ LINEAR = 1
 
 #: Rows of a state: position, velocity, primer, rate of the primer.
 ROWS = 12
-MAX_COLUMNS = 24
+MAX_COLUMNS = MAX_UNKNOWNS + 1
 
-MAX_UNKNOWNS = COLUMN_JETTISON + 2 * MAX_JETTISONS
 #: Where the unknowns stand: primer and lambda_r at the start, then the cut-off time in
 #: COLUMN_CUTOFF, then time and pi of each heating jettison.
 PRIMER = slice(0, 3)
@@ -24,8 +30,34 @@ LAMBDA_R = slice(3, 6)
 TIMES = slice(COLUMN_JETTISON, None, 2)
 PIS = slice(COLUMN_JETTISON + 1, None, 2)
 
-#: s after its earliest time, of a drop that is held there.
+#: s after its earliest time, of a drop that is held there; least length of a free arc.
 AT_ONCE = 1e-6
+
+#: What holds the end of a free arc: nothing, the bounds of its length, its stage's propellant,
+#: or a length of the searcher's.
+NOT_HELD = 0
+AT_SHORTEST = 1
+AT_LONGEST = 2
+DRY = 3
+HELD = 4
+
+#: The end of a free arc, as the conditions on it see it; one more for the cut-off.
+SWITCH = np.dtype(
+    [
+        ("hold", np.int64),  # NOT_HELD, AT_SHORTEST, ...
+        ("length", np.float64),  # s, of an arc that is HELD
+        ("arc", np.int64),
+        ("segment", np.int64),  # that it ends
+        ("flow", np.float64),  # kg/s there; 0: a coast
+        # Hamiltonian there without the mass costate and the cost, m/s2, and what the mass
+        # costate makes of it: what a second more of the arc is worth is worth - cost * flow
+        ("value", np.float64),
+        ("cost", np.float64),  # kg/s
+        ("value_by", np.float64, (MAX_COLUMNS,)),
+        ("worth", np.float64),  # m/s2, with the cost of propellant taken off
+    ],
+    align=True,
+)
 
 #: Propagators: Runge-Kutta-Nystroem, closed form with Simpson's or with Milne's rule.
 RUNGE_KUTTA = 0
@@ -59,6 +91,7 @@ WORK = np.dtype(
         ("omega_square", np.float64, (MAX_COLUMNS,)),
         ("columns", np.int64),  # tangents carried now,
         ("columns_wanted", np.int64),  # and by the end of the flight; 0: residuals only
+        ("first_free", np.int64),  # column of the first free end
         ("residual", np.float64, (MAX_COLUMNS,)),
         ("jacobian", np.float64, (MAX_COLUMNS, MAX_COLUMNS)),
         ("factors", np.float64, (MAX_COLUMNS, MAX_COLUMNS)),
@@ -68,6 +101,19 @@ WORK = np.dtype(
         ("trial", np.float64, (MAX_COLUMNS,)),
         ("unit", np.float64, (MAX_COLUMNS,)),  # size of each unknown
         ("floor", np.float64, (MAX_COLUMNS,)),  # earliest time of each unknown time
+        ("arc_ends", np.float64, (MAX_FREE,)),
+        ("layout", LAYOUT),
+        # free arcs: their ends, and what the mass costate needs of the segments
+        ("planned", np.int64),  # 1: there is more to decide than the cut-off
+        ("switches", SWITCH, (MAX_FREE + 1,)),
+        ("price", np.float64),  # of propellant: m/s2 of worth per kg/s
+        ("impulse_rate", np.float64),  # |lambda_v| T/m^2 at the present stage
+        ("impulse_rate_by", np.float64, (MAX_COLUMNS,)),
+        ("costate_rise", np.float64),  # its integral over the last segment
+        ("costate_rise_by", np.float64, (MAX_COLUMNS,)),
+        ("rises", np.float64, (MAX_SEGMENTS + 1,)),  # the same for each segment
+        ("rises_by", np.float64, (MAX_SEGMENTS + 1, MAX_COLUMNS)),
+        ("mass_costate_by", np.float64, (MAX_COLUMNS,)),
         ("ceiling", np.float64),  # latest cut-off: the mass is gone
         ("terminal", np.float64, (6,)),
         ("terminal_gradient", np.float64, (6, 6)),
@@ -82,6 +128,8 @@ WORK = np.dtype(
         ("stop", np.int64),  # another thread writes 1 here to end the search
         ("passive", np.int64),  # 1: the steering does not know of the drops
         ("stuck", np.int64),  # heating unknown that ran into its earliest time
+        ("stuck_arc", np.int64),  # switch that ran into a bound, and which:
+        ("stuck_hold", np.int64),  # AT_SHORTEST, AT_LONGEST or DRY
         ("pinned", np.int64, (MAX_JETTISONS,)),  # 1: this heating unknown stays there
         ("waiting_pays", np.int64, (MAX_JETTISONS,)),  # 1: a later drop would be better
     ],

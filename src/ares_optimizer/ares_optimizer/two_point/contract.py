@@ -5,16 +5,23 @@ package (`tests/test_architecture.py`). It finds an optimum once by :func:`find_
 keeps it up by :func:`shoot` and one back substitution per cycle.
 """
 
-from ares_optimizer.kernels.timetable import COLUMN_CUTOFF, COLUMN_JETTISON, HEATING_OPTIMAL
+from ares_optimizer.kernels.timetable import (
+    COLUMN_CUTOFF,
+    COLUMN_JETTISON,
+    HEATING_OPTIMAL,
+    MAX_UNKNOWNS,
+)
+from ares_optimizer.two_point.kernels.costates import gravity_terms
 from ares_optimizer.two_point.kernels.newton import CONVERGED, scaled_length
 from ares_optimizer.two_point.kernels.search import find_optimum
-from ares_optimizer.two_point.kernels.shooting import gravity_terms, shoot, unknown_count
+from ares_optimizer.two_point.kernels.shooting import shoot, unknown_count
 
 __all__ = [
     "COLUMN_CUTOFF",
     "COLUMN_JETTISON",
     "CONVERGED",
     "HEATING_OPTIMAL",
+    "MAX_UNKNOWNS",
     "find_optimum",
     "gravity_terms",
     "scaled_length",

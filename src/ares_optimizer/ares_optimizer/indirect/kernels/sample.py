@@ -9,10 +9,10 @@ from ares_models.kernels.environment import log_heating_gradient
 from ares_models.kernels.vectors import Vector, axpy, dot, norm, scale
 from ares_optimizer.kernels.timetable import COLUMN_JETTISON, HEATING_OPTIMAL
 from ares_optimizer.two_point.arrays import RUNGE_KUTTA, Gravity
+from ares_optimizer.two_point.kernels.costates import gravity_terms
 from ares_optimizer.two_point.kernels.shooting import (
     begin_flight,
     fly_segment,
-    gravity_terms,
     part_of,
     step_count,
 )

@@ -145,8 +145,6 @@ def _add_node(segment: Record, arc: _Arc, node: int, weight: float, work: Record
     z1 = -state[7] * sin + state[10] * cos / omega
     z2 = -state[8] * sin + state[11] * cos / omega
     fraction = (arc.number + 0.25 * node) / arc.parts
-    if segment.start_column == segment.end_column:
-        fraction = 0.0
     a = thrust_acceleration_tangents(
         segment, arc.number * h + t, fraction, work.columns, work.thrust
     )

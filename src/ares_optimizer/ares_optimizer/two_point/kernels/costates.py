@@ -32,7 +32,18 @@ from ares_models.kernels.environment import (
 )
 from ares_models.kernels.vectors import Vector, axpy, dot, scale
 from ares_optimizer.kernels.nystroem import NODES, STAGES, VELOCITY_WEIGHTS, WEIGHTS
+from ares_optimizer.kernels.timetable import COLUMN_CUTOFF
 from ares_optimizer.two_point.arrays import LINEAR, Gravity
+
+
+@kernel
+def gravity_terms(r: Vector, gravity: Gravity, p: Vector) -> tuple[Vector, Vector]:
+    """Gravity g, m/s2, and its gradient times ``p``."""
+    if gravity.model == LINEAR:
+        return scale(-gravity.omega_square, r), scale(-gravity.omega_square, p)
+    square = dot(r, r)
+    k = gravity.mu / (square * math.sqrt(square))
+    return scale(-k, r), axpy(3.0 * k * dot(r, p) / square, r, scale(-k, p))
 
 
 @kernel
@@ -61,16 +72,14 @@ def thrust_acceleration_tangents(
     value = thrust / mass
     for c in range(columns):
         tangents[c] = 0.0
-    i = segment.start_column
-    j = segment.end_column
+    if segment.moves == 0:
+        return value
     by_s = (segment.thrust_slope + value * flow) / mass
-    if 0 <= i < columns:
-        by_start = (
-            segment.thrust_by_start - value * (segment.mass_by_start - s * segment.flow_by_start)
-        ) / mass
-        tangents[i] += by_start - fraction * by_s
-    if 0 <= j < columns:
-        tangents[j] += fraction * by_s
+    for c in range(COLUMN_CUTOFF, columns):
+        i = c - COLUMN_CUTOFF
+        tangents[c] = (
+            segment.thrust_by[i] - value * (segment.mass_by[i] - s * segment.flow_by[i])
+        ) / mass + fraction * (segment.end_by[i] - segment.start_by[i]) * by_s
     return value
 
 
@@ -280,16 +289,55 @@ def _end_step(last: _Stage, work: Record) -> None:
 @kernel
 def set_stretch(segment: Record, parts: int, work: Record) -> None:
     """How much each unknown stretches one of the equal parts of a segment, into ``work``."""
-    i = segment.start_column if segment.start_column < work.columns else -1
-    j = segment.end_column if segment.end_column < work.columns else -1
     for c in range(work.columns):
         work.stretch[c] = 0.0
-    if i == j:
+    if segment.moves == 0:
         return
-    if i >= 0:
-        work.stretch[i] = -1.0 / parts
-    if j >= 0:
-        work.stretch[j] = 1.0 / parts
+    for c in range(COLUMN_CUTOFF, work.columns):
+        i = c - COLUMN_CUTOFF
+        work.stretch[c] = (segment.end_by[i] - segment.start_by[i]) / parts
+
+
+@kernel
+def _note_impulse_rate(
+    segment: Record, s: float, fraction: float, at: _Stage, work: Record
+) -> None:
+    """|lambda_v| T/m^2 at a stage, and its tangents, into ``work``.
+
+    Args:
+        segment: record SEGMENT.
+        s: s from its start.
+        fraction: s over the segment's length.
+        at: the stage; T/m has its tangents in ``work.thrust``, the primer in ``work.moved``.
+        work: record WORK.
+    """
+    mass = segment.mass - s * (segment.flow + 0.5 * s * segment.flow_slope)
+    flow = segment.flow + segment.flow_slope * s
+    acceleration = (segment.thrust + segment.thrust_slope * s) / mass
+    length = math.sqrt(dot(at.p, at.p))
+    work.impulse_rate = length * acceleration / mass
+    for c in range(work.columns):
+        along = at.p[0] * work.moved[c, 3] + at.p[1] * work.moved[c, 4] + at.p[2] * work.moved[c, 5]
+        by_mass = 0.0
+        if c >= COLUMN_CUTOFF and segment.moves == 1:
+            i = c - COLUMN_CUTOFF
+            by_mass = segment.mass_by[i] - s * segment.flow_by[i]
+            by_mass -= flow * fraction * (segment.end_by[i] - segment.start_by[i])
+        work.impulse_rate_by[c] = (
+            along * acceleration / length
+            + length * work.thrust[c]
+            - length * acceleration * by_mass / mass
+        ) / mass
+
+
+@kernel
+def _add_impulse_rate(weight: float, h: float, work: Record) -> None:
+    """Add a stage's part to the rise of the mass costate over a segment."""
+    work.costate_rise += h * weight * work.impulse_rate
+    for c in range(work.columns):
+        work.costate_rise_by[c] += weight * (
+            h * work.impulse_rate_by[c] + work.stretch[c] * work.impulse_rate
+        )
 
 
 @kernel
@@ -300,13 +348,17 @@ def integrate_segment(segment: Record, steps: int, gravity: Gravity, work: Recor
         segment: record SEGMENT.
         steps: number of steps.
         gravity: the field.
-        work: record WORK; ``columns`` says how many tangents to carry.
+        work: record WORK; ``columns`` says how many tangents to carry. If ``planned``, the
+            rise of the mass costate is written too.
     """
     h = (segment.end - segment.start) / steps
     set_stretch(segment, steps, work)
-    part = 0.0 if segment.start_column == segment.end_column else 1.0 / steps
     stage = work.stage
     stage_tangent = work.stage_tangent
+    costate = work.planned == 1
+    work.costate_rise = 0.0
+    for c in range(work.columns):
+        work.costate_rise_by[c] = 0.0
     for step in range(steps):
         first = 0
         if step > 0:
@@ -317,15 +369,24 @@ def integrate_segment(segment: Record, steps: int, gravity: Gravity, work: Recor
             for c in range(work.columns):
                 for n in range(6):
                     stage_tangent[0, c, n] = stage_tangent[STAGES - 1, c, n]
+            if costate:
+                _add_impulse_rate(VELOCITY_WEIGHTS[0], h, work)
         for m in range(first, STAGES):
             at = _stage_at(m, h, work)
             into = step + NODES[m]
             thrust = thrust_acceleration_tangents(
-                segment, into * h, into * part, work.columns, work.thrust
+                segment, into * h, into / steps, work.columns, work.thrust
             )
             _put_accelerations(at, thrust, gravity, work)
+            if costate:
+                _note_impulse_rate(segment, into * h, into / steps, at, work)
+                _add_impulse_rate(VELOCITY_WEIGHTS[m], h, work)
             if m == STAGES - 1:
                 _end_step(at, work)
+        if costate:
+            # a coast may dip between its ends
+            r = (work.state[0], work.state[1], work.state[2])
+            work.lowest = min(work.lowest, math.sqrt(dot(r, r)))
 
 
 @kernel

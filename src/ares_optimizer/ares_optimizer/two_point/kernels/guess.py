@@ -28,7 +28,7 @@ from ares_optimizer.kernels.timetable import (
     segment_mass,
 )
 from ares_optimizer.two_point.kernels.newton import find_floors, prepare
-from ares_optimizer.two_point.kernels.shooting import begin_flight, unknown_count
+from ares_optimizer.two_point.kernels.shooting import begin_flight, load_times
 
 _PANEL = 60.0  # s, of Simpson's rule
 _MOST_PANELS = 2000
@@ -135,12 +135,10 @@ def _first_cutoff(
 
 
 @kernel
-def _guess_times(
-    n: int, cutoff: float, wait: float, unknowns: NDArray[np.float64], work: Record
-) -> None:
+def _guess_times(cutoff: float, wait: float, unknowns: NDArray[np.float64], work: Record) -> None:
     """Cut-off and jettison times into ``unknowns``."""
     unknowns[COLUMN_CUTOFF] = cutoff
-    for i in range(COLUMN_JETTISON, n, 2):
+    for i in range(COLUMN_JETTISON, work.first_free, 2):
         earliest = work.floor[i]
         unknowns[i] = earliest + min(wait, 0.5 * (cutoff - earliest))
         unknowns[i + 1] = 0.0
@@ -237,14 +235,14 @@ def guess_two_point(
         mission: what is flown.
         options: record OPTIONS.
         own: which guess.
-        unknowns: shape (at least n,), written.
+        unknowns: shape (at least n,), written, but for the ends of free arcs: they are read.
         work: record WORK.
 
     Returns:
         False if the sequence makes no flight.
     """
-    n = unknown_count(start, mission.jettisons, options)
-    prepare(n, work)
+    prepare(start, mission, options, work)
+    load_times(start, mission, options, unknowns, work)
     if not find_floors(start, mission, work):
         return False
     target = mission.target
@@ -265,7 +263,7 @@ def guess_two_point(
     ahead = unit(cross(h0, r0))
     reached = add(scale(math.cos(way), r0), scale(radius * math.sin(way), ahead))
     for _ in range(own.rounds):
-        _guess_times(n, cutoff, own.wait, unknowns, work)
+        _guess_times(cutoff, own.wait, unknowns, work)
         begin_flight(start, mission, options, unknowns, work)
         if work.segment_count == 0:
             return False

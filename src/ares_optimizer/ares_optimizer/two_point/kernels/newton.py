@@ -15,10 +15,21 @@ from ares_optimizer.kernels.timetable import (
     COLUMN_JETTISON,
     HEATING_IGNORED,
     MAX_SEGMENTS,
-    build_timetable,
+    Times,
+    fill_timetable,
+    free_count,
 )
-from ares_optimizer.two_point.arrays import AT_ONCE
+from ares_optimizer.two_point.arrays import (
+    AT_LONGEST,
+    AT_ONCE,
+    AT_SHORTEST,
+    DRY,
+    NOT_HELD,
+)
+from ares_optimizer.two_point.kernels.free_arcs import find_switches, longest_burn
 from ares_optimizer.two_point.kernels.shooting import (
+    free_column,
+    load_times,
     search_is_over,
     shoot,
     shoot_with_jacobian,
@@ -36,6 +47,8 @@ AT_FLOOR = 5
 UNSOUND = 6
 #: The time or the work that the search may take has ended.
 STOPPED = 7
+#: A free arc ran into a bound of its length.
+AT_BOUND = 8
 #: Within an iteration: go on.
 NOT_YET = -1
 
@@ -45,11 +58,15 @@ _CLOSE = 0.1  # scaled step within which a trial goes without a Jacobian
 _CONTRACTION = 0.1  # of simplified corrections, to go on with the same factors
 _NEAR_FLOOR = 1.0  # s
 _FAR = 1e7  # s, a cut-off beyond every event
+_NEAR_BOUND = 0.02  # of the span between the bounds of an arc
+_LONGEST_SPAN = 100.0  # s, of an arc without a longest length, in that sense
 
 
 @kernel
 def find_floors(start: Record, mission: MissionRecords, work: Record) -> bool:
     """Earliest time of every unknown time, and the latest cut-off, into ``work``.
+
+    Free arcs end as ``work.arc_ends`` says.
 
     Returns:
         False if the sequence makes no flight, or none of at most LONGEST_FLIGHT.
@@ -57,15 +74,8 @@ def find_floors(start: Record, mission: MissionRecords, work: Record) -> bool:
     arcs = mission.arcs
     jettisons = mission.jettisons
     # not the nested arrays themselves: numba would compile the timetable once more for them
-    count = build_timetable(
-        start,
-        arcs,
-        jettisons,
-        HEATING_IGNORED,
-        work.heating_times[:],
-        _FAR,
-        work.segments[:],
-    )
+    times = Times(HEATING_IGNORED, work.heating_times[:], work.arc_ends[:], _FAR)
+    count = fill_timetable(start, arcs, jettisons, times, work.segments[:], work.layout)
     if count == 0:
         return False
     column = COLUMN_JETTISON
@@ -94,15 +104,18 @@ def find_floors(start: Record, mission: MissionRecords, work: Record) -> bool:
 
 
 @kernel
-def prepare(n: int, work: Record) -> None:
+def prepare(start: Record, mission: MissionRecords, options: Record, work: Record) -> None:
     """Units of the unknowns; step counts start anew."""
+    n = unknown_count(start, mission, options)
+    work.first_free = free_column(start, mission.jettisons, options)
+    find_switches(start, mission.arcs, work)
     for i in range(n):
         work.unit[i] = 1.0
     for i in range(3):
         work.unit[3 + i] = 1e-3
     for i in range(COLUMN_CUTOFF, n):
         work.unit[i] = 100.0
-    for i in range(COLUMN_JETTISON + 1, n, 2):
+    for i in range(COLUMN_JETTISON + 1, work.first_free, 2):
         work.unit[i] = 5.0
     for i in range(MAX_SEGMENTS):
         work.steps[i] = 0
@@ -119,7 +132,47 @@ def scaled_length(n: int, x: NDArray[np.float64], unit: NDArray[np.float64]) -> 
 
 
 @kernel
-def _step_limit(n: int, x: NDArray[np.float64], work: Record) -> float:
+def _begin_moves(k: int, step: NDArray[np.float64], work: Record) -> float:
+    """By how much a step moves the begin of arc ``k``, s."""
+    total = 0.0
+    for c in range(work.layout.moves):
+        total += work.layout.begins[k].time_by[c] * step[COLUMN_CUTOFF + c]
+    return total
+
+
+@kernel
+def _room(
+    f: int, mission: MissionRecords, x: NDArray[np.float64], work: Record
+) -> tuple[float, float]:
+    """How far a free arc's length is from its shortest and from its longest, s."""
+    switch = work.switches[f]
+    arc = mission.arcs[switch.arc]
+    length = x[work.first_free + f] - work.layout.begins[switch.arc].time
+    longest = arc.longest
+    if arc.kind == BURN:
+        longest = min(longest, longest_burn(switch.arc, mission.arcs, work))
+    return length - max(arc.shortest, AT_ONCE), longest - length
+
+
+@kernel
+def _limit_free_arcs(
+    limit: float, mission: MissionRecords, x: NDArray[np.float64], count: int, work: Record
+) -> float:
+    """The largest fraction of the step that leaves free arcs their lengths."""
+    for f in range(count):
+        if work.switches[f].hold != NOT_HELD:
+            continue
+        shorter, longer = _room(f, mission, x, work)
+        move = work.step[work.first_free + f] - _begin_moves(work.switches[f].arc, work.step, work)
+        if shorter + limit * move < 0.2 * shorter:
+            limit = -0.8 * shorter / move
+        if longer - limit * move < 0.2 * longer:
+            limit = 0.8 * longer / move
+    return limit
+
+
+@kernel
+def _step_limit(n: int, mission: MissionRecords, x: NDArray[np.float64], work: Record) -> float:
     """Largest fraction of the Newton step that keeps the flight a flight."""
     step = work.step
     limit = 1.0
@@ -133,13 +186,22 @@ def _step_limit(n: int, x: NDArray[np.float64], work: Record) -> float:
             limit = bound / size
     cutoff = x[COLUMN_CUTOFF]
     move = step[COLUMN_CUTOFF]
-    gap = cutoff - work.floor[COLUMN_CUTOFF]
+    floor = work.floor[COLUMN_CUTOFF]
+    ceiling = work.ceiling
+    if work.planned == 1:
+        last = mission.arcs.shape[0] - 1
+        floor = work.layout.begins[last].time
+        move -= _begin_moves(last, step, work)
+        ceiling = math.inf
+        limit = _limit_free_arcs(limit, mission, x, n - work.first_free, work)
+    gap = cutoff - floor
     if gap + limit * move < 0.2 * gap:
         limit = -0.8 * gap / move
-    gap = work.ceiling - cutoff
+    gap = ceiling - cutoff
     if gap - limit * move < 0.2 * gap:
         limit = 0.8 * gap / move
-    for i in range(COLUMN_JETTISON, n, 2):
+    move = step[COLUMN_CUTOFF]
+    for i in range(COLUMN_JETTISON, work.first_free, 2):
         if work.pinned[(i - COLUMN_JETTISON) // 2] == 1:
             continue
         gap = x[i] - work.floor[i]
@@ -152,7 +214,7 @@ def _step_limit(n: int, x: NDArray[np.float64], work: Record) -> float:
 
 
 @kernel
-def _move_inside(start: Record, n: int, unknowns: NDArray[np.float64], work: Record) -> None:
+def _move_inside(start: Record, unknowns: NDArray[np.float64], work: Record) -> None:
     """Move a guess to possible times; units of a short flight."""
     floor = work.floor[COLUMN_CUTOFF]
     unknowns[COLUMN_CUTOFF] = min(
@@ -164,7 +226,7 @@ def _move_inside(start: Record, n: int, unknowns: NDArray[np.float64], work: Rec
     work.unit[COLUMN_CUTOFF] *= part
     for i in range(3, 6):
         work.unit[i] /= part
-    for i in range(COLUMN_JETTISON, n, 2):
+    for i in range(COLUMN_JETTISON, work.first_free, 2):
         if work.pinned[(i - COLUMN_JETTISON) // 2] == 1:
             unknowns[i] = work.floor[i] + AT_ONCE
             continue
@@ -205,13 +267,39 @@ def _correction(n: int, work: Record) -> float:
 
 
 @kernel
-def _runs_into_floor(n: int, unknowns: NDArray[np.float64], work: Record) -> bool:
+def _runs_into_floor(unknowns: NDArray[np.float64], work: Record) -> bool:
     """Whether the step takes a drop before its earliest time; ``work.stuck`` says which."""
-    for i in range(COLUMN_JETTISON, n, 2):
+    for i in range(COLUMN_JETTISON, work.first_free, 2):
         index = (i - COLUMN_JETTISON) // 2
         near = unknowns[i] < work.floor[i] + _NEAR_FLOOR
         if near and unknowns[i] + work.step[i] < work.floor[i] and work.pinned[index] == 0:
             work.stuck = index
+            return True
+    return False
+
+
+@kernel
+def _runs_into_bound(
+    start: Record, mission: MissionRecords, unknowns: NDArray[np.float64], work: Record
+) -> bool:
+    """Whether the step takes a free arc beyond a bound; ``work.stuck_arc`` says which."""
+    for f in range(free_count(start, mission.arcs)):
+        switch = work.switches[f]
+        if switch.hold != NOT_HELD:
+            continue
+        shorter, longer = _room(f, mission, unknowns, work)
+        near = _NEAR_BOUND * min(shorter + longer, _LONGEST_SPAN)
+        move = work.step[work.first_free + f] - _begin_moves(switch.arc, work.step, work)
+        work.stuck_arc = f
+        if shorter < near and shorter + move < 0.0:
+            work.stuck_hold = AT_SHORTEST
+            return True
+        if longer < near and longer - move < 0.0:
+            arc = mission.arcs[switch.arc]
+            dry = arc.kind == BURN
+            if dry:
+                dry = longest_burn(switch.arc, mission.arcs, work) < arc.longest
+            work.stuck_hold = DRY if dry else AT_LONGEST
             return True
     return False
 
@@ -240,13 +328,13 @@ def _search_along_step(
     work: Record,
 ) -> _Taken:
     """Halve the step until the next simplified correction is shorter; ``unknowns`` move."""
-    n = unknown_count(start, mission.jettisons, options)
+    n = unknown_count(start, mission, options)
     # far away the first trial is nearly always taken and its Jacobian wanted; close by the old
     # one will do
     with_jacobian = length > _CLOSE
     # not the nested array itself: numba would compile the flight once more for it
     trial = work.trial[:]
-    fraction = _step_limit(n, unknowns, work)
+    fraction = _step_limit(n, mission, unknowns, work)
     while True:
         for i in range(n):
             trial[i] = unknowns[i] + fraction * work.step[i]
@@ -280,7 +368,7 @@ def _simplified_newton(
     Returns:
         CONVERGED, STALLED where the times make no flight, or NOT_YET.
     """
-    n = unknown_count(start, mission.jettisons, options)
+    n = unknown_count(start, mission, options)
     before = scaled_length(n, work.step, work.unit)
     while shorter < _CONTRACTION * before:
         for i in range(n):
@@ -303,7 +391,7 @@ def _iterate(
     work: Record,
 ) -> tuple[float, int]:
     """One iteration of Newton's method; norm of the residuals, and how it ended."""
-    n = unknown_count(start, mission.jettisons, options)
+    n = unknown_count(start, mission, options)
     residual_norm = _residual_norm(n, work)
     length = _newton_step(n, work)
     if not math.isfinite(length):
@@ -312,8 +400,10 @@ def _iterate(
         for i in range(n):
             unknowns[i] += work.step[i]
         return residual_norm, CONVERGED
-    if _runs_into_floor(n, unknowns, work):
+    if _runs_into_floor(unknowns, work):
         return residual_norm, AT_FLOOR
+    if _runs_into_bound(start, mission, unknowns, work):
+        return residual_norm, AT_BOUND
     taken = _search_along_step(start, mission, options, unknowns, length, work)
     if taken.fraction == 0.0:
         return residual_norm, STALLED
@@ -355,11 +445,12 @@ def solve_two_point(
     Returns:
         iterations, norm of the last residuals, status (CONVERGED or what went wrong).
     """
-    n = unknown_count(start, mission.jettisons, options)
-    prepare(n, work)
+    n = unknown_count(start, mission, options)
+    prepare(start, mission, options, work)
+    load_times(start, mission, options, unknowns, work)
     if not find_floors(start, mission, work):
         return 0, math.inf, BAD_TIMETABLE
-    _move_inside(start, n, unknowns, work)
+    _move_inside(start, unknowns, work)
     if not shoot_with_jacobian(start, mission, options, unknowns, work):
         return 0, math.inf, BAD_TIMETABLE
     for iteration in range(1, options.max_iterations + 1):

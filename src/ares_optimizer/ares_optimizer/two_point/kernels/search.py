@@ -23,14 +23,26 @@ from ares_optimizer.kernels.timetable import (
     COLUMN_CUTOFF,
     COLUMN_JETTISON,
     HEATING_OPTIMAL,
+    MAX_FREE,
+    free_count,
     heating_count,
     heating_index,
     segment_mass,
     segment_thrust,
 )
-from ares_optimizer.two_point.arrays import AT_ONCE, INVERSE_SQUARE, Effort, Gravity
+from ares_optimizer.two_point.arrays import (
+    AT_ONCE,
+    AT_SHORTEST,
+    HELD,
+    INVERSE_SQUARE,
+    NOT_HELD,
+    Effort,
+    Gravity,
+)
+from ares_optimizer.two_point.kernels.costates import gravity_terms
 from ares_optimizer.two_point.kernels.guess import OwnStart, guess_two_point
 from ares_optimizer.two_point.kernels.newton import (
+    AT_BOUND,
     AT_FLOOR,
     CONVERGED,
     STALLED,
@@ -42,7 +54,6 @@ from ares_optimizer.two_point.kernels.newton import (
 from ares_optimizer.two_point.kernels.shooting import (
     begin_flight,
     fly_segment,
-    gravity_terms,
     search_is_over,
     shoot,
     step_count,
@@ -63,6 +74,11 @@ _OWN_STARTS = (
 _ROUNDING = 1e-6  # of pi, where a drop weighs nothing
 _SCAN = 5.0  # s, between looks at the heating
 _MOST_SCANS = 2000
+#: How far a coast may dip below the ground, of the radius there, to be shown and refused by
+#: name; what goes deeper is no flight.
+DEEPEST = 0.01
+_BOUND_CHANGES = 4  # of one arc: held at a bound, let go
+_WORTHLESS = 1e-9  # kg/s of propellant
 
 
 @kernel
@@ -146,11 +162,13 @@ def _sound(
     """Whether a root is a flight: above ground, burning worth its time, drops worth theirs."""
     value = final_hamiltonian(start, mission, options, unknowns, work)
     ground = min(mission.environment.polar_radius, norm(load(start.position)))
+    if work.planned == 1:
+        value = work.price
+        ground *= 1.0 - DEEPEST
     if not value > 0.0 or work.lowest < ground:
         return False
     if options.heating == HEATING_OPTIMAL:
-        n = unknown_count(start, mission.jettisons, options)
-        for i in range((n - COLUMN_JETTISON) // 2):
+        for i in range((work.first_free - COLUMN_JETTISON) // 2):
             # a drop must wait for the limit because it would rather come sooner
             if unknowns[COLUMN_JETTISON + 2 * i + 1] > _ROUNDING:
                 return False
@@ -217,13 +235,28 @@ def _hold_passed_limit(
         earliest = work.floor[_column_of(start, mission, j)]
         fly_to(start, flown, options, unknowns, earliest, work)
         if _log_heating_now(mission, work) > math.log(limit.value) + 1e-9:
-            n = unknown_count(start, flown.jettisons, options)
+            n = unknown_count(start, flown, options)
             work.jettisons[j] = limit
             index = heating_index(start, flown.jettisons, j)
             _put_in(n, index, earliest + AT_ONCE, unknowns, work)
             work.pinned[index] = 1
             return True
     return False
+
+
+@kernel
+def _let_go(start: Record, mission: MissionRecords, work: Record) -> bool:
+    """Whether a free arc is held at a bound that it would rather leave; it is let go."""
+    found = False
+    for f in range(free_count(start, mission.arcs)):
+        switch = work.switches[f]
+        if switch.hold == NOT_HELD or switch.hold == HELD:
+            continue
+        longer = 1.0 if switch.hold == AT_SHORTEST else -1.0
+        if longer * switch.worth > _WORTHLESS * abs(work.price):
+            switch.hold = NOT_HELD
+            found = True
+    return found
 
 
 @kernel
@@ -237,25 +270,33 @@ def _solve_with_floors(
     """Newton, and what to do when a limit is met as soon as its drop is possible.
 
     The drop is then made at once, without the limit; if the limit turns out to be passed
-    there, it is kept with the drop held at its earliest time.
+    there, it is kept with the drop held at its earliest time. A free arc that runs into a bound
+    of its length is held there, as long as it would rather go on.
     """
     count = mission.jettisons.shape[0]
     flown = as_flown(mission, work)
     total = 0
     residual = math.inf
     status = STALLED
-    for _ in range(2 * count + 1):
+    changes = 2 * count + 1 + _BOUND_CHANGES * free_count(start, mission.arcs)
+    for _ in range(changes):
         iterations, residual, status = solve_two_point(start, flown, options, unknowns, work)
         total += iterations
         if status == AT_FLOOR:
-            n = unknown_count(start, flown.jettisons, options)
+            n = unknown_count(start, flown, options)
             j = which_jettison(start, flown, work.stuck)
             _take_out(n, work.stuck, unknowns, work)
             work.jettisons[j].criterion = TIME_AFTER_IGNITION
             work.jettisons[j].value = 0.0
             continue
+        if status == AT_BOUND:
+            work.switches[work.stuck_arc].hold = work.stuck_hold
+            continue
         if status != CONVERGED:
             return total, residual, status
+        if _let_go(start, mission, work):
+            status = STALLED
+            continue
         if not _hold_passed_limit(start, mission, options, unknowns, work):
             break
     if status != CONVERGED:
@@ -266,7 +307,7 @@ def _solve_with_floors(
     for j in range(count):
         left_out = flown.jettisons[j].criterion != HEATING_LIMIT
         if mission.jettisons[j].criterion == HEATING_LIMIT and left_out:
-            n = unknown_count(start, flown.jettisons, options)
+            n = unknown_count(start, flown, options)
             earliest = work.floor[_column_of(start, mission, j)]
             work.jettisons[j].criterion = HEATING_LIMIT
             index = heating_index(start, flown.jettisons, j)
@@ -309,6 +350,9 @@ def _reset(jettisons: NDArray[Any], work: Record) -> None:
         work.jettisons[j] = jettisons[j]
     for i in range(MAX_JETTISONS):
         work.pinned[i] = 0
+    for f in range(MAX_FREE + 1):
+        if work.switches[f].hold != HELD:
+            work.switches[f].hold = NOT_HELD
 
 
 @kernel

@@ -1,9 +1,10 @@
 """The optimum as a root: shooting and its Jacobian.
 
 Unknowns: lambda_v and lambda_r at the start, the cut-off time, and for every heating
-jettison still to come its time and pi. Equations: |lambda_v| = 1 at the start (the scale is
-free; printed: H_f = 1, Eq. 3.30), the terminal set with its reduced transversality
-conditions, and per heating jettison log heating = log limit and a continuous Hamiltonian.
+jettison still to come its time and pi, then the ends of free arcs before the last. Equations:
+|lambda_v| = 1 at the start (the scale is free; printed: H_f = 1, Eq. 3.30), the terminal set
+with its reduced transversality conditions, per heating jettison log heating = log limit and a
+continuous Hamiltonian, and the conditions of ``free_arcs``.
 """
 
 import math
@@ -31,26 +32,20 @@ from ares_optimizer.kernels.timetable import (
     COLUMN_CUTOFF,
     COLUMN_JETTISON,
     HEATING_OPTIMAL,
-    build_timetable,
+    Times,
+    fill_timetable,
+    free_count,
     heating_count,
 )
 from ares_optimizer.two_point.arrays import AT_ONCE, LINEAR, ROWS, RUNGE_KUTTA, Gravity
 from ares_optimizer.two_point.kernels.closed_form import closed_form_segment
 from ares_optimizer.two_point.kernels.costates import (
+    gravity_terms,
     integrate_segment,
     log_heating_hessian_product,
     thrust_acceleration_tangents,
 )
-
-
-@kernel
-def gravity_terms(r: Vector, gravity: Gravity, p: Vector) -> tuple[Vector, Vector]:
-    """Gravity g, m/s2, and its gradient times ``p``."""
-    if gravity.model == LINEAR:
-        return scale(-gravity.omega_square, r), scale(-gravity.omega_square, p)
-    square = dot(r, r)
-    k = gravity.mu / (square * math.sqrt(square))
-    return scale(-k, r), axpy(3.0 * k * dot(r, p) / square, r, scale(-k, p))
+from ares_optimizer.two_point.kernels.free_arcs import find_switches, note_segment, switch_rows
 
 
 @kernel
@@ -311,9 +306,15 @@ def _jettison_rows(
 
 
 @kernel
-def unknown_count(start: Record, jettisons: NDArray[Any], options: Record) -> int:
-    """Number of unknowns: 7, and 2 per heating jettison still to come."""
+def free_column(start: Record, jettisons: NDArray[Any], options: Record) -> int:
+    """Column of the first free end, after those of the heating jettisons still to come."""
     return COLUMN_JETTISON + 2 * heating_count(start, jettisons, options.heating)
+
+
+@kernel
+def unknown_count(start: Record, mission: MissionRecords, options: Record) -> int:
+    """Number of unknowns: 7, 2 per heating jettison still to come, 1 per free arc but the last."""
+    return free_column(start, mission.jettisons, options) + free_count(start, mission.arcs)
 
 
 @kernel
@@ -335,6 +336,22 @@ def search_is_over(options: Record, work: Record) -> bool:
 
 
 @kernel
+def load_times(
+    start: Record,
+    mission: MissionRecords,
+    options: Record,
+    unknowns: NDArray[np.float64],
+    work: Record,
+) -> None:
+    """Unknown times of jettisons and free arcs into ``work``."""
+    first = free_column(start, mission.jettisons, options)
+    for i in range((first - COLUMN_JETTISON) // 2):
+        work.heating_times[i] = unknowns[COLUMN_JETTISON + 2 * i]
+    for f in range(free_count(start, mission.arcs)):
+        work.arc_ends[f] = unknowns[first + f]
+
+
+@kernel
 def begin_flight(
     start: Record,
     mission: MissionRecords,
@@ -351,17 +368,11 @@ def begin_flight(
         unknowns: see :func:`shoot`.
         work: record WORK; ``segment_count`` is 0 where the times make no flight.
     """
-    n = unknown_count(start, mission.jettisons, options)
-    for i in range((n - COLUMN_JETTISON) // 2):
-        work.heating_times[i] = unknowns[COLUMN_JETTISON + 2 * i]
-    work.segment_count = build_timetable(
-        start,
-        mission.arcs,
-        mission.jettisons,
-        options.heating,
-        work.heating_times[:],
-        unknowns[COLUMN_CUTOFF],
-        work.segments[:],
+    load_times(start, mission, options, unknowns, work)
+    find_switches(start, mission.arcs, work)
+    times = Times(options.heating, work.heating_times[:], work.arc_ends[:], unknowns[COLUMN_CUTOFF])
+    work.segment_count = fill_timetable(
+        start, mission.arcs, mission.jettisons, times, work.segments[:], work.layout
     )
     work.passive = 0 if options.heating == HEATING_OPTIMAL else 1
     state = work.state
@@ -392,8 +403,7 @@ def part_of(segment: Record, k: int, parts: int, part: Record) -> None:
     part.flow = segment.flow + segment.flow_slope * s
     part.flow_slope = segment.flow_slope
     part.mass = segment.mass - s * (segment.flow + 0.5 * s * segment.flow_slope)
-    part.start_column = -1
-    part.end_column = -1
+    part.moves = 0
 
 
 @kernel
@@ -450,22 +460,27 @@ def _shoot(
     met = 0
     for i in range(count):
         segment = work.segments[i]
-        if segment.end_column >= 0:
+        if segment.moves == 1:
             work.columns = work.columns_wanted
         # the number of steps only grows within a solve: no chatter between two grids
         steps = max(step_count(segment, options.step), work.steps[i])
         work.steps[i] = steps
         work.spent += steps
         fly_segment(segment, steps, gravity, options, work)
+        if work.planned == 1:
+            note_segment(i, mission.arcs, gravity, work)
         if segment.end_heating >= 0 and i + 1 < count:
             met += 1
             limit = mission.jettisons[which_jettison(start, mission, segment.end_heating)].value
             pi = unknowns[COLUMN_JETTISON + 2 * segment.end_heating + 1]
             _jettison_rows(i, limit, pi, mission, gravity, work)
-    n = unknown_count(start, mission.jettisons, options)
-    if COLUMN_JETTISON + 2 * met != n:
+    n = unknown_count(start, mission, options)
+    first = free_column(start, mission.jettisons, options)
+    if COLUMN_JETTISON + 2 * met != first:
         return False
     _end_rows(mission.target, gravity.mu, work)
+    if work.planned == 1 and not switch_rows(start, mission, unknowns, first, work):
+        return False
     total = 0.0
     for i in range(n):
         total += work.residual[i]
@@ -487,7 +502,8 @@ def shoot(
         mission: what is flown; its J2 plays no part.
         options: record OPTIONS.
         unknowns: shape (at least n,): lambda_v (3), lambda_r (3, 1/s), cut-off time (s), then
-            per heating jettison its time (s) and pi (per unit of log heating).
+            per heating jettison its time (s) and pi (per unit of log heating), then the end
+            (s) of each free arc but the last.
         work: record WORK; ``residual`` is written, ``state`` holds the end.
 
     Returns:
@@ -506,5 +522,5 @@ def shoot_with_jacobian(
     work: Record,
 ) -> bool:
     """As :func:`shoot`; ``work.jacobian`` is written too."""
-    work.columns_wanted = unknown_count(start, mission.jettisons, options)
+    work.columns_wanted = unknown_count(start, mission, options)
     return _shoot(start, mission, options, unknowns, work)

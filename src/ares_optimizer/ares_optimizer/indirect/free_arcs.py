@@ -1,0 +1,205 @@
+"""The two-point problem with free arcs, from the mission alone.
+
+With its free arcs held at given lengths a flight is an ordinary one, and the solver's own
+guesses lead to it; let go, the arcs find their lengths. In orbit, where long coasts lead
+those guesses astray, the thrust along the velocity and turning with it is the guess. Several
+lengths are tried, and the best extremal that is a minimum is taken.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models.arrays import BURN
+from ares_optimizer.indirect.solver import Root, TwoPointSolver
+from ares_optimizer.kernels.timetable import COLUMN_CUTOFF, COLUMN_JETTISON
+from ares_optimizer.plan import free_arcs, longest_burn, spent, trial_lengths
+from ares_optimizer.two_point.arrays import LAMBDA_R, NOT_HELD, PRIMER
+
+Array = NDArray[np.float64]
+
+_MOST_TRIALS = 15
+_ITERATIONS = 30  # of one start
+#: Move of a length that must not save propellant, s, and as part of it.
+_MOVE_S = 1.0
+_MOVE_PART = 0.01
+_SAME_KG = 1e-6
+
+
+@dataclass
+class _Search:
+    """The best root so far, and the work that went into all of them."""
+
+    solver: TwoPointSolver
+    start: NDArray[np.void]
+    best: Root | None = None
+    last: Root | None = None
+    iterations: int = 0
+    restarts: int = 0
+
+    def cost(self, root: Root) -> float:
+        """Propellant of the free burns, kg."""
+        return spent(self.solver.arrays, self.start[0], root.lengths, root.last_length)
+
+    def take(self, root: Root) -> Root:
+        """Count a root's work."""
+        self.iterations += root.iterations
+        self.restarts += root.restarts + 1
+        return root
+
+    def release(self, root: Root) -> None:
+        """Let the arcs of a root go; keep what becomes of it, if it is the best."""
+        self.solver.hold(self.start, {})
+        self.consider(self.take(self.solver.solve(self.start, root.unknowns, restart=False)))
+
+    def consider(self, root: Root) -> None:
+        """Keep a root if it is the best."""
+        self.last = root
+        if not root.converged:
+            return
+        if self.best is not None and self.cost(root) >= self.cost(self.best) - _SAME_KG:
+            return
+        if is_least(self.solver, self.start, root):
+            self.best = root
+
+
+def unknowns_of(
+    solver: TwoPointSolver, start: NDArray[np.void], lengths: Array, last: float
+) -> Array:
+    """Unknowns with the times of arcs of given lengths; costates zero.
+
+    Args:
+        solver: of the mission.
+        start: shape (1,), dtype NAVIGATION.
+        lengths: s, of the free arcs.
+        last: s, of the last one.
+    """
+    arcs = solver.arrays.arcs
+    free = free_arcs(solver.arrays, start[0])
+    unknowns = np.zeros(solver.size(start))
+    first = unknowns.size - len(free)
+    time = float(start["arc_start_time"][0])
+    for k in range(int(start["arc"][0]), len(arcs) - 1):
+        if k in free:
+            time += float(lengths[free.index(k)])
+            unknowns[first + free.index(k)] = time
+        else:
+            time += float(arcs[k]["duration"])
+    unknowns[COLUMN_CUTOFF] = time + last
+    drops = unknowns[COLUMN_JETTISON:first:2]
+    drops[:] = np.linspace(float(start["time"][0]), time, drops.size + 2)[1:-1]
+    return unknowns
+
+
+def along_velocity(solver: TwoPointSolver, start: NDArray[np.void], unknowns: Array) -> Array:
+    """The same with the primer along the velocity, turning as gravity turns that."""
+    position, velocity = start["position"][0], start["velocity"][0]
+    mu = float(solver.arrays.environment[0]["mu"])
+    gravity = -mu * position / np.linalg.norm(position) ** 3
+    speed = float(np.linalg.norm(velocity))
+    along = velocity / speed
+    out = unknowns.copy()
+    out[PRIMER] = along
+    out[LAMBDA_R] = -(gravity - along * (along @ gravity)) / speed
+    return out
+
+
+def find_planned(
+    solver: TwoPointSolver, start: NDArray[np.void], guess: Array | None = None
+) -> Root:
+    """The best root, with all free arcs at their best lengths.
+
+    Args:
+        solver: of the mission.
+        start: shape (1,), dtype NAVIGATION.
+        guess: unknowns to try first; None: none.
+
+    Returns:
+        the root that takes the least propellant, else the last one tried, not converged.
+    """
+    search = _Search(solver, start)
+    whole = int(solver.options["max_iterations"][0])
+    solver.options["max_iterations"] = min(whole, _ITERATIONS)
+    try:
+        if guess is not None:
+            search.release(_as_root(guess, solver, start))
+        for trial, lengths in enumerate(trial_lengths(solver.arrays, start)):
+            if trial == _MOST_TRIALS or solver.deadline.passed:
+                break
+            _try(search, lengths)
+    finally:
+        solver.options["max_iterations"] = whole
+        solver.hold(start, {})
+    root = search.best or search.last
+    if root is None:
+        root = solver.newton(start, unknowns_of(solver, start, np.zeros(0), 0.0))
+    return replace(root, iterations=search.iterations, restarts=max(0, search.restarts - 1))
+
+
+def _as_root(guess: Array, solver: TwoPointSolver, start: NDArray[np.void]) -> Root:
+    count = len(free_arcs(solver.arrays, start[0]))
+    return Root(guess, 0, math.inf, 0, -1, np.zeros(count), math.nan)
+
+
+def _try(search: _Search, lengths: Array) -> None:
+    """From one set of lengths: held first, and along the velocity at once."""
+    solver, start = search.solver, search.start
+    last = _last_length(solver)
+    unknowns = unknowns_of(solver, start, lengths, last)
+    held = dict(enumerate(lengths))
+    if math.isfinite(solver.arrays.arcs[-1]["duration"]):
+        # one burn has to pay
+        held.pop(_last_free_burn(solver, start))
+    solver.hold(start, held)
+    root = search.take(solver.solve(start, None, times=unknowns))
+    if root.converged:
+        search.release(root)
+    solver.hold(start, {})
+    ahead = along_velocity(solver, start, unknowns)
+    search.consider(search.take(solver.solve(start, ahead, restart=False)))
+
+
+def _last_free_burn(solver: TwoPointSolver, start: NDArray[np.void]) -> int:
+    """Index of the last free burn among the free arcs."""
+    arcs = solver.arrays.arcs
+    free = free_arcs(solver.arrays, start[0])
+    return max(f for f, k in enumerate(free) if arcs[k]["kind"] == BURN)
+
+
+def _last_length(solver: TwoPointSolver) -> float:
+    """A first length of the last burn, s."""
+    last = solver.arrays.arcs[-1]
+    if math.isfinite(last["duration"]):
+        return float(last["duration"])
+    return 0.5 * longest_burn(solver.arrays, len(solver.arrays.arcs) - 1)
+
+
+def is_least(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> bool:
+    """Whether no free arc, a little longer or shorter, would save propellant.
+
+    The other arcs are free to follow. An arc that is held at a bound is known to press on it.
+    """
+    arrays = solver.arrays
+    free = free_arcs(arrays, start[0])
+    cost = spent(arrays, start[0], root.lengths, root.last_length)
+    for f, hold in enumerate(solver.holds(start)):
+        if hold != NOT_HELD:
+            continue
+        length = float(root.lengths[f])
+        move = max(_MOVE_S, _MOVE_PART * length)
+        arc = arrays.arcs[free[f]]
+        for moved in (length - move, length + move):
+            if not float(arc["shortest"]) < moved < float(arc["longest"]):
+                continue
+            solver.hold(start, {f: moved})
+            beside = solver.solve(start, root.unknowns, restart=False)
+            if not beside.converged:
+                continue
+            other = spent(arrays, start[0], beside.lengths, beside.last_length)
+            if other < cost - _SAME_KG:
+                solver.hold(start, {})
+                return False
+    solver.hold(start, {})
+    return True

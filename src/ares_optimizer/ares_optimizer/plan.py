@@ -1,0 +1,135 @@
+"""Arcs whose ends guidance decides: their lengths, and the mission with these lengths given."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models.arrays import BURN, MissionArrays, Record
+from ares_optimizer.proof.sequence import plan_flight
+from ares_optimizer.solution import FlownArc
+
+Array = NDArray[np.float64]
+
+#: Trial lengths of coasts as parts of the period of a low orbit, and of burns as parts of
+#: what the propellant allows.
+_COASTS = (0.01, 0.2, 0.06, 0.45, 0.75)
+_BURNS = (0.5, 0.8, 0.25)
+#: Least length of an arc that may vanish, s.
+_SHORTEST = 1e-3
+
+
+def free_arcs(arrays: MissionArrays, start: Record) -> list[int]:
+    """Free arcs still to end before the last one, in flight order.
+
+    Args:
+        arrays: the mission.
+        start: record NAVIGATION.
+    """
+    free = np.isinf(arrays.arcs["duration"][:-1])
+    return [int(k) for k in np.flatnonzero(free) if k >= int(start["arc"])]
+
+
+def plans_arcs(arrays: MissionArrays, start: Record) -> bool:
+    """Whether there is more to decide than when the last burn ends."""
+    return bool(free_arcs(arrays, start)) or math.isfinite(arrays.arcs[-1]["duration"])
+
+
+def with_lengths(arrays: MissionArrays, start: Record, lengths: Array) -> MissionArrays:
+    """The mission with its free arcs as long as planned; the last one is free.
+
+    Args:
+        arrays: the mission.
+        start: record NAVIGATION.
+        lengths: s, shape (n,), of :func:`free_arcs`.
+    """
+    arcs = arrays.arcs.copy()
+    for k, length in zip(free_arcs(arrays, start), lengths, strict=True):
+        arcs[k]["duration"] = length
+    arcs[-1]["duration"] = math.inf
+    return arrays._replace(arcs=arcs)
+
+
+def longest_burn(arrays: MissionArrays, k: int) -> float:
+    """Length of burn ``k`` if it took all propellant of its stage, s."""
+    arc = arrays.arcs[k]
+    return float(arc["propellant"] / arc["mass_flow"] + arc["start_loss"] - arc["tail_gain"])
+
+
+def length_bounds(arrays: MissionArrays, start: Record) -> tuple[Array, Array]:
+    """Shortest and longest lengths of the free arcs, s; a burn no longer than its propellant."""
+    low = []
+    high = []
+    for k in free_arcs(arrays, start):
+        arc = arrays.arcs[k]
+        low.append(max(float(arc["shortest"]), _SHORTEST))
+        longest = float(arc["longest"])
+        if arc["kind"] == BURN:
+            longest = min(longest, longest_burn(arrays, k))
+        high.append(max(longest, low[-1]))
+    return np.array(low), np.array(high)
+
+
+def trial_lengths(arrays: MissionArrays, start: NDArray[np.void]) -> Iterator[Array]:
+    """Lengths of the free arcs to begin a search with, the likeliest first.
+
+    Args:
+        arrays: the mission.
+        start: shape (1,), dtype NAVIGATION.
+    """
+    radius = float(np.linalg.norm(start["position"][0]))
+    period = math.tau * math.sqrt(radius**3 / float(arrays.environment[0]["mu"]))
+    choices = []
+    for k, low, high in zip(
+        free_arcs(arrays, start[0]), *length_bounds(arrays, start[0]), strict=True
+    ):
+        burn = arrays.arcs[k]["kind"] == BURN
+        whole = high if burn else min(period, 2.0 * high)
+        parts = [part * whole for part in (_BURNS if burn else _COASTS)]
+        choices.append([min(max(part, low), high) for part in parts])
+    count = max((len(choice) for choice in choices), default=1)
+    seen = set()
+    # a diagonal through the grid first, then its neighbours
+    for shift in range(count):
+        for turn in range(count):
+            lengths = tuple(
+                choice[(turn + f * shift) % len(choice)] for f, choice in enumerate(choices)
+            )
+            if lengths not in seen:
+                seen.add(lengths)
+                yield np.array(lengths)
+
+
+def last_begin(arrays: MissionArrays, start: Record, lengths: Array) -> float:
+    """When the last arc begins by the clock, s: no fixed burn runs dry before its time."""
+    planned = with_lengths(arrays, start, lengths).arcs
+    first = int(start["arc"])
+    return float(start["arc_start_time"]) + float(planned["duration"][first:-1].sum())
+
+
+def spent(arrays: MissionArrays, start: Record, lengths: Array, last: float) -> float:
+    """Propellant that the free burns take from now on, but for their thrust curves, kg.
+
+    Args:
+        arrays: the mission.
+        start: record NAVIGATION.
+        lengths: s, of :func:`free_arcs`.
+        last: length of the last burn, s.
+    """
+    total = 0.0
+    for k, length in zip(free_arcs(arrays, start), lengths, strict=True):
+        if arrays.arcs[k]["kind"] == BURN:
+            total += float(arrays.arcs[k]["mass_flow"] * length)
+    return total + float(arrays.arcs[-1]["mass_flow"]) * last
+
+
+def flown_arcs(arrays: MissionArrays, start: Record, t_meco: float) -> tuple[FlownArc, ...]:
+    """The arcs from the start on, with their times.
+
+    Args:
+        arrays: the mission, its lengths given.
+        start: record NAVIGATION.
+        t_meco: cut-off command, s.
+    """
+    return tuple(FlownArc(*arc) for arc in plan_flight(arrays, start, t_meco).arcs)
