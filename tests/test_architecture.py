@@ -45,7 +45,7 @@ ROOMS = {
     # part one aims at the optimum's state at its jettison
     "analytic": {"kernels", "proof", "direct"},
 }
-SHARED = {"deadline", "obstacles", "pieces", "request", "solution", "targets"}
+SHARED = {"deadline", "obstacles", "pieces", "plan", "request", "solution", "targets"}
 JOINS = {"rival", "solve", "node", "__main__", "__init__"}
 #: What flight software may take from the optimizer.
 ON_BOARD = {"ares_optimizer.two_point.arrays", "ares_optimizer.two_point.contract"}

@@ -14,8 +14,7 @@ from ares_models.arrays import (
     TARGET,
     Record,
 )
-from ares_optimizer.two_point.arrays import OPTIONS, WORK
-from ares_optimizer.two_point.contract import MAX_UNKNOWNS
+from ares_optimizer.two_point.arrays import MAX_COLUMNS, OPTIONS, WORK
 
 MAX_SEGMENTS = 32
 
@@ -86,7 +85,7 @@ OPTIMAL_MEMORY = np.dtype(
         ("age", np.int64),  # cycles since the Jacobian
         ("time", np.float64),  # s, where lambda_v and lambda_r hold
         ("jettisoned", np.int64),
-        ("unknowns", np.float64, (MAX_UNKNOWNS,)),
+        ("unknowns", np.float64, (MAX_COLUMNS,)),
         ("jettisons", JETTISON, (MAX_JETTISONS,)),  # with the limits in on-board units
         ("arcs", ARC, (MAX_SEGMENTS,)),  # with the engines as measured
         ("arcs_from", np.int64),  # the arc at which they were copied, + 1

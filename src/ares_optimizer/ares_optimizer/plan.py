@@ -7,8 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import BURN, MissionArrays, Record
-from ares_optimizer.proof.sequence import plan_flight
-from ares_optimizer.solution import FlownArc
 
 Array = NDArray[np.float64]
 
@@ -16,6 +14,9 @@ Array = NDArray[np.float64]
 #: what the propellant allows.
 _COASTS = (0.01, 0.2, 0.06, 0.45, 0.75)
 _BURNS = (0.5, 0.8, 0.25)
+#: How far a coast may dip below the ground, of the radius there, to be shown and refused by
+#: name; what goes deeper is no flight.
+DEEPEST = 0.01
 #: Least length of an arc that may vanish, s.
 _SHORTEST = 1e-3
 
@@ -122,14 +123,3 @@ def spent(arrays: MissionArrays, start: Record, lengths: Array, last: float) -> 
         if arrays.arcs[k]["kind"] == BURN:
             total += float(arrays.arcs[k]["mass_flow"] * length)
     return total + float(arrays.arcs[-1]["mass_flow"]) * last
-
-
-def flown_arcs(arrays: MissionArrays, start: Record, t_meco: float) -> tuple[FlownArc, ...]:
-    """The arcs from the start on, with their times.
-
-    Args:
-        arrays: the mission, its lengths given.
-        start: record NAVIGATION.
-        t_meco: cut-off command, s.
-    """
-    return tuple(FlownArc(*arc) for arc in plan_flight(arrays, start, t_meco).arcs)

@@ -13,7 +13,8 @@ from ares_optimizer.analytic.solve import solve_analytic
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.free_arcs import solve_direct_planned
 from ares_optimizer.direct.solve import solve_direct
-from ares_optimizer.plan import flown_arcs, free_arcs, plans_arcs, with_lengths
+from ares_optimizer.plan import free_arcs, plans_arcs, with_lengths
+from ares_optimizer.proof.flight import flown_arcs
 from ares_optimizer.request import (
     ANALYTIC_METHOD,
     INDIRECT_METHODS,

@@ -44,6 +44,8 @@ def test_json_has_the_published_keys(ares_v):
         "t_plf_s",
         "t_meco_s",
         "m_f_kg",
+        "delta_v_m_s",
+        "arcs",
         "iterations",
         "solve_ms",
         "verification",

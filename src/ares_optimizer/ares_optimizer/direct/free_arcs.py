@@ -15,6 +15,7 @@ from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
 from ares_optimizer.direct.solve import solve_direct
 from ares_optimizer.plan import (
+    DEEPEST,
     last_begin,
     length_bounds,
     spent,
@@ -24,7 +25,6 @@ from ares_optimizer.plan import (
 from ares_optimizer.proof.flight import fly, steering_of
 from ares_optimizer.request import Request
 from ares_optimizer.solution import Cause, Solution, Status
-from ares_optimizer.two_point.kernels.search import DEEPEST
 
 Array = NDArray[np.float64]
 

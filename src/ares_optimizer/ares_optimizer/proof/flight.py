@@ -23,7 +23,7 @@ from ares_models.arrays import (
 )
 from ares_optimizer.proof.physics import gravity, heating
 from ares_optimizer.proof.sequence import Plan, plan_flight, running, thrust_and_flow
-from ares_optimizer.solution import SteeringArc, Trajectory, joined
+from ares_optimizer.solution import FlownArc, SteeringArc, Trajectory, joined
 
 Array = NDArray[np.float64]
 
@@ -282,3 +282,14 @@ def fly(
         peak_time,
         tuple(pieces),
     )
+
+
+def flown_arcs(arrays: MissionArrays, start: Record, t_meco: float) -> tuple[FlownArc, ...]:
+    """The arcs from the start on, with their times.
+
+    Args:
+        arrays: the mission, the lengths of its arcs given.
+        start: record NAVIGATION.
+        t_meco: cut-off command, s.
+    """
+    return tuple(FlownArc(*arc) for arc in plan_flight(arrays, start, t_meco).arcs)

@@ -30,6 +30,7 @@ from ares_optimizer.kernels.timetable import (
     segment_mass,
     segment_thrust,
 )
+from ares_optimizer.plan import DEEPEST
 from ares_optimizer.two_point.arrays import (
     AT_ONCE,
     AT_SHORTEST,
@@ -74,9 +75,6 @@ _OWN_STARTS = (
 _ROUNDING = 1e-6  # of pi, where a drop weighs nothing
 _SCAN = 5.0  # s, between looks at the heating
 _MOST_SCANS = 2000
-#: How far a coast may dip below the ground, of the radius there, to be shown and refused by
-#: name; what goes deeper is no flight.
-DEEPEST = 0.01
 _BOUND_CHANGES = 4  # of one arc: held at a bound, let go
 _WORTHLESS = 1e-9  # kg/s of propellant
 

@@ -1,0 +1,256 @@
+"""Missions with free arcs: published answers, exact derivatives, bounds, minima."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ares_models.mission import load_mission
+from ares_optimizer.indirect.free_arcs import find_planned, is_least
+from ares_optimizer.indirect.solver import TwoPointSolver
+from ares_optimizer.plan import free_arcs, length_bounds, spent, trial_lengths, with_lengths
+from ares_optimizer.solution import Check, Status, UnfitMethod
+from ares_optimizer.solve import solve
+from ares_optimizer.two_point.arrays import AT_LONGEST, NOT_HELD
+
+MISSIONS = Path(__file__).parent / "missions"
+#: Each found by two independent programs: sum of burns in m/s, lengths of arcs in s.
+PUBLISHED = {
+    "titan2_coast": (8476.5717, {"coast": 46.177}),
+    "titan2_restart": (
+        8101.8936,
+        {"first burn": 153.2530, "coast": 450.0, "second burn": 9.1581},
+    ),
+    "two_burn": (
+        # 0.3994878 of the circular speed at the start
+        0.3994878 * math.sqrt(3.986004418e14 / 6678137.0),
+        {"first burn": 1931.756, "coast": 6378.034, "second burn": 1099.822},
+    ),
+}
+
+
+def mission(name):
+    return load_mission(MISSIONS / f"{name}.yaml")
+
+
+def edited(tmp_path, name, *changes):
+    text = (MISSIONS / f"{name}.yaml").read_text()
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    path = tmp_path / f"{name}.yaml"
+    path.write_text(text)
+    return load_mission(path)
+
+
+@pytest.fixture(scope="module")
+def solved():
+    return {name: solve(mission(name), "indirect") for name in PUBLISHED}
+
+
+class TestPublished:
+    @pytest.mark.parametrize("name", PUBLISHED)
+    def test_sum_of_burns_and_lengths(self, solved, name):
+        delta_v, lengths = PUBLISHED[name]
+        solution = solved[name]
+        assert solution.delta_v_m_s == pytest.approx(delta_v, abs=5e-4)
+        names = mission(name).arc_names
+        found = {names[arc.arc]: arc.end_s - arc.start_s for arc in solution.flown}
+        for arc, length in lengths.items():
+            assert found[arc] == pytest.approx(length, abs=1e-3)
+
+    def test_circular(self):
+        solution = solve(mission("titan2_circular"), "indirect")
+        assert solution.converged
+        assert solution.m_f_kg == pytest.approx(7672.214, abs=1e-3)
+        assert solution.t_meco_s == pytest.approx(318.0089, abs=1e-4)
+
+    def test_proven(self, solved):
+        for name in ("titan2_coast", "two_burn"):
+            assert solved[name].converged, solved[name].reason
+            assert solved[name].verification.position_defect_m < 0.01
+
+    def test_a_dip_below_the_ground_is_named_and_solved_all_the_same(self, solved):
+        solution = solved["titan2_restart"]
+        assert solution.status is Status.INFEASIBLE
+        assert "goes through the ground" in solution.reason
+
+    def test_a_coast_at_its_bound_has_a_price(self, solved):
+        """A second more of it is worth what the neighbouring problem says."""
+        checks = [c for c in solved["titan2_restart"].constraints if c.key is Check.ARC_LENGTH]
+        burn, coast = checks
+        assert (burn.active, coast.active) == (False, True)
+        assert coast.value == coast.limit == pytest.approx(450.0, abs=1e-6)
+
+    def test_json(self, solved):
+        data = solved["titan2_coast"].to_json(mission("titan2_coast").arc_names)
+        assert [arc["name"] for arc in data["arcs"]] == ["stage 1", "coast", "burn"]
+        assert data["arcs"][0]["start_s"] == 0.0
+        assert data["arcs"][2]["end_s"] == data["t_meco_s"]
+        assert data["delta_v_m_s"] == pytest.approx(8476.5717, abs=5e-4)
+
+
+def price_of_a_second(tmp_path):
+    masses = []
+    for longest in (449.0, 451.0):
+        changed = edited(tmp_path, "titan2_restart", ("max_s: 450.0", f"max_s: {longest}"))
+        masses.append(solve(changed, "indirect").m_f_kg)
+    return 0.5 * (masses[1] - masses[0])
+
+
+def test_the_multiplier_of_a_bound(tmp_path, solved):
+    (coast,) = [c for c in solved["titan2_restart"].constraints if c.active and c.unit == "s"]
+    assert coast.multiplier == pytest.approx(price_of_a_second(tmp_path), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "held"),
+    [
+        ("titan2_coast", []),
+        ("titan2_restart", []),
+        ("titan2_restart", [1]),
+        ("titan2_restart", [0, 1]),
+        ("two_burn", []),
+    ],
+)
+def test_jacobian_is_exact(solved, name, held):
+    """Of switching conditions and held lengths, against differences."""
+    flight = mission(name)
+    start = flight.start().navigation()
+    solver = TwoPointSolver(flight.arrays())
+    lengths = np.array(solved[name].lengths_s)
+    base = solved[name].parameters.copy()
+    solver.hold(start, {f: float(lengths[f]) + 3.0 for f in held})
+    _, jacobian, _ = solver.shoot(start, base)
+    steps = np.array([1e-6] * 3 + [1e-9] * 3 + [1e-3] * (base.size - 6))
+    for c, step in enumerate(steps):
+        move = np.zeros(base.size)
+        move[c] = step
+        ahead, behind = (solver.shoot(start, base + side)[0] for side in (move, -move))
+        column = (ahead - behind) / (2.0 * step)
+        size = np.abs(jacobian[:, c]).max()
+        np.testing.assert_allclose(column, jacobian[:, c], rtol=2e-5, atol=2e-6 * size)
+
+
+def test_a_length_is_worth_what_its_change_costs(solved):
+    """The switching function against the mission solved with another length."""
+    flight = mission("titan2_restart")
+    start = flight.start().navigation()
+    arrays = flight.arrays()
+    solver = TwoPointSolver(arrays)
+    root = solved["titan2_restart"].parameters
+    lengths = {0: 150.0, 1: 400.0}
+
+    def cost(change):
+        held = {f: length + change * (f == 0) for f, length in lengths.items()}
+        solver.hold(start, held)
+        there = solver.solve(start, root, restart=False)
+        assert there.converged
+        return spent(arrays, start[0], there.lengths, there.last_length)
+
+    cost(0.0)
+    worth = float(solver.work["switches"]["worth"][0, 0] / solver.work["price"][0])
+    assert -worth == pytest.approx((cost(0.02) - cost(-0.02)) / 0.04, rel=1e-4)
+
+
+class TestBounds:
+    def test_a_coast_that_must_be_longer(self, tmp_path):
+        changed = edited(
+            tmp_path, "titan2_coast", ("coast_s: free", "coast_s: free\n        min_s: 60.0")
+        )
+        solution = solve(changed, "indirect")
+        assert solution.converged, solution.reason
+        assert solution.lengths_s == pytest.approx((60.0,), abs=1e-6)
+        (check,) = [c for c in solution.constraints if c.key is Check.ARC_LENGTH]
+        assert check.active
+        assert check.multiplier < 0.0
+
+    def test_holds_are_those_of_the_bounds(self):
+        flight = mission("titan2_restart")
+        start = flight.start().navigation()
+        solver = TwoPointSolver(flight.arrays())
+        root = find_planned(solver, start)
+        again = solver.solve(start, root.unknowns, restart=False)
+        assert again.converged
+        assert solver.holds(start) == [NOT_HELD, AT_LONGEST]
+
+    def test_no_coast_where_none_pays(self, tmp_path):
+        """A coast that would rather vanish."""
+        changed = edited(
+            tmp_path,
+            "two_burn",
+            ("radius_m: 20034411.0", "radius_m: 6778137.0"),
+            ("speed_m_s: 4460.469749684", "speed_m_s: 7668.557"),
+            ("thrust_n: 89377.2786685", "thrust_n: 9937.2786685"),
+        )
+        start = changed.start().navigation()
+        low, high = length_bounds(changed.arrays(), start[0])
+        assert (low > 0.0).all()
+        assert (high >= low).all()
+
+
+def test_a_saddle_is_no_minimum(solved):
+    """Lengths at which the conditions hold and a neighbour does better are refused."""
+    flight = mission("titan2_coast")
+    start = flight.start().navigation()
+    solver = TwoPointSolver(flight.arrays())
+    root = solver.solve(start, solved["titan2_coast"].parameters, restart=False)
+    assert is_least(solver, start, root)
+    solver.hold(start, {0: 20.0})
+    off = solver.solve(start, solved["titan2_coast"].parameters, restart=False)
+    assert off.converged
+    solver.hold(start, {})
+    assert not is_least(solver, start, off)
+
+
+def test_last_burn_of_fixed_length(tmp_path):
+    """A solid that closes the flight: the free burn before it makes up for it."""
+    changed = edited(
+        tmp_path,
+        "titan2_restart",
+        (
+            "burn_time_s: free\n\ntarget",
+            "burn_time_s: 12.0\n\ntarget",
+        ),
+    )
+    solution = solve(changed, "indirect")
+    last = solution.flown[-1]
+    assert last.end_s - last.start_s == pytest.approx(12.0, abs=1e-6)
+    free = solve(mission("titan2_restart"), "indirect")
+    assert solution.delta_v_m_s > free.delta_v_m_s
+    # with the solid as long as the optimum has it, nothing is lost
+    length = free.flown[-1].end_s - free.flown[-1].start_s
+    same = edited(
+        tmp_path,
+        "titan2_restart",
+        ("burn_time_s: free\n\ntarget", f"burn_time_s: {length!r}\n\ntarget"),
+    )
+    assert solve(same, "indirect").delta_v_m_s == pytest.approx(free.delta_v_m_s, abs=1e-3)
+
+
+@pytest.mark.parametrize("name", ["titan2_coast", "titan2_restart"])
+def test_direct_agrees(solved, name):
+    solution = solve(mission(name), "direct11")
+    assert solution.delta_v_m_s >= solved[name].delta_v_m_s - 1e-3
+    assert solution.delta_v_m_s == pytest.approx(solved[name].delta_v_m_s, abs=0.1)
+    assert solution.lengths_s == pytest.approx(solved[name].lengths_s, abs=0.1)
+
+
+@pytest.mark.parametrize("method", ["analytic", "closed_form"])
+def test_methods_that_plan_no_arcs_say_so(method):
+    with pytest.raises(UnfitMethod, match="last arc alone is free"):
+        solve(mission("titan2_coast"), method)
+
+
+def test_trials_stay_between_the_bounds():
+    flight = mission("titan2_restart")
+    arrays, start = flight.arrays(), flight.start().navigation()
+    low, high = length_bounds(arrays, start[0])
+    trials = list(trial_lengths(arrays, start))
+    assert len(trials) > 5
+    for lengths in trials:
+        assert (low <= lengths).all()
+        assert (lengths <= high).all()
+    planned = with_lengths(arrays, start[0], trials[0])
+    assert planned.arcs["duration"][free_arcs(arrays, start[0])] == pytest.approx(trials[0])
