@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from ares_models.arrays import (
     ARC,
     JETTISON,
+    MAX_ARCS,
     MAX_JETTISONS,
     NAVIGATION,
     STEERING,
@@ -184,6 +185,8 @@ SOLUTION = np.dtype(
         ("tail_drift", np.float64),  # s by which the tail outlasts them
         # of heating jettisons, MET; inf: beyond cut-off, planned without
         ("jettison_time", np.float64, (MAX_JETTISONS,)),
+        # of free arcs, MET; nan: not free, past, or not planned
+        ("arc_end_times", np.float64, (MAX_ARCS,)),
     ],
     align=True,
 )
@@ -254,4 +257,5 @@ def blank_onboard(settings: NDArray[Any]) -> OnboardArrays:
     steering["cutoff_time"] = np.nan
     steering["jettison"] = -1
     steering["jettison_time"] = np.nan
+    steering["arc_end_times"] = np.nan
     return OnboardArrays(np.zeros(1, NAVIGATION), settings, np.zeros(1, GUIDANCE_STATE), steering)

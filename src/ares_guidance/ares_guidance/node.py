@@ -325,6 +325,7 @@ class GuidanceNode(FlightNode):
                     cutoff_time=float(steering["cutoff_time"]),
                     jettison=int(steering["jettison"]),
                     jettison_time=float(steering["jettison_time"]),
+                    arc_end_times=steering["arc_end_times"][: len(self._arrays.arcs)],
                 )
             )
         if due:

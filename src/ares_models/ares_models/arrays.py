@@ -145,6 +145,8 @@ STEERING = np.dtype(
         ("cutoff_time", np.float64),  # predicted main-engine cut-off; nan: not known yet
         ("jettison", np.int64),  # which jettison is timed by guidance; -1: none
         ("jettison_time", np.float64),  # nan: none is due
+        # when each free arc ends; nan: not free, past, or not planned
+        ("arc_end_times", np.float64, (MAX_ARCS,)),
     ],
     align=True,
 )

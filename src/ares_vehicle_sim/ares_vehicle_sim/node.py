@@ -456,6 +456,8 @@ class VehicleSimNode(FlightNode):
             steering[name] = getattr(message, name)
         steering["jettison"] = message.jettison
         steering["jettison_time"] = message.jettison_time
+        steering["arc_end_times"] = math.nan
+        steering["arc_end_times"][0, : len(message.arc_end_times)] = message.arc_end_times
         try:
             self.simulator.command(steering)
         except CommandRefused as error:

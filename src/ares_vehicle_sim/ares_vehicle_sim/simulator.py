@@ -225,7 +225,7 @@ def _complaint(command: Any, jettisons: int) -> str:
         return (
             f"direction has length {length:.9g}; expected a unit vector within {UNIT_TOLERANCE:g}"
         )
-    for name in ("cutoff_time", "jettison_time"):
-        if math.isinf(command[name]):
+    for name in ("cutoff_time", "jettison_time", "arc_end_times"):
+        if np.any(np.isinf(command[name])):
             return f"{name} is {command[name]}; expected a time or nan"
     return f"jettison is {command['jettison']}; expected -1 to {jettisons - 1}"

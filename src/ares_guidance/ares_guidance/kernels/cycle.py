@@ -29,7 +29,7 @@ from ares_guidance.kernels.prediction import LinearTangent
 from ares_guidance.kernels.segments import plan_segments
 from ares_guidance.kernels.shortfall import ROUNDS, SETTLED, lacking_speed, lower_target
 from ares_guidance.kernels.start import start_guess
-from ares_models.arrays import BURN, MissionRecords, Record
+from ares_models.arrays import BURN, MAX_ARCS, MissionRecords, Record
 from ares_models.jit import inlined, kernel
 from ares_models.kernels.environment import gravity, heating_rate
 from ares_models.kernels.sequence import awaits_heating
@@ -105,6 +105,8 @@ def accept(onboard: Onboard) -> None:
     store(steering.direction, load(solution.direction))
     store(steering.direction_rate, load(solution.direction_rate))
     steering.cutoff_time = onboard.navigation.time + solution.time_to_go - solution.tail_gain
+    for k in range(MAX_ARCS):
+        steering.arc_end_times[k] = solution.arc_end_times[k]
 
 
 @kernel
@@ -283,6 +285,8 @@ def catch_up(mission: MissionRecords, onboard: Onboard) -> None:
         point_along_velocity(onboard)
         store(steering.direction_rate, (0.0, 0.0, 0.0))
         steering.cutoff_time = math.nan
+        for k in range(MAX_ARCS):
+            state.solution.arc_end_times[k] = math.nan
     else:
         gained = sub(load(nav.sensed_delta_v), load(state.sensed_delta_v))
         store(state.solution.velocity_to_go, sub(load(state.solution.velocity_to_go), gained))

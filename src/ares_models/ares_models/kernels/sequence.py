@@ -21,6 +21,16 @@ SAME_BURNOUT = 1e-6
 
 
 @kernel
+def plans_arcs(arcs: NDArray[Any]) -> bool:
+    """Whether guidance decides the end of more than the last arc."""
+    free = 0
+    for k in range(arcs.shape[0] - 1):
+        if math.isinf(arcs[k].duration):
+            free += 1
+    return free > 0
+
+
+@kernel
 def aboard(jettisoned: int, j: int) -> bool:
     """Whether jettison ``j`` is still to come."""
     return (jettisoned >> j) & 1 == 0

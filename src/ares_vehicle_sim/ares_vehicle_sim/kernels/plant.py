@@ -9,7 +9,14 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from ares_models.arrays import BURN, HEATING_LIMIT, LONGEST_FLIGHT, MissionRecords, Record
+from ares_models.arrays import (
+    BURN,
+    HEATING_LIMIT,
+    LONGEST_FLIGHT,
+    MAX_ARCS,
+    MissionRecords,
+    Record,
+)
 from ares_models.jit import kernel
 from ares_models.kernels.environment import (
     altitude,
@@ -27,6 +34,7 @@ from ares_models.kernels.sequence import (
     end_thrust,
     enter_arc,
     next_knot,
+    plans_arcs,
     tail_end_time,
 )
 from ares_models.kernels.states import insertion_quantities
@@ -177,6 +185,43 @@ def burnout_time(plant: Record, arcs: NDArray[Any]) -> float:
 
 
 @kernel
+def free_end(plant: Record, arc: Record, wanted: float) -> float:
+    """When the present arc, free, ends, s: as wanted within its bounds; nan: at the latest."""
+    latest = plant.arc_start_time + arc.longest
+    if not wanted < latest:
+        return latest
+    return max(wanted, plant.arc_start_time + arc.shortest)
+
+
+@kernel
+def arc_end(plant: Record, arcs: NDArray[Any]) -> float:
+    """When the present arc, not the last one, gives way to the next, s; inf: not by time."""
+    arc = arcs[plant.arc]
+    if plant.arc + 1 == arcs.shape[0]:
+        return math.inf
+    if math.isfinite(arc.duration):
+        return plant.arc_start_time + arc.duration
+    return free_end(plant, arc, plant.command.arc_end_times[plant.arc])
+
+
+@kernel
+def cutoff_due(plant: Record, arcs: NDArray[Any]) -> float:
+    """When the present burn is cut off and the flight with it, s; inf or nan: it is not.
+
+    By command the last arc; by the clock, if its length is fixed. An earlier burn is cut off
+    so only where nothing else can be meant: in a mission whose other arcs are all fixed.
+    """
+    arc = arcs[plant.arc]
+    if arc.kind != BURN:
+        return math.inf
+    if plant.arc + 1 < arcs.shape[0]:
+        return math.inf if plans_arcs(arcs) else plant.command.cutoff_time
+    if math.isfinite(arc.duration):
+        return plant.arc_start_time + arc.duration
+    return free_end(plant, arc, plant.command.cutoff_time)
+
+
+@kernel
 def jettison_due(plant: Record, jettisons: NDArray[Any], j: int) -> float:
     """Time at which jettison ``j`` is due; inf when done or not decided."""
     if not aboard(plant.jettisoned, j):
@@ -193,13 +238,16 @@ def jettison_due(plant: Record, jettisons: NDArray[Any], j: int) -> float:
 
 @kernel
 def copy_command(source: Record, destination: Record) -> None:
-    """Copy a record STEERING."""
+    """Copy a record STEERING; what it does not know of the plan stays as it was."""
     destination.reference_time = source.reference_time
     store(destination.direction, load(source.direction))
     store(destination.direction_rate, load(source.direction_rate))
     destination.cutoff_time = source.cutoff_time
     destination.jettison = source.jettison
     destination.jettison_time = source.jettison_time
+    for k in range(MAX_ARCS):
+        if math.isfinite(source.arc_end_times[k]):
+            destination.arc_end_times[k] = source.arc_end_times[k]
 
 
 @kernel
@@ -250,12 +298,12 @@ def process_due_events(plant: Record, arcs: NDArray[Any], jettisons: NDArray[Any
             if plant.tail_arc < 0:
                 plant.complete = 1
                 log_event(plant, FLIGHT_COMPLETE, plant.arc)
-        elif arc.kind == BURN and plant.command.cutoff_time <= now:
+        elif cutoff_due(plant, arcs) <= now:
             plant.inserted = 1
             end_thrust(plant, arcs)
             log_event(plant, CUTOFF, plant.arc)
             changed = True
-        elif plant.arc_start_time + arc.duration <= now and plant.arc + 1 < arcs.shape[0]:
+        elif arc_end(plant, arcs) <= now:
             end_thrust(plant, arcs)
             log_event(plant, ARC_ENDED, plant.arc)
             begin_arc(plant, plant.arc + 1, arcs, jettisons)
@@ -281,19 +329,17 @@ def next_event(plant: Record, arcs: NDArray[Any], jettisons: NDArray[Any]) -> fl
         at = min(at, tail_end_time(plant, arcs))
     if plant.inserted == 1:
         return at
-    arc = arcs[plant.arc]
-    end = math.inf
-    if plant.arc + 1 < arcs.shape[0]:
-        end = plant.arc_start_time + arc.duration
+    end = arc_end(plant, arcs)
+    cutoff = cutoff_due(plant, arcs)
     at = min(at, end)
-    if arc.kind == BURN:
-        cutoff = plant.command.cutoff_time
-        if cutoff < at:
-            at = cutoff
-        burnout = burnout_time(plant, arcs)
-        # a burn as long as its propellant ends by the clock
-        if burnout < at and burnout < end - SAME_BURNOUT:
-            at = burnout
+    if cutoff < at:
+        at = cutoff
+    if math.isfinite(arcs[plant.arc].duration) and plant.arc + 1 == arcs.shape[0]:
+        end = cutoff
+    burnout = burnout_time(plant, arcs)
+    # a burn as long as its propellant ends by the clock
+    if burnout < at and burnout < end - SAME_BURNOUT:
+        at = burnout
     return at
 
 
@@ -376,6 +422,9 @@ def begin_flight(mission: MissionRecords, plant: Record) -> None:
     plant.command.cutoff_time = math.nan
     plant.command.jettison = -1
     plant.coming_time = math.inf
+    for k in range(MAX_ARCS):
+        plant.command.arc_end_times[k] = math.nan
+        plant.coming.arc_end_times[k] = math.nan
     sense(mission, plant)
     log_event(plant, FLIGHT_STARTED, 0)
     begin_arc(plant, 0, mission.arcs, mission.jettisons)
@@ -387,6 +436,9 @@ def begin_flight(mission: MissionRecords, plant: Record) -> None:
 def command_is_sound(steering: Record, jettisons: NDArray[Any]) -> bool:
     """Whether a command can be flown: finite, a unit vector, a jettison that there is."""
     direction = load(steering.direction)
+    for k in range(MAX_ARCS):
+        if math.isinf(steering.arc_end_times[k]):
+            return False
     return (
         is_finite(direction)
         and abs(norm(direction) - 1.0) <= UNIT_TOLERANCE
