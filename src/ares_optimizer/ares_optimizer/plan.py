@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 #: Trial lengths of coasts as parts of the period of a low orbit, and of burns as parts of
 #: what the propellant allows.
-_COASTS = (0.01, 0.2, 0.06, 0.45, 0.75)
+_COASTS = (0.01, 0.1, 0.03, 0.3, 0.55)
 _BURNS = (0.5, 0.8, 0.25)
 #: How far a coast may dip below the ground, of the radius there, to be shown and refused by
 #: name; what goes deeper is no flight.

@@ -31,7 +31,38 @@ def random_mission(seed: int) -> Mission:
     """
     generator = np.random.default_rng(seed)
     target, initial_state, delta_v = _way(generator)
-    stages = _stages(generator, delta_v)
+    count = int(generator.integers(1, 4))
+    return _mission(
+        f"random_{seed}", generator, target, initial_state, _stages(generator, delta_v, count)
+    )
+
+
+def random_coasting_mission(seed: int) -> Mission:
+    """Three stages with one or two free coasts between them, some with a longest length.
+
+    Args:
+        seed: not negative.
+    """
+    generator = np.random.default_rng(seed)
+    target, initial_state, delta_v = _way(generator)
+    stages = _stages(generator, delta_v, 3)
+    before = [1, 2] if generator.random() < 0.5 else [int(generator.integers(1, 3))]
+    for k in before:
+        coast: dict[str, Any] = {"name": f"coast {k}", "coast_s": "free"}
+        if generator.random() < 0.5:
+            coast["max_s"] = generator.uniform(60.0, 900.0)
+        stages[k]["arcs"].insert(0, coast)
+    return _mission(f"random_coasting_{seed}", generator, target, initial_state, stages)
+
+
+def _mission(
+    name: str,
+    generator: np.random.Generator,
+    target: dict[str, Any],
+    initial_state: dict[str, Any],
+    stages: list[dict[str, Any]],
+) -> Mission:
+    """A mission of drawn parts, perhaps with a fairing."""
     jettisons = []
     if generator.random() < 0.6:
         fairing = stages[0]["ignition_mass_kg"] * generator.uniform(0.003, 0.012)
@@ -40,8 +71,8 @@ def random_mission(seed: int) -> Mission:
         )
     return Mission.model_validate(
         {
-            "name": f"random_{seed}",
-            "title": f"random vehicle {seed}",
+            "name": name,
+            "title": name.replace("_", " "),
             "source": "drawn, no rocket that was built",
             "environment": {
                 "mu_m3_s2": MU,
@@ -95,9 +126,8 @@ def _way(generator: np.random.Generator) -> tuple[dict[str, Any], dict[str, Any]
     return target, initial_state, needed * generator.uniform(1.05, 1.5)
 
 
-def _stages(generator: np.random.Generator, delta_v: float) -> list[dict[str, Any]]:
-    """One to three stages, first to last, that share a velocity, m/s, between them."""
-    count = int(generator.integers(1, 4))
+def _stages(generator: np.random.Generator, delta_v: float, count: int) -> list[dict[str, Any]]:
+    """Stages, first to last, that share a velocity, m/s, between them."""
     shares = generator.uniform(0.4, 1.0, count)
     gains = delta_v * shares / shares.sum()
     coasts = generator.random() < 0.5

@@ -7,35 +7,53 @@ lengths are tried, and the best extremal that is a minimum is taken.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize
 
 from ares_models.arrays import BURN
 from ares_optimizer.indirect.solver import Root, TwoPointSolver
 from ares_optimizer.kernels.timetable import COLUMN_CUTOFF, COLUMN_JETTISON
-from ares_optimizer.plan import free_arcs, longest_burn, spent, trial_lengths
+from ares_optimizer.plan import free_arcs, length_bounds, longest_burn, spent, trial_lengths
 from ares_optimizer.two_point.arrays import LAMBDA_R, NOT_HELD, PRIMER
+from ares_optimizer.two_point.kernels import newton
 
 Array = NDArray[np.float64]
 
-_MOST_TRIALS = 15
+_MOST_TRIALS = 25
+#: A best root that was met so often is believed, after so many trials.
+_ENOUGH = 4
+_LEAST_TRIALS = 8
 _ITERATIONS = 30  # of one start
 #: Move of a length that must not save propellant, s, and as part of it.
 _MOVE_S = 1.0
 _MOVE_PART = 0.01
-_SAME_KG = 1e-6
+_SAME_KG = 1e-4
+_DESCENTS = 40  # flights on one way downhill
 
 
 @dataclass
 class _Search:
-    """The best root so far, and the work that went into all of them."""
+    """The best root so far, and the work that went into all of them.
+
+    Attributes:
+        solver, start: of the mission.
+        best: the root that takes least, and is a minimum.
+        last: that of the last start.
+        vanishes: flights that take next to nothing were met.
+        again: how often the best was met once more.
+        iterations, restarts: of all starts.
+    """
 
     solver: TwoPointSolver
     start: NDArray[np.void]
     best: Root | None = None
     last: Root | None = None
+    vanishes: bool = False
+    again: int = 0
     iterations: int = 0
     restarts: int = 0
 
@@ -59,10 +77,53 @@ class _Search:
         self.last = root
         if not root.converged:
             return
-        if self.best is not None and self.cost(root) >= self.cost(self.best) - _SAME_KG:
+        if self.beats(root):
+            if is_least(self.solver, self.start, root):
+                self.best = root
+                self.again = 0
+        elif self.best is not None and self.cost(root) < self.cost(self.best) + _SAME_KG:
+            self.again += 1
+
+    def beats(self, root: Root) -> bool:
+        """Whether a root takes less than the best so far."""
+        return self.best is None or self.cost(root) < self.cost(self.best) - _SAME_KG
+
+    def descend(self, root: Root, held: Mapping[int, float]) -> None:
+        """From a flight of held lengths that beats the best: downhill, then let go.
+
+        The gradient of what is taken is the worth of a second of each arc.
+        """
+        solver, start = self.solver, self.start
+        names = list(held)
+        low, high = length_bounds(solver.arrays, start[0])
+        lowest = [root]
+        none = 1e-3 * float(solver.arrays.arcs[-1]["propellant"])
+
+        def taken(x: Array) -> tuple[float, Array]:
+            solver.hold(start, dict(zip(names, x, strict=True)))
+            there = self.take(solver.solve(start, lowest[0].unknowns, restart=False))
+            if not there.converged:
+                return self.cost(root) + 1.0, np.zeros(x.size)
+            worth = solver.work["switches"]["worth"][0, names] / solver.work["price"][0]
+            if self.cost(there) < self.cost(lowest[0]):
+                lowest[0] = there
+            if self.cost(there) < none:
+                raise StopIteration
+            return self.cost(there), -worth
+
+        try:
+            minimize(
+                taken,
+                np.array([held[f] for f in names]),
+                jac=True,
+                method="L-BFGS-B",
+                bounds=list(zip(low[names], high[names], strict=True)),
+                options={"maxfun": _DESCENTS},
+            )
+        except StopIteration:
+            self.vanishes = True
             return
-        if is_least(self.solver, self.start, root):
-            self.best = root
+        self.release(lowest[0])
 
 
 def unknowns_of(
@@ -126,13 +187,17 @@ def find_planned(
         if guess is not None:
             search.release(_as_root(guess, solver, start))
         for trial, lengths in enumerate(trial_lengths(solver.arrays, start)):
-            if trial == _MOST_TRIALS or solver.deadline.passed:
+            if trial == _MOST_TRIALS or search.vanishes or solver.deadline.passed:
+                break
+            if trial >= _LEAST_TRIALS and search.again >= _ENOUGH:
                 break
             _try(search, lengths)
     finally:
         solver.options["max_iterations"] = whole
         solver.hold(start, {})
     root = search.best or search.last
+    if search.vanishes and root is not None:
+        root = replace(root, status=newton.NOTHING_TO_SAVE)
     if root is None:
         root = solver.newton(start, unknowns_of(solver, start, np.zeros(0), 0.0))
     return replace(root, iterations=search.iterations, restarts=max(0, search.restarts - 1))
@@ -156,6 +221,8 @@ def _try(search: _Search, lengths: Array) -> None:
     root = search.take(solver.solve(start, None, times=unknowns))
     if root.converged:
         search.release(root)
+        if search.beats(root) and not search.vanishes:
+            search.descend(root, held)
     solver.hold(start, {})
     ahead = along_velocity(solver, start, unknowns)
     search.consider(search.take(solver.solve(start, ahead, restart=False)))

@@ -91,6 +91,14 @@ _CAUSES = {
     newton.SINGULAR: Cause(Status.STALLED, "the Jacobian of the two-point problem is singular"),
     newton.AT_FLOOR: Cause(Status.STALLED, "a heating limit is passed when its drop is due"),
     newton.STOPPED: OUT_OF_TIME,
+    newton.AT_BOUND: Cause(
+        Status.STALLED, "a free arc goes from one bound of its length to another"
+    ),
+    newton.NOTHING_TO_SAVE: Cause(
+        Status.NOT_OPTIMAL,
+        "no optimum: the burns of fixed length alone all but reach the target, so that there is "
+        "nothing to save",
+    ),
     newton.UNSOUND: Cause(
         Status.NOT_OPTIMAL,
         "the root found is no flight: underground, or burning longer would cost less",
@@ -333,6 +341,8 @@ def _why_not(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> Cau
             "no flight can be laid out: the last burn does not begin, or only "
             f"{LONGEST_FLIGHT:,.0f} s after the start, or too many events",
         )
+    if root.status == newton.NOTHING_TO_SAVE:
+        return _CAUSES[root.status]
     options = solver.options.copy()
     solver.options["step"] = max(float(options["step"][0]), _SEARCH_STEP_S)
     solver.options["heating"] = timetable.HEATING_IGNORED
