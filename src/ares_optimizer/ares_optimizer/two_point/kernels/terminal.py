@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import TARGET_KEPLERIAN, Record
+from ares_models.arrays import TARGET_ELEMENTS, TARGET_KEPLERIAN, Record
 from ares_models.jit import kernel
 from ares_models.kernels.vectors import (
     Vector,
@@ -16,6 +16,7 @@ from ares_models.kernels.vectors import (
     sub,
 )
 from ares_optimizer.kernels.terminal import SCALE, terminal_rows
+from ares_optimizer.two_point.kernels.transversality import transversality_rows
 
 
 @kernel
@@ -54,7 +55,8 @@ def end_rows(target: Record, mu: float, work: Record) -> None:
     the turn of the whole state about an axis e, which is e . C = 0 with
     C = r x lambda_r + V x lambda_v. Free downrange: e along h; free node: e along the pole.
     On a Keplerian target the free motion is that along the orbit,
-    lambda_r . V + lambda_v . g = 0.
+    lambda_r . V + lambda_v . g = 0. What a target by elements leaves free is found from the
+    gradients of its rows.
 
     Args:
         target: record TARGET.
@@ -80,6 +82,9 @@ def end_rows(target: Record, mu: float, work: Record) -> None:
                 total += work.terminal_gradient[i, n] * tangent[c, n]
             jacobian[1 + i, c] = total / SCALE
     row = 1 + rows
+    if target.kind == TARGET_ELEMENTS:
+        transversality_rows(target, mu, rows, work)
+        return
     radius = norm(r)
     h = cross(r, v)
     # C with lambda_r = -q
