@@ -33,6 +33,21 @@ ALTITUDE_ELLIPSOID = 1
 TARGET_RADIUS_SPEED_ANGLE_INCLINATION = 0
 TARGET_RADIUS_SPEED_ANGLE_PLANE = 1
 TARGET_KEPLERIAN = 2
+TARGET_ELEMENTS = 3
+
+#: What a target of kind TARGET_ELEMENTS names: bits of its ``named``.
+NAMES_RADIUS = 1
+NAMES_SPEED = 2
+NAMES_FLIGHT_PATH_ANGLE = 4
+NAMES_PERIGEE = 8
+NAMES_APOGEE = 16
+NAMES_SEMI_MAJOR_AXIS = 32
+NAMES_ECCENTRICITY = 64
+NAMES_C3 = 128
+NAMES_INCLINATION = 256
+NAMES_ASCENDING_NODE = 512
+NAMES_ARGUMENT_OF_PERIGEE = 1024
+NAMES_TRUE_ANOMALY = 2048
 
 ENVIRONMENT = np.dtype(
     [
@@ -99,6 +114,13 @@ TARGET = np.dtype(
         ("semi_major_axis", np.float64),
         ("eccentricity", np.float64),
         ("argument_of_perigee", np.float64),
+        # of TARGET_ELEMENTS alone: size, shape and anomaly of the orbit that is aimed at, and
+        # what of it the mission names; the rest is free
+        ("named", np.int64),  # NAMES_*
+        ("perigee_radius", np.float64),
+        ("apogee_radius", np.float64),  # inf: escape
+        ("c3", np.float64),  # m2/s2, twice the energy
+        ("true_anomaly", np.float64),
     ],
     align=True,
 )

@@ -28,11 +28,10 @@ from ares_models.mission_parts import (
     Moment,
     Part,
     Stage,
-    Target,
-    TargetState,
     Text,
     shortest,
 )
+from ares_models.mission_target import Target, TargetOrbit, TargetState, target_record
 
 __all__ = ["MISSION", "Mission", "MissionError", "Start", "list_missions", "load_mission"]
 
@@ -200,31 +199,17 @@ class Mission(Part):
             atmosphere=self.atmosphere().table.copy(),
             arcs=self._arc_array(foreseen),
             jettisons=self._jettison_array(),
-            target=self._target_array(),
+            target=target_record(self),
         )
 
     def describe(self) -> dict[str, str]:
         """Short texts for a listing: name, title, stages, jettisons, target, source."""
-        target = self.target
-        if isinstance(target, TargetState):
-            aim = (
-                f"r {target.radius_m:,.0f} m, V {target.speed_m_s:,.3f} m/s, "
-                f"gamma {target.flight_path_angle_deg:g} deg, i {target.inclination_deg:g} deg"
-            )
-            if target.ascending_node_deg is not None:
-                aim += f", node {target.ascending_node_deg:g} deg"
-        else:
-            aim = (
-                f"a {target.semi_major_axis_m:,.0f} m, e {target.eccentricity:g}, "
-                f"i {target.inclination_deg:g} deg, node {target.ascending_node_deg:g} deg, "
-                f"perigee {target.argument_of_perigee_deg:g} deg"
-            )
         return {
             "name": self.name,
             "title": self.title,
             "stages": ", ".join(self.stage_names),
             "jettisons": ", ".join(self.jettison_names) or "none",
-            "target": aim,
+            "target": self.target.describe(),
             "source": " ".join(self.source.split()),
         }
 
@@ -299,28 +284,6 @@ class Mission(Part):
                 record["value"] = jettison.time_after_ignition_s
         return records
 
-    def _target_array(self) -> NDArray[np.void]:
-        target = self.target
-        record = np.zeros(1, layout.TARGET)
-        record["inclination"] = math.radians(target.inclination_deg)
-        if target.ascending_node_deg is not None:
-            record["ascending_node"] = math.radians(target.ascending_node_deg)
-        if isinstance(target, TargetState):
-            record["kind"] = (
-                layout.TARGET_RADIUS_SPEED_ANGLE_INCLINATION
-                if target.ascending_node_deg is None
-                else layout.TARGET_RADIUS_SPEED_ANGLE_PLANE
-            )
-            record["radius"] = target.radius_m
-            record["speed"] = target.speed_m_s
-            record["flight_path_angle"] = math.radians(target.flight_path_angle_deg)
-        else:
-            record["kind"] = layout.TARGET_KEPLERIAN
-            record["semi_major_axis"] = target.semi_major_axis_m
-            record["eccentricity"] = target.eccentricity
-            record["argument_of_perigee"] = math.radians(target.argument_of_perigee_deg)
-        return record
-
 
 def _lose_engines(before: NDArray[np.void], failure: EngineOut, foreseen: bool) -> NDArray[np.void]:
     """The arc after an engine failure; the burn before it is shortened, unless foreseen."""
@@ -383,8 +346,8 @@ _FORMS: dict[str, type[Part]] = {
     "<elements>": parts.StateElements,
     "<burn>": parts.BurnArc,
     "<coast>": parts.CoastArc,
-    "<state>": parts.TargetState,
-    "<orbit>": parts.TargetOrbit,
+    "<state>": TargetState,
+    "<orbit>": TargetOrbit,
 }
 
 _MODELS: dict[str, type[Part]] = {

@@ -7,26 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ares_models.arrays import MAX_ARCS, MAX_JETTISONS
-from ares_models.mission_parts import (
-    BurnArc,
-    CoastArc,
-    Stage,
-    TargetOrbit,
-    TargetState,
-    fail,
-    shortest,
-)
+from ares_models.mission_parts import BurnArc, CoastArc, Stage, fail, shortest
 from ares_models.mission_physics import check_body, check_engines, check_flight_time
-from ares_models.orbits import Insertion
+from ares_models.mission_target import check_target
 
 if TYPE_CHECKING:
     from ares_models.mission import Mission
 
 MAX_STAGES = 8
-
-#: Largest change of orbital plane between initial state and target, rad. An ascent that
-#: turns further is a slip in the file.
-MAX_PLANE_CHANGE = math.radians(30.0)
 
 #: An ascent begins below this many Earth radii.
 MAX_INITIAL_RADII = 10.0
@@ -51,7 +39,7 @@ def check_mission(mission: "Mission") -> None:
     check_flight_time(mission)
     _check_heating_limits(mission)
     _check_initial_state(mission)
-    _check_target(mission)
+    check_target(mission)
 
 
 def _check_names(mission: "Mission") -> None:
@@ -270,61 +258,4 @@ def _check_initial_state(mission: "Mission") -> None:
             ("initial_state",),
             start.velocity.tolist(),
             "a velocity that is not straight up, so that it spans a plane",
-        )
-
-
-def _check_target(mission: "Mission") -> None:
-    target = mission.target
-    mu = mission.environment.mu_m3_s2
-    surface = mission.environment.earth.equatorial_radius_m
-    if isinstance(target, TargetState):
-        if target.radius_m <= surface:
-            fail(
-                ("target", "radius_m"),
-                target.radius_m,
-                f"more than the Earth's radius, {surface:,.0f} m",
-            )
-        escape = math.sqrt(2.0 * mu / target.radius_m)
-        if not 0.1 * escape <= target.speed_m_s < escape:
-            fail(
-                ("target", "speed_m_s"),
-                target.speed_m_s,
-                f"between {0.1 * escape:,.0f} and {escape:,.0f} m/s (escape) at this radius",
-            )
-    if isinstance(target, TargetOrbit):
-        perigee = target.semi_major_axis_m * (1.0 - target.eccentricity)
-        if perigee <= surface:
-            fail(
-                ("target", "eccentricity"),
-                target.eccentricity,
-                f"a perigee above the Earth's radius, {surface:,.0f} m; it is {perigee:,.0f} m",
-            )
-    _check_plane(mission)
-
-
-def _check_plane(mission: "Mission") -> None:
-    start = mission.start()
-    before = Insertion.from_state(start.position, start.velocity)
-    target = mission.target
-    inclination = math.radians(target.inclination_deg)
-    limit = math.degrees(MAX_PLANE_CHANGE)
-    if abs(inclination - before.inclination) > MAX_PLANE_CHANGE:
-        fail(
-            ("target", "inclination_deg"),
-            target.inclination_deg,
-            f"within {limit:g} deg of the initial state's inclination, "
-            f"{math.degrees(before.inclination):.3f} deg",
-        )
-    if target.ascending_node_deg is None:
-        return
-    turn = math.radians(target.ascending_node_deg) - before.ascending_node
-    between = math.cos(inclination) * math.cos(before.inclination) + math.sin(
-        inclination
-    ) * math.sin(before.inclination) * math.cos(turn)
-    if between < math.cos(MAX_PLANE_CHANGE):
-        fail(
-            ("target", "ascending_node_deg"),
-            target.ascending_node_deg,
-            f"a plane within {limit:g} deg of the initial state's, whose node is at "
-            f"{math.degrees(before.ascending_node):.3f} deg",
         )

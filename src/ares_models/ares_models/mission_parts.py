@@ -83,9 +83,7 @@ Latitude = Annotated[float, Range(-90.0, 90.0)]
 Turn = Annotated[float, Range(-360.0, 360.0)]
 FlightPathAngle = Annotated[float, Range(-90.0, 90.0)]
 Inclination = Annotated[float, Range(0.0, 180.0)]
-SemiMajorAxis = Annotated[float, Range(1e5, 1e9)]
 AnySemiMajorAxis = Annotated[float, Range(-1e12, 1e12)]
-Eccentricity = Annotated[float, Range(0.0, 0.999)]
 AnyEccentricity = Annotated[float, Range(0.0, 100.0)]
 Mass = Annotated[float, Range(1e-3, 1e9)]
 Thrust = Annotated[float, Range(1e-3, 1e10)]
@@ -615,34 +613,3 @@ class Jettison(Part):
                 "no such key without heating_limit_w_m2",
             )
         return self
-
-
-class TargetState(Part):
-    """Terminal set: radius, speed, flight-path angle, inclination; perhaps the node."""
-
-    radius_m: Radius
-    speed_m_s: Speed
-    flight_path_angle_deg: FlightPathAngle
-    inclination_deg: Inclination
-    ascending_node_deg: Turn | None = None
-
-
-class TargetOrbit(Part):
-    """Terminal set: an orbit, anywhere on it."""
-
-    semi_major_axis_m: SemiMajorAxis
-    eccentricity: Eccentricity
-    inclination_deg: Inclination
-    ascending_node_deg: Turn
-    argument_of_perigee_deg: Turn
-
-
-Target = Annotated[
-    Annotated[TargetState, Tag("<state>")] | Annotated[TargetOrbit, Tag("<orbit>")],
-    Discriminator(
-        by_keys({"<state>": TargetState, "<orbit>": TargetOrbit}, None),
-        custom_error_type="expected",
-        custom_error_message="radius_m, speed_m_s, flight_path_angle_deg and inclination_deg, "
-        "or semi_major_axis_m and so on",
-    ),
-]

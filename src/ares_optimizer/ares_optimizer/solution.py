@@ -61,6 +61,10 @@ class Check(StrEnum):
     SEMI_MAJOR_AXIS = "semi_major_axis"
     ECCENTRICITY = "eccentricity"
     ARGUMENT_OF_PERIGEE = "argument_of_perigee"
+    PERIGEE_RADIUS = "perigee_radius"
+    APOGEE_RADIUS = "apogee_radius"
+    C3 = "c3"
+    TRUE_ANOMALY = "true_anomaly"
     #: of one jettison each
     HEATING_AT_JETTISON = "heating_at_jettison"
     JETTISON_BEFORE_CUTOFF = "jettison_before_cutoff"

@@ -1,12 +1,30 @@
 """What a target asks for, figure by figure."""
 
 import math
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import TARGET_KEPLERIAN, TARGET_RADIUS_SPEED_ANGLE_PLANE
+from ares_models.arrays import (
+    NAMES_APOGEE,
+    NAMES_ARGUMENT_OF_PERIGEE,
+    NAMES_ASCENDING_NODE,
+    NAMES_C3,
+    NAMES_ECCENTRICITY,
+    NAMES_FLIGHT_PATH_ANGLE,
+    NAMES_INCLINATION,
+    NAMES_PERIGEE,
+    NAMES_RADIUS,
+    NAMES_SEMI_MAJOR_AXIS,
+    NAMES_SPEED,
+    NAMES_TRUE_ANOMALY,
+    TARGET_ELEMENTS,
+    TARGET_KEPLERIAN,
+    TARGET_RADIUS_SPEED_ANGLE_PLANE,
+    Record,
+)
 from ares_models.orbits import Elements, Insertion
 from ares_optimizer.solution import Check
 
@@ -19,7 +37,7 @@ class TargetRow(NamedTuple):
     Attributes:
         key: field of the record TARGET.
         name: in words.
-        unit: m, m/s, deg or 1.
+        unit: m, m/s, m2/s2, deg or 1.
         turn: whether it is an angle of a whole turn.
     """
 
@@ -45,11 +63,36 @@ _ORBIT = (
 )
 
 
-def target_rows(kind: int) -> tuple[TargetRow, ...]:
-    """The figures of a kind of target."""
+_ELEMENTS = {
+    NAMES_RADIUS: _STATE[0],
+    NAMES_SPEED: _STATE[1],
+    NAMES_FLIGHT_PATH_ANGLE: _STATE[2],
+    NAMES_PERIGEE: TargetRow(Check.PERIGEE_RADIUS, "perigee radius", "m"),
+    NAMES_APOGEE: TargetRow(Check.APOGEE_RADIUS, "apogee radius", "m"),
+    NAMES_SEMI_MAJOR_AXIS: _ORBIT[0],
+    NAMES_ECCENTRICITY: _ORBIT[1],
+    NAMES_C3: TargetRow(Check.C3, "C3", "m2/s2"),
+    NAMES_INCLINATION: _STATE[3],
+    NAMES_ASCENDING_NODE: _NODE,
+    NAMES_ARGUMENT_OF_PERIGEE: _ORBIT[4],
+    NAMES_TRUE_ANOMALY: TargetRow(Check.TRUE_ANOMALY, "true anomaly", "deg", turn=True),
+}
+
+
+def target_rows(target: Record) -> tuple[TargetRow, ...]:
+    """The figures that a target, record TARGET, asks for."""
+    kind = target["kind"]
+    if kind == TARGET_ELEMENTS:
+        return tuple(row for name, row in _ELEMENTS.items() if target["named"] & name)
     if kind == TARGET_KEPLERIAN:
         return _ORBIT
     return (*_STATE, _NODE) if kind == TARGET_RADIUS_SPEED_ANGLE_PLANE else _STATE
+
+
+def in_unit(target: Record, row: TargetRow) -> float:
+    """What a target asks of a figure, in its unit."""
+    value = float(target[row.key])
+    return math.degrees(value) if row.unit == "deg" else value
 
 
 def half_turn(angle_deg: float) -> float:
@@ -57,11 +100,11 @@ def half_turn(angle_deg: float) -> float:
     return (angle_deg + 180.0) % 360.0 - 180.0
 
 
-def figures_of(kind: int, position: Array, velocity: Array, mu: float) -> tuple[float, ...]:
+def figures_of(target: Record, position: Array, velocity: Array, mu: float) -> tuple[float, ...]:
     """What a state comes to, figure by figure of :func:`target_rows`.
 
     Args:
-        kind: of the target.
+        target: record TARGET.
         position: m, shape (3,).
         velocity: m/s, shape (3,).
         mu: m3/s2.
@@ -69,11 +112,15 @@ def figures_of(kind: int, position: Array, velocity: Array, mu: float) -> tuple[
     Returns:
         in the unit of each row; nan for what a state on no orbit does not have.
     """
-    found: Elements | Insertion = Insertion.from_state(position, velocity)
-    if kind == TARGET_KEPLERIAN:
-        try:
-            found = Elements.from_state(position, velocity, mu)
-        except ValueError:
-            return (math.nan,) * len(_ORBIT)
-    values = [(float(getattr(found, row.key)), row.unit) for row in target_rows(kind)]
+    found: dict[str, float] = dict(vars(Insertion.from_state(position, velocity)))
+    if target["kind"] in (TARGET_KEPLERIAN, TARGET_ELEMENTS):
+        with suppress(ValueError):
+            found |= vars(Elements.from_state(position, velocity, mu))
+    h = np.cross(position, velocity)
+    parameter = float(h @ h) / mu
+    e = found.get("eccentricity", math.nan)
+    found["perigee_radius"] = parameter / (1.0 + e)
+    found["apogee_radius"] = parameter / (1.0 - e) if e != 1.0 else math.inf
+    found["c3"] = float(velocity @ velocity) - 2.0 * mu / float(np.linalg.norm(position))
+    values = [(float(found.get(row.key, math.nan)), row.unit) for row in target_rows(target)]
     return tuple(math.degrees(value) if unit == "deg" else value for value, unit in values)

@@ -17,6 +17,23 @@ from ares_vehicle_sim.dispersions import Dispersions
 
 #: Files beside the shipped ones, so that every key is used somewhere.
 _OWN = {MISSION: ("elements",), DISPERSIONS: ("dispersions", "covariance")}
+#: And one of them with other targets.
+_TARGETS: Mapping[str, Mapping[str, object]] = {
+    "apsides": {
+        "perigee_radius_m": 6563140.0,
+        "apogee_radius_m": 42164140.0,
+        "inclination_deg": 28.5,
+        "at": "perigee",
+    },
+    "transfer": {
+        "perigee_altitude_m": 185000.0,
+        "apogee_altitude_m": 35786000.0,
+        "inclination_deg": 28.5,
+        "argument_of_perigee_deg": 140.0,
+    },
+    "circle": {"perigee_altitude_m": 185000.0, "inclination_deg": 28.5},
+    "escape": {"perigee_altitude_m": 185000.0, "c3_m2_s2": 1e6, "true_anomaly_deg": 5.0},
+}
 _MODELS: Mapping[str, type[Part]] = {MISSION: Mission, DISPERSIONS: Dispersions}
 _KINDS: Mapping[str, InputKind] = {MISSION: MISSION_FILE, DISPERSIONS: DISPERSIONS_FILE}
 
@@ -27,7 +44,10 @@ def bases(kind: str) -> dict[str, dict[str, Any]]:
     folder = resources.files("ares_bringup").joinpath("sweep")
     paths = {name: file.find(name) for name in file.shipped()}
     paths |= {name: Path(str(folder.joinpath(f"{name}.yaml"))) for name in _OWN[kind]}
-    return {name: read_input(path, file)[0] for name, path in paths.items()}
+    found = {name: read_input(path, file)[0] for name, path in paths.items()}
+    if kind == MISSION:
+        found |= {name: found["ares_v"] | {"target": dict(of)} for name, of in _TARGETS.items()}
+    return found
 
 
 def all_inputs(kind: str) -> list[Input]:

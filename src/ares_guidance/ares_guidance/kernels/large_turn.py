@@ -21,6 +21,11 @@ from ares_guidance.kernels.segments import (
 )
 from ares_guidance.kernels.start import start_guess
 from ares_models.arrays import (
+    NAMES_ARGUMENT_OF_PERIGEE,
+    NAMES_ASCENDING_NODE,
+    NAMES_INCLINATION,
+    NAMES_TRUE_ANOMALY,
+    TARGET_ELEMENTS,
     TARGET_KEPLERIAN,
     TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
     MissionRecords,
@@ -29,7 +34,14 @@ from ares_models.arrays import (
 from ares_models.jit import kernel
 from ares_models.kernels.environment import gravity
 from ares_models.kernels.linear import back_substitute, factor
-from ares_models.kernels.targets import desired_state, named_plane, project_to_plane
+from ares_models.kernels.targets import (
+    desired_state,
+    named_plane,
+    names,
+    plane_is_named,
+    plane_normal,
+    project_to_plane,
+)
 from ares_models.kernels.vectors import (
     Vector,
     add,
@@ -143,6 +155,42 @@ def miss_named_plane(mission: MissionRecords, turn: Record, end: End, rows: Reco
 
 
 @kernel
+def miss_elements(mission: MissionRecords, turn: Record, end: End, rows: Record) -> None:
+    """Residuals of a target by elements: the state aimed at, and what is free of its plane.
+
+    A plane that is not named may turn about the axes that keep what is named of it.
+    """
+    target = mission.target
+    r, v, direction, rate = end
+    speed = norm(v)
+    h = cross(r, v)
+    c = scale(1.0 / speed, sub(cross(v, direction), cross(r, rate)))
+    normal, _ = plane_normal(target, r, h)
+    radial = project_to_plane(r, normal)
+    wanted_r, wanted_v, ahead = desired_state(target, mission.environment.mu, radial, normal)
+    miss = scale(1.0 / turn.speed_scale, sub(v, wanted_v))
+    rows[0] = (norm(r) - norm(wanted_r)) / turn.length_scale
+    rows[1] = dot(miss, radial)
+    rows[2] = dot(miss, ahead)
+    rows[3] = dot(miss, normal)
+    if plane_is_named(target):
+        rows[4] = dot(r, normal) / turn.length_scale
+    elif names(target, NAMES_INCLINATION):
+        rows[4] = c[2]
+    elif names(target, NAMES_ASCENDING_NODE):
+        rows[4] = c[0] * math.cos(target.ascending_node) + c[1] * math.sin(target.ascending_node)
+    else:
+        rows[3] = dot(c, radial)
+        rows[4] = dot(c, ahead)
+    along = names(target, NAMES_ARGUMENT_OF_PERIGEE) and not names(target, NAMES_TRUE_ANOMALY)
+    if along:
+        pull = gravity(r, mission.environment)
+        rows[5] = (dot(direction, pull) - dot(rate, v)) * turn.time_scale / turn.speed_scale
+    else:
+        rows[5] = dot(c, unit(h))
+
+
+@kernel
 def residuals(mission: MissionRecords, onboard: Onboard, column: int) -> float:
     """By how much the unknowns miss the target and transversality, scaled.
 
@@ -159,7 +207,9 @@ def residuals(mission: MissionRecords, onboard: Onboard, column: int) -> float:
     rows = turn.rows[column]
     end = predict_end(mission, onboard)
     node_is_free = target.kind == TARGET_RADIUS_SPEED_ANGLE_INCLINATION
-    if node_is_free and math.sin(target.inclination) > EQUATORIAL:
+    if target.kind == TARGET_ELEMENTS:
+        miss_elements(mission, turn, end, rows)
+    elif node_is_free and math.sin(target.inclination) > EQUATORIAL:
         miss_free_node(target, turn, end, rows)
     else:
         miss_named_plane(mission, turn, end, rows)

@@ -2,11 +2,12 @@
 
 import math
 
-from ares_models.arrays import TARGET_KEPLERIAN, Record
+from ares_models.arrays import TARGET_ELEMENTS, TARGET_KEPLERIAN, Record
 from ares_models.jit import kernel
 
 #: m/s of surplus or lack that is left alone.
 SETTLED = 0.5
+_ROUNDEST = 1e-6  # eccentricity that a lowered orbit keeps, so that it has a perigee
 ROUNDS = 6
 
 
@@ -23,12 +24,27 @@ def lacking_speed(state: Record) -> float:
 
 
 @kernel
+def _lower_orbit(target: Record, mu: float, by: float) -> float:
+    """As :func:`lower_target`, for a target by elements: whatever it names goes along."""
+    perigee = target.perigee_radius
+    speed = math.sqrt(target.c3 + 2.0 * mu / perigee)
+    lowered = max(speed - by, math.sqrt(mu / perigee))
+    target.c3 = lowered * lowered - 2.0 * mu / perigee
+    target.eccentricity = max(_ROUNDEST, 1.0 + perigee * target.c3 / mu)
+    target.semi_major_axis = -mu / target.c3
+    target.apogee_radius = 2.0 * target.semi_major_axis - perigee
+    return speed - lowered
+
+
+@kernel
 def lower_target(target: Record, mu: float, by: float) -> float:
     """Take speed off a target, m/s: radius and angle stay, or the perigee of an orbit does.
 
     Returns:
         what was taken off; less than asked where an orbit would sink below its perigee.
     """
+    if target.kind == TARGET_ELEMENTS:
+        return _lower_orbit(target, mu, by)
     if target.kind != TARGET_KEPLERIAN:
         target.speed -= by
         return by

@@ -2,11 +2,69 @@
 
 import math
 
-from ares_models.arrays import TARGET_KEPLERIAN, TARGET_RADIUS_SPEED_ANGLE_INCLINATION, Record
+from ares_models.arrays import (
+    NAMES_APOGEE,
+    NAMES_ARGUMENT_OF_PERIGEE,
+    NAMES_ASCENDING_NODE,
+    NAMES_C3,
+    NAMES_ECCENTRICITY,
+    NAMES_INCLINATION,
+    NAMES_PERIGEE,
+    NAMES_SEMI_MAJOR_AXIS,
+    NAMES_TRUE_ANOMALY,
+    TARGET_ELEMENTS,
+    TARGET_KEPLERIAN,
+    TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
+    Record,
+)
 from ares_models.jit import kernel
 from ares_models.kernels.vectors import Vector, add, axpy, cross, dot, norm, scale, sub, unit
 
 POLE = (0.0, 0.0, 1.0)
+
+
+@kernel
+def names(target: Record, elements: int) -> bool:
+    """Whether a target of kind TARGET_ELEMENTS names all of these NAMES_*."""
+    return target.named & elements == elements
+
+
+@kernel
+def plane_is_named(target: Record) -> bool:
+    """Whether inclination and ascending node are given."""
+    if target.kind == TARGET_ELEMENTS:
+        return names(target, NAMES_INCLINATION | NAMES_ASCENDING_NODE)
+    return target.kind != TARGET_RADIUS_SPEED_ANGLE_INCLINATION
+
+
+@kernel
+def two_planes(target: Record) -> bool:
+    """Whether through a point pass two planes of the target, northbound and southbound."""
+    if target.kind == TARGET_ELEMENTS:
+        return names(target, NAMES_INCLINATION) and not names(target, NAMES_ASCENDING_NODE)
+    return target.kind == TARGET_RADIUS_SPEED_ANGLE_INCLINATION
+
+
+@kernel
+def size_and_shape(target: Record, mu: float) -> tuple[float, float]:
+    """C3 (m2/s2) and perigee radius (m) of a target that names two of size and shape."""
+    apogee = target.apogee_radius
+    e = target.eccentricity
+    perigee = target.perigee_radius
+    c3 = target.c3
+    if names(target, NAMES_SEMI_MAJOR_AXIS):
+        c3 = -mu / target.semi_major_axis
+    elif not names(target, NAMES_C3):
+        if names(target, NAMES_PERIGEE | NAMES_APOGEE):
+            return -2.0 * mu / (perigee + apogee), perigee
+        if names(target, NAMES_PERIGEE):
+            return mu * (e - 1.0) / perigee, perigee
+        return -mu * (1.0 + e) / apogee, apogee * (1.0 - e) / (1.0 + e)
+    if names(target, NAMES_APOGEE):
+        perigee = -2.0 * mu / c3 - apogee
+    elif names(target, NAMES_ECCENTRICITY):
+        perigee = mu * (e - 1.0) / c3
+    return c3, perigee
 
 
 @kernel
@@ -26,7 +84,8 @@ def plane_normal(target: Record, r: Vector, h: Vector) -> tuple[Vector, bool]:
 
     With the node free the plane is the one of exact inclination through ``r``, on the
     branch (northbound or southbound) of the motion; holding the plane of the present
-    angular momentum instead makes the iteration diverge.
+    angular momentum instead makes the iteration diverge. With the inclination free it is the
+    plane through ``r`` and the node, with both free that of the motion.
 
     Args:
         target: record TARGET.
@@ -37,8 +96,17 @@ def plane_normal(target: Record, r: Vector, h: Vector) -> tuple[Vector, bool]:
         unit normal, and whether a plane of that inclination passes through ``r``; if
         not, the normal is that of the nearest inclination that does.
     """
-    if target.kind != TARGET_RADIUS_SPEED_ANGLE_INCLINATION:
+    if plane_is_named(target):
         return named_plane(target), True
+    if not two_planes(target):
+        normal = h
+        if names(target, NAMES_ASCENDING_NODE):
+            node = (math.cos(target.ascending_node), math.sin(target.ascending_node), 0.0)
+            normal = cross(node, unit(r))
+            normal = scale(dot(normal, h), normal)
+            if norm(normal) < 1e-12 * norm(h):
+                normal = h
+        return unit(normal), True
     radial = unit(r)
     north = axpy(-radial[2], radial, POLE)
     cos_latitude = norm(north)
@@ -53,6 +121,24 @@ def plane_normal(target: Record, r: Vector, h: Vector) -> tuple[Vector, bool]:
     if dot(h, west) < 0.0:
         along_west = -along_west
     return add(scale(along_north, north), scale(along_west, west)), reachable
+
+
+@kernel
+def _anomaly_from(node: Vector, argument: float, radial: Vector, normal: Vector) -> float:
+    """True anomaly of a direction in a plane, rad, for an argument of perigee from a node."""
+    latitude_argument = math.atan2(dot(cross(node, radial), normal), dot(node, radial))
+    return latitude_argument - argument
+
+
+@kernel
+def _aimed_anomaly(target: Record, radial: Vector, normal: Vector) -> float:
+    """True anomaly at which a target by elements is aimed at: perigee where nothing is named."""
+    if names(target, NAMES_TRUE_ANOMALY) or not names(target, NAMES_ARGUMENT_OF_PERIGEE):
+        return target.true_anomaly
+    node = unit((-normal[1], normal[0], 0.0))
+    if names(target, NAMES_ASCENDING_NODE):
+        node = (math.cos(target.ascending_node), math.sin(target.ascending_node), 0.0)
+    return _anomaly_from(node, target.argument_of_perigee, radial, normal)
 
 
 @kernel
@@ -71,12 +157,15 @@ def desired_state(
         position m, velocity m/s, downrange unit vector.
     """
     downrange = cross(normal, radial)
-    if target.kind == TARGET_KEPLERIAN:
-        node = (math.cos(target.ascending_node), math.sin(target.ascending_node), 0.0)
-        latitude_argument = math.atan2(dot(cross(node, radial), normal), dot(node, radial))
-        anomaly = latitude_argument - target.argument_of_perigee
+    if target.kind == TARGET_KEPLERIAN or target.kind == TARGET_ELEMENTS:
         e = target.eccentricity
-        parameter = target.semi_major_axis * (1.0 - e * e)
+        if target.kind == TARGET_ELEMENTS:
+            anomaly = _aimed_anomaly(target, radial, normal)
+            parameter = target.perigee_radius * (1.0 + e)
+        else:
+            node = (math.cos(target.ascending_node), math.sin(target.ascending_node), 0.0)
+            anomaly = _anomaly_from(node, target.argument_of_perigee, radial, normal)
+            parameter = target.semi_major_axis * (1.0 - e * e)
         # beyond the asymptote of a hyperbola there is no orbit
         radius = parameter / max(1e-3, 1.0 + e * math.cos(anomaly))
         root = math.sqrt(mu / parameter)
@@ -95,6 +184,8 @@ def target_speed(target: Record, mu: float, radius: float) -> float:
     """Speed to reach: the target's own, or that of its energy at ``radius``, m/s."""
     if target.kind == TARGET_KEPLERIAN:
         return math.sqrt(max(0.0, mu * (2.0 / radius - 1.0 / target.semi_major_axis)))
+    if target.kind == TARGET_ELEMENTS:
+        return math.sqrt(max(0.0, target.c3 + 2.0 * mu / radius))
     return target.speed
 
 

@@ -1,13 +1,16 @@
 """Three-vectors as tuples of floats: they live in registers and allocate nothing."""
 
 import math
-from typing import Any
+from typing import Any, TypeVar
 
 from numpy.typing import NDArray
 
 from ares_models.jit import kernel
 
 Vector = tuple[float, float, float]
+#: Of a complex step: the imaginary part is a derivative.
+ComplexVector = tuple[complex, complex, complex]
+_X = TypeVar("_X", float, complex)
 
 
 @kernel
@@ -37,25 +40,25 @@ def sub(x: Vector, y: Vector) -> Vector:
 
 
 @kernel
-def scale(s: float, x: Vector) -> Vector:
+def scale(s: _X, x: tuple[_X, _X, _X]) -> tuple[_X, _X, _X]:
     """s x."""
     return (s * x[0], s * x[1], s * x[2])
 
 
 @kernel
-def axpy(s: float, x: Vector, y: Vector) -> Vector:
+def axpy(s: _X, x: tuple[_X, _X, _X], y: tuple[_X, _X, _X]) -> tuple[_X, _X, _X]:
     """s x + y."""
     return (s * x[0] + y[0], s * x[1] + y[1], s * x[2] + y[2])
 
 
 @kernel
-def dot(x: Vector, y: Vector) -> float:
+def dot(x: tuple[_X, _X, _X], y: tuple[_X, _X, _X]) -> _X:
     """x . y."""
     return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
 
 
 @kernel
-def cross(x: Vector, y: Vector) -> Vector:
+def cross(x: tuple[_X, _X, _X], y: tuple[_X, _X, _X]) -> tuple[_X, _X, _X]:
     """x cross y."""
     return (
         x[1] * y[2] - x[2] * y[1],

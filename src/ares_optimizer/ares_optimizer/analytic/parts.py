@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import BURN, HEATING_LIMIT, TARGET_KEPLERIAN, MissionArrays
+from ares_models.arrays import BURN, HEATING_LIMIT, TARGET_ELEMENTS, TARGET_KEPLERIAN, MissionArrays
 from ares_optimizer.analytic.kernels import burn as kernels
 from ares_optimizer.analytic.kernels import iteration
 from ares_optimizer.analytic.kernels import target as target_search
@@ -126,7 +126,7 @@ def _check_kind(arrays: MissionArrays) -> None:
         raise _refuse("its jettison goes by time")
     if jettisons[0]["stage"] != 1:
         raise _refuse("its jettison belongs to the first stage")
-    if arrays.target[0]["kind"] == TARGET_KEPLERIAN:
+    if arrays.target[0]["kind"] in (TARGET_KEPLERIAN, TARGET_ELEMENTS):
         raise UnfitMethod(
             "method analytic takes a target of radius, speed and flight-path angle; "
             "the mission's target is an orbit"

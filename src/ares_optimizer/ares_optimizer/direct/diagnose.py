@@ -53,17 +53,17 @@ def miss_line(arrays: MissionArrays, found: Found) -> str:
     """By how much the nearest flight misses the target."""
     problem = found.transcription.problem
     mu = float(problem.environment[0]["mu"])
-    kind = int(arrays.target[0]["kind"])
-    figures = figures_of(kind, found.final[1:4], found.final[4:7], mu)
+    target = arrays.target[0]
+    figures = figures_of(target, found.final[1:4], found.final[4:7], mu)
     parts = []
-    for figure, (key, name, unit, turn) in zip(figures, target_rows(kind), strict=True):
-        wanted = float(arrays.target[0][key])
+    for figure, (key, name, unit, turn) in zip(figures, target_rows(target), strict=True):
+        wanted = float(target[key])
         if unit == "deg":
             wanted = math.degrees(wanted)
         off = figure - wanted
         if turn:
             off = half_turn(off)
-        size = 1.0 if unit in ("deg", "1") else abs(wanted)
+        size = 1.0 if unit in ("deg", "1") else max(abs(wanted), 1.0)
         parts.append((abs(off) / size, f"{name} off by {off:,.4g} {unit}"))
     parts.sort(key=lambda part: -part[0])
     text = "; ".join(line for _, line in parts[:2])

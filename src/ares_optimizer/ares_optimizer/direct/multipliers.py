@@ -239,7 +239,7 @@ def prices(found: Found, flight: Flight) -> dict[Priced, float]:
         return float(found.equations[:count] @ c[:count])
 
     table: dict[Priced, float] = {}
-    for key, _, unit, _ in target_rows(int(target["kind"][0])):
+    for key, _, unit, _ in target_rows(target[0]):
         value = float(target[key][0])
         step = 1e-6 * max(abs(value), 1e-2)
         target[key] = value + step

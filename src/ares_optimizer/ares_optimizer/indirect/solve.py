@@ -19,6 +19,7 @@ from ares_models.arrays import (
     HEATING_LIMIT,
     LONGEST_FLIGHT,
     MISSION_TIME,
+    TARGET_ELEMENTS,
     TARGET_KEPLERIAN,
     MissionArrays,
 )
@@ -56,7 +57,7 @@ from ares_optimizer.solution import (
     failed,
     infeasible,
 )
-from ares_optimizer.targets import figures_of, half_turn, target_rows
+from ares_optimizer.targets import figures_of, half_turn, in_unit, target_rows
 from ares_optimizer.two_point.arrays import (
     AT_SHORTEST,
     DRY,
@@ -391,8 +392,15 @@ def _miss(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> str:
     inclination = math.degrees(math.acos(h[2] / np.linalg.norm(h)))
     target = solver.arrays.target[0]
     wanted = math.degrees(target["inclination"])
+    mu = float(solver.arrays.environment[0]["mu"])
+    if target["kind"] == TARGET_ELEMENTS:
+        figures = zip(target_rows(target), figures_of(target, r, v, mu), strict=True)
+        limits = [(row, value, in_unit(target, row)) for row, value in figures]
+        return ", ".join(
+            f"{row.name} {value:,.6g} {row.unit} instead of {limit:,.6g} {row.unit}"
+            for row, value, limit in limits
+        )
     if target["kind"] == TARGET_KEPLERIAN:
-        mu = float(solver.arrays.environment[0]["mu"])
         axis = 1.0 / (2.0 / radius - speed**2 / mu)
         return (
             f"semi-major axis {axis:,.0f} m instead of {target['semi_major_axis']:,.0f} m, "
@@ -548,14 +556,14 @@ def _multipliers(
             last[sample.LAMBDA_V : sample.LAMBDA_V + 3],
         )
     )
-    kind = int(arrays.target[0]["kind"])
-    rows = target_rows(kind)
+    target = arrays.target[0]
+    rows = target_rows(target)
     steps = np.array([10.0] * 3 + [1e-2] * 3)
     gradient = np.zeros((len(rows), 6))
     for k in range(6):
         move = np.zeros(6)
         move[k] = steps[k]
-        sides = [figures_of(kind, x[:3], x[3:], mu) for x in (state + move, state - move)]
+        sides = [figures_of(target, x[:3], x[3:], mu) for x in (state + move, state - move)]
         for i, row in enumerate(rows):
             change = sides[0][i] - sides[1][i]
             if row.turn:

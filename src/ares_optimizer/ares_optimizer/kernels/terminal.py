@@ -11,12 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import (
+    TARGET_ELEMENTS,
     TARGET_KEPLERIAN,
     TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
     Record,
 )
 from ares_models.jit import kernel
 from ares_models.kernels.vectors import Vector, axpy, cross, dot, norm, scale
+from ares_optimizer.kernels.elements import element_rows
 
 Array = NDArray[np.float64]
 
@@ -61,8 +63,10 @@ def terminal_rows(
     Returns:
         number of rows. TARGET_RADIUS_SPEED_ANGLE_*: radius, speed, flight-path angle, then
         inclination or plane. TARGET_KEPLERIAN: energy, two components of the eccentricity
-        vector, plane.
+        vector, plane. TARGET_ELEMENTS: what it names, see ``elements``.
     """
+    if target.kind == TARGET_ELEMENTS:
+        return element_rows(target, mu, r, v, c, gradient, SCALE)
     radius = norm(r)
     speed = norm(v)
     zero = (0.0, 0.0, 0.0)

@@ -21,7 +21,16 @@ Array = NDArray[np.float64]
 
 
 #: What a constraint may be off, per unit, and still count as met.
-TOLERANCES = {"m": 1.0, "m/s": 1e-2, "deg": 1e-4, "W/m2": 0.2, "kg": 0.1, "s": 1e-3, "1": 1e-6}
+TOLERANCES = {
+    "m": 1.0,
+    "m/s": 1e-2,
+    "deg": 1e-4,
+    "W/m2": 0.2,
+    "kg": 0.1,
+    "s": 1e-3,
+    "1": 1e-6,
+    "m2/s2": 100.0,
+}
 
 _ACTIVE = 1e-3  # an inequality this close to its limit, relatively, is active
 
@@ -41,7 +50,7 @@ def constraint_table(
     target = arrays.target[0]
     figures = elements(flight.final[:3], flight.final[3:6], float(arrays.environment[0]["mu"]))
     table = []
-    for key, name, unit, turn in target_rows(int(target["kind"])):
+    for key, name, unit, turn in target_rows(target):
         limit = float(target[key])
         if unit == "deg":
             limit = math.degrees(limit)
@@ -53,7 +62,7 @@ def constraint_table(
             value = limit + off
         # an argument means less the rounder the orbit, a node the flatter its plane
         scale = 1.0
-        if key is Check.ARGUMENT_OF_PERIGEE:
+        if key in (Check.ARGUMENT_OF_PERIGEE, Check.TRUE_ANOMALY):
             scale = max(figures["eccentricity"], 1e-3)
         table.append(
             ConstraintCheck(

@@ -57,7 +57,8 @@ def elements(r: Array, v: Array, mu: float) -> dict[str, float]:
 
     Returns:
         radius, speed, flight_path_angle, inclination, ascending_node,
-        semi_major_axis, eccentricity, argument_of_perigee.
+        semi_major_axis, eccentricity, argument_of_perigee, perigee_radius,
+        apogee_radius (inf: escape), c3, true_anomaly.
     """
     radius = float(np.linalg.norm(r))
     speed = float(np.linalg.norm(v))
@@ -67,6 +68,8 @@ def elements(r: Array, v: Array, mu: float) -> dict[str, float]:
     size = float(np.linalg.norm(node))
     node = node / size if size > 0.0 else np.array([1.0, 0.0, 0.0])
     e = np.cross(v, h) / mu - r / radius
+    eccentricity = float(np.linalg.norm(e))
+    parameter = float(h @ h) / mu
     return {
         "radius": radius,
         "speed": speed,
@@ -74,9 +77,13 @@ def elements(r: Array, v: Array, mu: float) -> dict[str, float]:
         "inclination": math.degrees(math.atan2(math.hypot(h[0], h[1]), h[2])),
         "ascending_node": math.degrees(math.atan2(node[1], node[0])) % 360.0,
         "semi_major_axis": 1.0 / (2.0 / radius - speed**2 / mu),
-        "eccentricity": float(np.linalg.norm(e)),
+        "eccentricity": eccentricity,
         "argument_of_perigee": math.degrees(
             math.atan2(float(np.cross(node, e) @ unit), float(node @ e))
         )
         % 360.0,
+        "perigee_radius": parameter / (1.0 + eccentricity),
+        "apogee_radius": parameter / (1.0 - eccentricity) if eccentricity < 1.0 else math.inf,
+        "c3": speed**2 - 2.0 * mu / radius,
+        "true_anomaly": math.degrees(math.atan2(float(np.cross(e, r) @ unit), float(e @ r))),
     }

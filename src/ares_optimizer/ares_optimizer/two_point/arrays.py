@@ -76,6 +76,23 @@ OPTIONS = np.dtype(
     align=True,
 )
 
+#: Of a target by elements: state and costate at cut-off, scaled to its radius and speed.
+TERMINAL_FRAME = np.dtype(
+    [
+        ("size", np.float64, (6,)),  # radius, radius, radius, speed, speed, speed
+        ("costate", np.float64, (6,)),
+        ("span", np.float64, (6, 6)),  # by row, orthonormal: what the target's gradients span
+        ("factor", np.float64, (6, 6)),  # lower triangle: gradient = factor . span
+        ("free", np.float64, (6, 6)),  # by row, orthonormal: the motions that it leaves free
+        ("multipliers", np.float64, (6,)),
+        ("values", np.float64, (6,)),
+        ("ahead", np.float64, (6, 6)),  # gradients beside the state
+        ("behind", np.float64, (6, 6)),
+        ("bend", np.float64, (6, 6)),  # Hessian of multipliers . rows
+    ],
+    align=True,
+)
+
 WORK = np.dtype(
     [
         ("state", np.float64, (ROWS,)),  # r, V, lambda_v, lambda_v'
@@ -117,6 +134,7 @@ WORK = np.dtype(
         ("ceiling", np.float64),  # latest cut-off: the mass is gone
         ("terminal", np.float64, (6,)),
         ("terminal_gradient", np.float64, (6, 6)),
+        ("terminal_frame", TERMINAL_FRAME),
         ("heating_times", np.float64, (8,)),
         ("jettisons", JETTISON, (MAX_JETTISONS,)),  # as flown: inactive limits become times
         ("segments", SEGMENT, (MAX_SEGMENTS + 1,)),  # one to spare

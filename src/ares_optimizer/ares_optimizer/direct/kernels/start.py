@@ -9,9 +9,13 @@ import math
 
 import numpy as np
 
-from ares_models.arrays import TARGET_RADIUS_SPEED_ANGLE_INCLINATION
 from ares_models.jit import allocating, kernel
-from ares_models.kernels.targets import desired_state, named_plane, project_to_plane
+from ares_models.kernels.targets import (
+    desired_state,
+    named_plane,
+    plane_is_named,
+    project_to_plane,
+)
 from ares_models.kernels.vectors import Vector, add, axpy, cross, load, norm, scale, unit
 from ares_optimizer.direct.kernels.evaluate import Point, evaluate
 from ares_optimizer.direct.kernels.flight import N_TIME, STORED, Scratch, drop_column
@@ -147,13 +151,13 @@ def sweep(problem: Problem, scratch: Scratch, point: Point, starts: Array, misse
     v = load(problem.state[3:])
     up = unit(r)
     radius = norm(r)
-    if target.kind == TARGET_RADIUS_SPEED_ANGLE_INCLINATION:
+    if plane_is_named(target):
+        normal = named_plane(target)
+    else:
         normal = cross(r, v)
         if norm(normal) < 1e-6 * radius * norm(v):
             normal = cross(r, cross((0.0, 0.0, 1.0), r))
         normal = unit(normal)
-    else:
-        normal = named_plane(target)
     along = unit(cross(normal, up))
     _, wanted, _ = desired_state(target, mu, project_to_plane(r, normal), normal)
     needed = norm(axpy(-1.0, v, wanted))

@@ -6,9 +6,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import TARGET_RADIUS_SPEED_ANGLE_INCLINATION, MissionRecords, Record
+from ares_models.arrays import MissionRecords, Record
 from ares_models.jit import kernel
-from ares_models.kernels.targets import desired_state, plane_normal, project_to_plane
+from ares_models.kernels.targets import (
+    desired_state,
+    plane_is_named,
+    plane_normal,
+    project_to_plane,
+    two_planes,
+)
 from ares_models.kernels.vectors import (
     Vector,
     add,
@@ -202,7 +208,7 @@ def _steer(
         size = norm(primer)
         shift -= dot(rate, primer) / (slope * dot(downrange, primer))
         shift = min(max(shift, -0.3 * radius), 0.3 * radius)
-        if target.kind == TARGET_RADIUS_SPEED_ANGLE_INCLINATION:
+        if not plane_is_named(target):
             lateral -= dot(rate, normal) / slope
             lateral = min(max(lateral, -0.1 * radius), 0.1 * radius)
     length = norm(p)
@@ -251,7 +257,7 @@ def guess_two_point(
     v0 = load(start.velocity)
     h0 = cross(r0, v0)
     # of the two planes through a point the one that this angular momentum is nearer to
-    towards = scale(own.branch, h0)
+    towards = scale(own.branch if two_planes(target) else 1.0, h0)
     radius = norm(r0)
     normal, _ = plane_normal(target, r0, towards)
     wanted, wanted_v, _ = desired_state(target, mu, project_to_plane(r0, normal), normal)

@@ -1,0 +1,449 @@
+"""Where a mission goes: the forms of a target, what makes no sense in one, and its record."""
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Discriminator, Tag, model_validator
+
+from ares_models import arrays as layout
+from ares_models.mission_parts import (
+    AnyEccentricity,
+    AnySemiMajorAxis,
+    FlightPathAngle,
+    Inclination,
+    Part,
+    Radius,
+    Speed,
+    Turn,
+    by_keys,
+    fail,
+)
+from ares_models.orbits import Insertion
+from ares_models.ranges import Range
+
+if TYPE_CHECKING:
+    from ares_models.mission import Mission
+
+#: Largest change of orbital plane between initial state and target, rad. An ascent that
+#: turns further is a slip in the file.
+MAX_PLANE_CHANGE = math.radians(30.0)
+
+#: m between perigee and apogee below which an orbit is a circle.
+CIRCLE_M = 1.0
+
+# sine of the inclination below which an orbit has no node
+_FLAT = 1e-6
+
+Altitude = Annotated[float, Range(0.0, 1e9)]
+CharacteristicEnergy = Annotated[float, Range(-1e10, 1e10)]
+
+
+class TargetState(Part):
+    """Terminal set: radius, speed, flight-path angle, inclination; perhaps the node."""
+
+    radius_m: Radius
+    speed_m_s: Speed
+    flight_path_angle_deg: FlightPathAngle
+    inclination_deg: Inclination
+    ascending_node_deg: Turn | None = None
+
+    def check(self, mission: "Mission") -> None:
+        """Report what is out of reach."""
+        surface = mission.environment.earth.equatorial_radius_m
+        if self.radius_m <= surface:
+            fail(
+                ("target", "radius_m"),
+                self.radius_m,
+                f"more than the Earth's radius, {surface:,.0f} m",
+            )
+        escape = math.sqrt(2.0 * mission.environment.mu_m3_s2 / self.radius_m)
+        if not 0.1 * escape <= self.speed_m_s < escape:
+            fail(
+                ("target", "speed_m_s"),
+                self.speed_m_s,
+                f"between {0.1 * escape:,.0f} and {escape:,.0f} m/s (escape) at this radius",
+            )
+
+    def write(self, record: NDArray[np.void], mission: "Mission") -> None:
+        """Fill a record TARGET, plane apart."""
+        record["kind"] = (
+            layout.TARGET_RADIUS_SPEED_ANGLE_INCLINATION
+            if self.ascending_node_deg is None
+            else layout.TARGET_RADIUS_SPEED_ANGLE_PLANE
+        )
+        record["radius"] = self.radius_m
+        record["speed"] = self.speed_m_s
+        record["flight_path_angle"] = math.radians(self.flight_path_angle_deg)
+
+    def describe(self) -> str:
+        """In one line."""
+        aim = (
+            f"r {self.radius_m:,.0f} m, V {self.speed_m_s:,.3f} m/s, "
+            f"gamma {self.flight_path_angle_deg:g} deg, i {self.inclination_deg:g} deg"
+        )
+        if self.ascending_node_deg is not None:
+            aim += f", node {self.ascending_node_deg:g} deg"
+        return aim
+
+
+class Conic(NamedTuple):
+    """Size and shape of the orbit that is aimed at.
+
+    Attributes:
+        perigee: radius, m.
+        eccentricity: 0 or more.
+        c3: twice the energy, m2/s2.
+    """
+
+    perigee: float
+    eccentricity: float
+    c3: float
+
+    @property
+    def apogee(self) -> float:
+        """Radius, m; inf for an escape."""
+        if self.eccentricity >= 1.0:
+            return math.inf
+        return self.perigee * (1.0 + self.eccentricity) / (1.0 - self.eccentricity)
+
+
+def complete(named: Mapping[str, float], mu: float, start: float) -> Conic:
+    """The orbit of one or two of size and shape.
+
+    A perigee alone is that of a circle; an apogee or an energy alone goes with the perigee at
+    ``start``, or lower if the orbit lies lower. The eccentricity is negative where the apogee
+    would be below the perigee.
+
+    Args:
+        named: perigee_radius, apogee_radius, semi_major_axis (m), eccentricity, c3 (m2/s2).
+        mu: m3/s2.
+        start: radius, m.
+    """
+    perigee, apogee = named.get("perigee_radius"), named.get("apogee_radius")
+    e, c3 = named.get("eccentricity"), named.get("c3")
+    if "semi_major_axis" in named:
+        c3 = -mu / named["semi_major_axis"]
+    if perigee is None and apogee is not None:
+        if c3 is not None:
+            perigee = -2.0 * mu / c3 - apogee
+        elif e is not None:
+            perigee = apogee * (1.0 - e) / (1.0 + e)
+        else:
+            perigee = min(start, apogee)
+    elif perigee is None and c3 is not None:
+        if e is not None:
+            perigee = mu * (e - 1.0) / c3
+        else:
+            perigee = min(start, -mu / c3) if c3 < 0.0 else start
+    if perigee is None:
+        raise AssertionError("an orbit has a size")
+    if e is None:
+        if c3 is not None:
+            e = 1.0 + perigee * c3 / mu
+        else:
+            e = 0.0 if apogee is None else (apogee - perigee) / (apogee + perigee)
+    return Conic(perigee, e, mu * (e - 1.0) / perigee if c3 is None else c3)
+
+
+_SIZES = ("perigee", "apogee", "semi_major_axis_m", "eccentricity", "c3_m2_s2")
+_KEPLERIAN = {
+    "semi_major_axis_m",
+    "eccentricity",
+    "inclination_deg",
+    "ascending_node_deg",
+    "argument_of_perigee_deg",
+}
+_NAMES = {
+    "perigee": layout.NAMES_PERIGEE,
+    "apogee": layout.NAMES_APOGEE,
+    "semi_major_axis_m": layout.NAMES_SEMI_MAJOR_AXIS,
+    "eccentricity": layout.NAMES_ECCENTRICITY,
+    "c3_m2_s2": layout.NAMES_C3,
+    "inclination_deg": layout.NAMES_INCLINATION,
+    "ascending_node_deg": layout.NAMES_ASCENDING_NODE,
+    "argument_of_perigee_deg": layout.NAMES_ARGUMENT_OF_PERIGEE,
+    "at": layout.NAMES_TRUE_ANOMALY,
+    "true_anomaly_deg": layout.NAMES_TRUE_ANOMALY,
+}
+_NAMES_STATE = layout.NAMES_RADIUS | layout.NAMES_SPEED | layout.NAMES_FLIGHT_PATH_ANGLE
+
+
+class TargetOrbit(Part):
+    """Terminal set: an orbit by its elements, each named or left free."""
+
+    perigee_radius_m: Radius | None = None
+    perigee_altitude_m: Altitude | None = None
+    apogee_radius_m: Radius | None = None
+    apogee_altitude_m: Altitude | None = None
+    semi_major_axis_m: AnySemiMajorAxis | None = None
+    eccentricity: AnyEccentricity | None = None
+    c3_m2_s2: CharacteristicEnergy | None = None
+    inclination_deg: Inclination | None = None
+    ascending_node_deg: Turn | None = None
+    argument_of_perigee_deg: Turn | None = None
+    at: Literal["perigee", "apogee"] | None = None
+    true_anomaly_deg: Turn | None = None
+
+    def _key(self, element: str) -> str:
+        """The key of the file that names an element."""
+        if element not in ("perigee", "apogee"):
+            return element
+        radius = f"{element}_radius_m"
+        return radius if getattr(self, radius) is not None else f"{element}_altitude_m"
+
+    def _given(self, elements: Iterable[str]) -> list[str]:
+        return [name for name in elements if getattr(self, self._key(name)) is not None]
+
+    @property
+    def keplerian(self) -> bool:
+        """Whether an ellipse is named in full and the place on it free."""
+        e = self.eccentricity
+        return set(self._given(_NAMES)) == _KEPLERIAN and e is not None and e < 1.0
+
+    @model_validator(mode="after")
+    def _sense(self) -> "TargetOrbit":
+        for one, other in (
+            ("perigee_radius_m", "perigee_altitude_m"),
+            ("apogee_radius_m", "apogee_altitude_m"),
+            ("semi_major_axis_m", "c3_m2_s2"),
+            ("at", "true_anomaly_deg"),
+        ):
+            if len(self._given((one, other))) == 2:
+                fail((other,), getattr(self, other), f"no such key beside {one}")
+        sizes = [self._key(size) for size in self._given(_SIZES)]
+        if not set(sizes) - {"eccentricity"}:
+            fail(
+                ("perigee_radius_m",),
+                None,
+                "a size of the orbit: perigee or apogee (radius or altitude), semi_major_axis_m "
+                "or c3_m2_s2",
+            )
+        if len(sizes) > 2:
+            beside = f"{sizes[0]} and {sizes[1]}"
+            fail((sizes[2],), getattr(self, sizes[2]), f"no such key beside {beside}")
+        self._check_escape()
+        self._check_equatorial()
+        return self
+
+    def _check_escape(self) -> None:
+        """Report an energy, an eccentricity and an apogee that contradict each other."""
+        e, axis, energy = self.eccentricity, self.semi_major_axis_m, self.c3_m2_s2
+        if axis is not None:
+            energy = -axis
+            if axis == 0.0:
+                fail(("semi_major_axis_m",), axis, "more than 0, or less for a hyperbola")
+        if e is not None and energy is not None and not (e - 1.0) * energy > 0.0:
+            expected = "less than 1, of an ellipse" if energy < 0.0 else "more than 1, of an escape"
+            fail(("eccentricity",), e, expected if energy else "no such key beside c3_m2_s2 0")
+        escape = None
+        if energy is not None and energy >= 0.0:
+            escape = "c3_m2_s2" if axis is None else "semi_major_axis_m"
+        elif e is not None and e >= 1.0:
+            escape = "eccentricity"
+        if escape is None:
+            return
+        apogee = self._given(("apogee_radius_m", "apogee_altitude_m"))
+        for key in (*apogee, *(("at",) if self.at == "apogee" else ())):
+            fail((key,), getattr(self, key), f"no apogee, because {escape} is that of an escape")
+
+    def _check_equatorial(self) -> None:
+        """Report an argument of perigee that is counted from nothing."""
+        inclination, argument = self.inclination_deg, self.argument_of_perigee_deg
+        if inclination is None or argument is None or self.ascending_node_deg is not None:
+            return
+        if math.sin(math.radians(inclination)) < _FLAT:
+            fail(
+                ("argument_of_perigee_deg",),
+                argument,
+                "no such key without ascending_node_deg: the orbit lies in the equator",
+            )
+
+    def sizes(self, mission: "Mission") -> dict[str, float]:
+        """Size and shape as far as they are named, by the fields of TARGET, SI."""
+        ground = mission.environment.earth.equatorial_radius_m
+        fields = {
+            "perigee_radius": self.perigee_radius_m,
+            "apogee_radius": self.apogee_radius_m,
+            "semi_major_axis": self.semi_major_axis_m,
+            "eccentricity": self.eccentricity,
+            "c3": self.c3_m2_s2,
+        }
+        if self.perigee_altitude_m is not None:
+            fields["perigee_radius"] = ground + self.perigee_altitude_m
+        if self.apogee_altitude_m is not None:
+            fields["apogee_radius"] = ground + self.apogee_altitude_m
+        return {field: value for field, value in fields.items() if value is not None}
+
+    def conic(self, mission: "Mission") -> Conic:
+        """The orbit that is aimed at: what is not named is completed, see :func:`complete`."""
+        start = float(np.linalg.norm(mission.start().position))
+        return complete(self.sizes(mission), mission.environment.mu_m3_s2, start)
+
+    def circular(self, mission: "Mission") -> bool:
+        """Whether it is a circle that is asked for; a perigee alone asks for the least orbit."""
+        sizes = self.sizes(mission)
+        conic = self.conic(mission)
+        known = len(sizes) == 2 or "perigee_radius" in sizes
+        return known and conic.apogee - conic.perigee <= CIRCLE_M and not self.keplerian
+
+    def check(self, mission: "Mission") -> None:
+        """Report what is no orbit, or not above the ground."""
+        mu = mission.environment.mu_m3_s2
+        ground = mission.environment.earth.equatorial_radius_m
+        above = f"above the Earth's radius, {ground:,.0f} m"
+        sizes = self.sizes(mission)
+        for apsis in self._given(("perigee", "apogee")):
+            key = self._key(apsis)
+            if sizes[f"{apsis}_radius"] <= ground:
+                fail(
+                    ("target", key),
+                    getattr(self, key),
+                    f"an {apsis} {above}".replace("an p", "a p"),
+                )
+        last = self._key(self._given(_SIZES)[-1])
+        conic = self.conic(mission)
+        if conic.eccentricity < 0.0:
+            fail(("target", last), getattr(self, last), "an apogee that is not below the perigee")
+        if len(sizes) == 2 and not conic.perigee > ground:
+            fail(
+                ("target", last),
+                getattr(self, last),
+                f"a perigee {above}; it is {conic.perigee:,.0f} m",
+            )
+        if len(sizes) == 1 and conic.c3 < -mu / ground:
+            fail(("target", last), getattr(self, last), f"a semi-major axis {above}")
+        self._check_place(conic, self.circular(mission))
+
+    def _check_place(self, conic: Conic, circular: bool) -> None:
+        """Report a perigee that a circle does not have, and an anomaly that an escape has not."""
+        for key in self._given(("argument_of_perigee_deg", "at", "true_anomaly_deg")):
+            if circular:
+                fail(("target", key), getattr(self, key), "no such key, the orbit is a circle")
+        anomaly = self.true_anomaly_deg
+        if anomaly is None:
+            return
+        if 1.0 + conic.eccentricity * math.cos(math.radians(anomaly)) <= 0.0:
+            fail(("target", "true_anomaly_deg"), anomaly, "an anomaly inside the asymptotes")
+
+    def write(self, record: NDArray[np.void], mission: "Mission") -> None:
+        """Fill a record TARGET, plane apart."""
+        mu = mission.environment.mu_m3_s2
+        if self.argument_of_perigee_deg is not None:
+            record["argument_of_perigee"] = math.radians(self.argument_of_perigee_deg)
+        if self.keplerian:
+            record["kind"] = layout.TARGET_KEPLERIAN
+            record["semi_major_axis"] = self.semi_major_axis_m
+            record["eccentricity"] = self.eccentricity
+            return
+        conic = self.conic(mission)
+        named = sum({_NAMES[element] for element in self._given(_NAMES)})
+        record["kind"] = layout.TARGET_ELEMENTS
+        record["perigee_radius"] = conic.perigee
+        record["apogee_radius"] = conic.apogee
+        record["eccentricity"] = conic.eccentricity
+        record["c3"] = conic.c3
+        record["semi_major_axis"] = -mu / conic.c3 if conic.c3 else math.inf
+        if self.at == "apogee":
+            record["true_anomaly"] = math.pi
+        elif self.true_anomaly_deg is not None:
+            record["true_anomaly"] = math.radians(self.true_anomaly_deg)
+        if self.circular(mission):
+            record["radius"] = conic.perigee
+            record["speed"] = math.sqrt(mu / conic.perigee)
+            named &= layout.NAMES_INCLINATION | layout.NAMES_ASCENDING_NODE
+            if named & layout.NAMES_INCLINATION:
+                record["kind"] = (
+                    layout.TARGET_RADIUS_SPEED_ANGLE_PLANE
+                    if named & layout.NAMES_ASCENDING_NODE
+                    else layout.TARGET_RADIUS_SPEED_ANGLE_INCLINATION
+                )
+            named |= _NAMES_STATE
+        # what is named stands as the file has it
+        for field, value in self.sizes(mission).items():
+            record[field] = value
+        record["named"] = named
+
+    def describe(self) -> str:
+        """In one line."""
+        texts = {
+            "perigee_radius_m": "perigee r {:,.0f} m",
+            "perigee_altitude_m": "perigee {:,.0f} m",
+            "apogee_radius_m": "apogee r {:,.0f} m",
+            "apogee_altitude_m": "apogee {:,.0f} m",
+            "semi_major_axis_m": "a {:,.0f} m",
+            "eccentricity": "e {:g}",
+            "c3_m2_s2": "C3 {:,.0f} m2/s2",
+            "inclination_deg": "i {:g} deg",
+            "ascending_node_deg": "node {:g} deg",
+            "argument_of_perigee_deg": "perigee {:g} deg",
+            "at": "at {}",
+            "true_anomaly_deg": "anomaly {:g} deg",
+        }
+        return ", ".join(texts[key].format(getattr(self, key)) for key in self._given(texts))
+
+
+Target = Annotated[
+    Annotated[TargetState, Tag("<state>")] | Annotated[TargetOrbit, Tag("<orbit>")],
+    Discriminator(
+        by_keys({"<state>": TargetState, "<orbit>": TargetOrbit}, None),
+        custom_error_type="expected",
+        custom_error_message="radius_m, speed_m_s, flight_path_angle_deg and inclination_deg, "
+        "or semi_major_axis_m and so on",
+    ),
+]
+
+
+def target_record(mission: "Mission") -> NDArray[np.void]:
+    """What kernels take of the target: shape (1,), dtype TARGET."""
+    target = mission.target
+    record = np.zeros(1, layout.TARGET)
+    if target.inclination_deg is not None:
+        record["inclination"] = math.radians(target.inclination_deg)
+    if target.ascending_node_deg is not None:
+        record["ascending_node"] = math.radians(target.ascending_node_deg)
+    target.write(record, mission)
+    return record
+
+
+def check_target(mission: "Mission") -> None:
+    """Report a target that makes no sense or is out of reach."""
+    mission.target.check(mission)
+    _check_plane(mission)
+
+
+def _check_plane(mission: "Mission") -> None:
+    start = mission.start()
+    before = Insertion.from_state(start.position, start.velocity)
+    target = mission.target
+    limit = math.degrees(MAX_PLANE_CHANGE)
+    inclination = before.inclination
+    if target.inclination_deg is not None:
+        inclination = math.radians(target.inclination_deg)
+    if abs(inclination - before.inclination) > MAX_PLANE_CHANGE:
+        fail(
+            ("target", "inclination_deg"),
+            target.inclination_deg,
+            f"within {limit:g} deg of the initial state's inclination, "
+            f"{math.degrees(before.inclination):.3f} deg",
+        )
+    if target.ascending_node_deg is None:
+        return
+    turn = math.radians(target.ascending_node_deg) - before.ascending_node
+    if target.inclination_deg is None:
+        # the plane through the node that is nearest to that of the start
+        between = math.sqrt(1.0 - (math.sin(before.inclination) * math.sin(turn)) ** 2)
+        between *= math.copysign(1.0, math.cos(turn))
+    else:
+        between = math.cos(inclination) * math.cos(before.inclination) + math.sin(
+            inclination
+        ) * math.sin(before.inclination) * math.cos(turn)
+    if between < math.cos(MAX_PLANE_CHANGE):
+        fail(
+            ("target", "ascending_node_deg"),
+            target.ascending_node_deg,
+            f"a plane within {limit:g} deg of the initial state's, whose node is at "
+            f"{math.degrees(before.ascending_node):.3f} deg",
+        )

@@ -1,0 +1,236 @@
+"""Targets by elements: what a file may say, what it comes to, and what is refused."""
+
+import json
+import math
+import re
+from importlib import resources
+
+import numpy as np
+import pytest
+
+from ares_models import arrays as layout
+from ares_models.kernels.targets import desired_state, plane_normal, size_and_shape, target_speed
+from ares_models.mission import MissionError, load_mission
+from ares_models.mission_target import TargetOrbit
+from ares_models.orbits import Elements
+
+MU = 3.986e14
+EQUATOR = 6378140.0
+PERIGEE, APOGEE = EQUATOR + 185e3, EQUATOR + 35786e3
+SHIPPED = load_mission("ares_v")
+START = math.sqrt(sum(x * x for x in SHIPPED.initial_state.position_m))
+
+
+@pytest.fixture
+def aimed(tmp_path):
+    """A mission file with another target."""
+    text = resources.files("ares_models").joinpath("missions", "ares_v.yaml").read_text()
+
+    def load(**target):
+        path = tmp_path / "aimed.yaml"
+        path.write_text(f"{text[: text.index('target:')]}target: {json.dumps(target)}\n")
+        return load_mission(path)
+
+    return load
+
+
+@pytest.mark.parametrize(
+    ("sizes", "perigee", "c3"),
+    [
+        ({"perigee_radius_m": PERIGEE, "apogee_radius_m": APOGEE}, PERIGEE, -16360445.319),
+        ({"perigee_altitude_m": 185e3, "apogee_altitude_m": 35786e3}, PERIGEE, -16360445.319),
+        ({"perigee_altitude_m": 185e3, "semi_major_axis_m": 24363640.0}, PERIGEE, -16360445.319),
+        ({"apogee_altitude_m": 35786e3, "c3_m2_s2": -16360445.3193363}, PERIGEE, -16360445.319),
+        ({"perigee_altitude_m": 185e3, "eccentricity": 0.5}, PERIGEE, -0.5 * MU / PERIGEE),
+        ({"apogee_altitude_m": 35786e3, "eccentricity": 0.5}, APOGEE / 3, -1.5 * MU / APOGEE),
+        ({"semi_major_axis_m": 2e7, "eccentricity": 0.5}, 1e7, -MU / 2e7),
+        ({"semi_major_axis_m": -2e8, "eccentricity": 1.05}, 1e7, MU / 2e8),
+        ({"c3_m2_s2": 1e6, "eccentricity": 1.02}, 0.02 * MU / 1e6, 1e6),
+        ({"perigee_altitude_m": 185e3, "c3_m2_s2": 0.0}, PERIGEE, 0.0),
+    ],
+)
+def test_two_sizes_are_an_orbit(aimed, sizes, perigee, c3):
+    target = aimed(**sizes, inclination_deg=28.5).arrays().target[0]
+    assert target["kind"] == layout.TARGET_ELEMENTS
+    assert target["perigee_radius"] == pytest.approx(perigee, rel=1e-9)
+    assert target["c3"] == pytest.approx(c3, rel=1e-9, abs=1e-6)
+    assert size_and_shape(target, MU) == pytest.approx((perigee, c3)[::-1], rel=1e-9, abs=1e-6)
+    e = float(target["eccentricity"])
+    assert e == pytest.approx(1.0 + perigee * c3 / MU, rel=1e-9)
+    if e < 1.0:
+        assert target["apogee_radius"] == pytest.approx(perigee * (1 + e) / (1 - e), rel=1e-9)
+    else:
+        assert math.isinf(target["apogee_radius"])
+    named = {
+        "perigee": layout.NAMES_PERIGEE,
+        "apogee": layout.NAMES_APOGEE,
+        "semi": layout.NAMES_SEMI_MAJOR_AXIS,
+        "eccentricity": layout.NAMES_ECCENTRICITY,
+        "c3": layout.NAMES_C3,
+    }
+    names = sum(bit for key, bit in named.items() if any(size.startswith(key) for size in sizes))
+    assert target["named"] == names | layout.NAMES_INCLINATION
+
+
+def test_all_five_and_no_place_are_the_old_target(aimed):
+    five = {
+        "semi_major_axis_m": 24361140.0,
+        "eccentricity": 0.7308,
+        "inclination_deg": 28.5,
+        "ascending_node_deg": 114.0,
+        "argument_of_perigee_deg": 130.5,
+    }
+    old = aimed(**five).arrays().target[0]
+    assert old["kind"] == layout.TARGET_KEPLERIAN
+    assert old["named"] == 0
+    for less in five:
+        if less != "semi_major_axis_m":
+            some = {key: value for key, value in five.items() if key != less}
+            assert aimed(**some).arrays().target[0]["kind"] == layout.TARGET_ELEMENTS
+    assert aimed(**five, at="perigee").arrays().target[0]["kind"] == layout.TARGET_ELEMENTS
+
+
+def test_a_circle_is_a_state(aimed):
+    for circle in (
+        {"perigee_altitude_m": 185e3, "apogee_radius_m": PERIGEE},
+        {"perigee_altitude_m": 185e3},
+        {"semi_major_axis_m": PERIGEE, "eccentricity": 0.0},
+    ):
+        target = aimed(**circle, inclination_deg=28.5).arrays().target[0]
+        assert target["kind"] == layout.TARGET_RADIUS_SPEED_ANGLE_INCLINATION
+        assert target["radius"] == PERIGEE
+        assert target["speed"] == pytest.approx(math.sqrt(MU / PERIGEE), rel=1e-15)
+        assert target["flight_path_angle"] == 0.0
+        node = {"inclination_deg": 28.5, "ascending_node_deg": 114.0}
+        named = aimed(**circle, **node).arrays().target[0]
+        assert named["kind"] == layout.TARGET_RADIUS_SPEED_ANGLE_PLANE
+        free = aimed(**circle).arrays().target[0]
+        assert free["kind"] == layout.TARGET_ELEMENTS
+        state = layout.NAMES_RADIUS | layout.NAMES_SPEED | layout.NAMES_FLIGHT_PATH_ANGLE
+        assert free["named"] == state
+
+
+def test_a_lone_size_is_completed_from_the_start(aimed):
+    apogee = aimed(apogee_altitude_m=400e3).arrays().target[0]
+    assert apogee["perigee_radius"] == pytest.approx(START)
+    assert apogee["apogee_radius"] == EQUATOR + 400e3
+    escape = aimed(c3_m2_s2=1e6).arrays().target[0]
+    assert escape["perigee_radius"] == pytest.approx(START)
+    assert escape["eccentricity"] == pytest.approx(1.0 + START * 1e6 / MU)
+
+
+GTO = {"perigee_altitude_m": 185e3, "apogee_altitude_m": 35786e3}
+REFUSED = [
+    ({**GTO, "perigee_radius_m": PERIGEE}, "perigee_altitude_m", "no such key beside perigee_rad"),
+    ({**GTO, "apogee_radius_m": APOGEE}, "apogee_altitude_m", "no such key beside apogee_radius"),
+    ({**GTO, "eccentricity": 0.7}, "eccentricity", "beside perigee_altitude_m and apogee_alti"),
+    ({**GTO, "c3_m2_s2": -1e7}, "c3_m2_s2", "beside perigee_altitude_m and apogee_altitude_m"),
+    ({"semi_major_axis_m": 7e6, "c3_m2_s2": -5e7}, "c3_m2_s2", "beside semi_major_axis_m"),
+    ({**GTO, "at": "perigee", "true_anomaly_deg": 3.0}, "true_anomaly_deg", "beside at"),
+    ({**GTO, "at": "the node"}, "at", "expected one of 'perigee'"),
+    ({"eccentricity": 0.1}, "perigee_radius_m", "is missing; expected a size of the orbit"),
+    ({"at": "perigee"}, "perigee_radius_m", "is missing; expected a size of the orbit"),
+    ({"perigee_altitude_m": 4e5, "apogee_altitude_m": 3e5}, "apogee_altitude_m", "not below the"),
+    ({"perigee_altitude_m": 4e5, "semi_major_axis_m": 6.5e6}, "semi_major_axis_m", "not below"),
+    ({"perigee_radius_m": 6.3e6}, "perigee_radius_m", "a perigee above the Earth's radius"),
+    ({"apogee_radius_m": 6.3e6}, "apogee_radius_m", "an apogee above the Earth's radius"),
+    ({"perigee_altitude_m": 0.0}, "perigee_altitude_m", "a perigee above the Earth's radius"),
+    ({"semi_major_axis_m": 7e6, "eccentricity": 0.2}, "eccentricity", "it is 5,600,000 m"),
+    ({"apogee_altitude_m": 3e5, "eccentricity": 0.2}, "eccentricity", "it is 4,452,093 m"),
+    ({"semi_major_axis_m": 6e6}, "semi_major_axis_m", "a semi-major axis above the Earth's"),
+    ({"c3_m2_s2": -1e8}, "c3_m2_s2", "a semi-major axis above the Earth's radius"),
+    ({"apogee_altitude_m": 3e5, "c3_m2_s2": 0.0}, "apogee_altitude_m", "no apogee, because c3_m"),
+    ({"apogee_altitude_m": 3e5, "eccentricity": 1.2}, "apogee_altitude_m", "because eccentricity"),
+    ({"c3_m2_s2": 10.0, "at": "apogee"}, "at", "no apogee, because c3_m2_s2 is that of an escape"),
+    ({"semi_major_axis_m": 7e6, "eccentricity": 1.2}, "eccentricity", "less than 1, of an ellipse"),
+    ({"c3_m2_s2": 1e6, "eccentricity": 0.2}, "eccentricity", "more than 1, of an escape"),
+    ({"c3_m2_s2": 0.0, "eccentricity": 1.0}, "eccentricity", "no such key beside c3_m2_s2 0"),
+    ({"semi_major_axis_m": 0.0}, "semi_major_axis_m", "more than 0, or less for a hyperbola"),
+    (
+        {"perigee_altitude_m": 2e5, "argument_of_perigee_deg": 3.0},
+        "argument_of_perigee_deg",
+        "circ",
+    ),
+    (
+        {"perigee_altitude_m": 2e5, "apogee_altitude_m": 2e5, "at": "perigee"},
+        "at",
+        "the orbit is a circle",
+    ),
+    (
+        {"perigee_altitude_m": 2e5, "eccentricity": 1.5, "true_anomaly_deg": 170.0},
+        "true_anomaly_deg",
+        "inside the asymptotes",
+    ),
+    ({**GTO, "inclination_deg": 80.0}, "inclination_deg", "within 30 deg of the initial state's"),
+    ({**GTO, "ascending_node_deg": 300.0}, "ascending_node_deg", "a plane within 30 deg"),
+    (
+        {**GTO, "inclination_deg": 28.5, "ascending_node_deg": 200.0},
+        "ascending_node_deg",
+        "a plane within 30 deg",
+    ),
+    ({"radius_m": 6.5e6, **GTO}, "radius_m", "is not a known key"),
+    ({**GTO, "perigee_alitude_m": 3.0}, "perigee_alitude_m", "did you mean perigee_altitude_m?"),
+]
+
+
+@pytest.mark.parametrize(("target", "key", "words"), REFUSED)
+def test_what_makes_no_sense_is_refused_by_its_key(aimed, target, key, words):
+    with pytest.raises(MissionError) as caught:
+        aimed(**target)
+    text = str(caught.value)
+    assert "\n" not in text
+    assert re.search(rf"aimed\.yaml: (line \d+: )?target\.{key} ", text), text
+    assert words in text
+
+
+def test_an_equatorial_orbit_has_no_perigee_to_count_from_its_node():
+    with pytest.raises(ValueError, match="the orbit lies in the equator"):
+        TargetOrbit(perigee_altitude_m=2e5, inclination_deg=0.0, argument_of_perigee_deg=10.0)
+
+
+def test_what_is_aimed_at_lies_on_the_orbit(aimed):
+    radial, normal = (0.0, 0.6, 0.8), (1.0, 0.0, 0.0)
+    for place, anomaly in (
+        ({}, 0.0),
+        ({"at": "apogee"}, math.pi),
+        ({"true_anomaly_deg": 40.0}, math.radians(40.0)),
+    ):
+        target = aimed(**GTO, **place).arrays().target[0]
+        r, v, _ = (np.array(x) for x in desired_state(target, MU, radial, normal))
+        found = Elements.from_state(r, v, MU)
+        assert found.perigee_radius == pytest.approx(PERIGEE, rel=1e-9)
+        assert found.apogee_radius == pytest.approx(APOGEE, rel=1e-9)
+        assert math.cos(found.true_anomaly - anomaly) == pytest.approx(1.0, abs=1e-12)
+        assert target_speed(target, MU, float(np.linalg.norm(r))) == pytest.approx(
+            float(np.linalg.norm(v)), rel=1e-9
+        )
+
+
+def test_a_named_argument_of_perigee_tells_the_anomaly(aimed):
+    target = aimed(**GTO, inclination_deg=28.5, argument_of_perigee_deg=150.0).arrays().target[0]
+    node, i = math.radians(110.0), math.radians(28.5)
+    normal = (math.sin(i) * math.sin(node), -math.sin(i) * math.cos(node), math.cos(i))
+    towards = np.array([math.cos(node), math.sin(node), 0.0])
+    ahead = np.cross(normal, towards)
+    u = math.radians(120.0)
+    radial = tuple((math.cos(u) * towards + math.sin(u) * ahead).tolist())
+    r, v, _ = desired_state(target, MU, radial, normal)
+    found = Elements.from_state(r, v, MU)
+    assert math.degrees(found.argument_of_perigee) == pytest.approx(150.0, abs=1e-9)
+    assert math.degrees(found.true_anomaly) == pytest.approx(-30.0, abs=1e-9)
+
+
+def test_a_free_plane_is_that_of_the_motion(aimed):
+    r, h = (6.5e6, 1e5, 2e5), (-1e10, 2e10, 4e10)
+    along = np.array(h) / np.linalg.norm(h)
+    free = aimed(**GTO).arrays().target[0]
+    normal, reachable = plane_normal(free, r, h)
+    assert reachable
+    assert normal == pytest.approx(tuple(along))
+    for sign in (1.0, -1.0):
+        node = aimed(**GTO, ascending_node_deg=114.0).arrays().target[0]
+        normal, _ = plane_normal(node, r, tuple(sign * x for x in h))
+        assert np.dot(normal, r) == pytest.approx(0.0, abs=1e-6)
+        line = (math.cos(math.radians(114.0)), math.sin(math.radians(114.0)), 0.0)
+        assert np.dot(normal, line) == pytest.approx(0.0, abs=1e-12)
+        assert sign * np.dot(normal, h) > 0.0
