@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import HEATING_LIMIT, MissionArrays
+from ares_models.arrays import BURN, HEATING_LIMIT, MissionArrays
 from ares_models.kernels.targets import desired_state, plane_normal, project_to_plane
 from ares_models.kernels.vectors import cross, load, norm, sub
 from ares_optimizer.direct.search import Found, find_direct, steering_laws
@@ -181,14 +181,22 @@ def solve_beside_rival(request: Request) -> Solution:
     solution = extremal(guess)
     if plans_arcs(arrays, state[0]):
         return _beside_planned(request, solution)
+    if _is_throttled(request):
+        return solution
     if solution.converged and not request.verify and not detour_line(arrays, state, solution):
         return solution
     return beside_rival(request, solution, extremal)
 
 
+def _is_throttled(request: Request) -> bool:
+    """Whether a burn ahead is throttled: no direct method flies it."""
+    ahead = request.arrays.arcs[int(request.state[0]["arc"]) :]
+    return bool(((ahead["kind"] == BURN) & np.isfinite(ahead["max_acceleration"])).any())
+
+
 def _beside_planned(request: Request, solution: Solution) -> Solution:
     """Set an extremal with free arcs beside a direct solution with arcs of the same lengths."""
-    if not solution.converged or not request.verify:
+    if not solution.converged or not request.verify or _is_throttled(request):
         return solution
     planned = with_lengths(request.arrays, request.state[0], np.array(solution.lengths_s))
     beside = replace(request, arrays=planned, deadline=request.deadline.within(_RIVAL_S))

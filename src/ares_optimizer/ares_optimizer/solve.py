@@ -101,13 +101,15 @@ def _solve(request: Request) -> Solution:
 def _check_arcs(request: Request) -> None:
     """Refuse arcs that no method, or not this one, plans yet."""
     ahead = request.arrays.arcs[int(request.state[0]["arc"]) :]
-    for what, flags in (
-        ("attitude is held", ahead["held"] == 1),
-        ("thrust is throttled", (ahead["kind"] == BURN) & np.isfinite(ahead["max_acceleration"])),
+    throttled = (ahead["kind"] == BURN) & np.isfinite(ahead["max_acceleration"])
+    for what, flags, able in (
+        ("attitude is held", ahead["held"] == 1, ()),
+        ("thrust is throttled", throttled, ("indirect",)),
     ):
-        if flags.any():
+        if flags.any() and request.method not in able:
             arc = int(request.state[0]["arc"]) + int(np.argmax(flags))
-            raise UnfitMethod(f"arc {arc}: its {what}; no method plans that yet")
+            by = " or ".join(able) if able else "no method yet"
+            raise UnfitMethod(f"arc {arc}: its {what}, which is planned by {by}")
     if not plans_arcs(request.arrays, request.state[0]):
         return
     if request.method in (ANALYTIC_METHOD, "closed_form"):

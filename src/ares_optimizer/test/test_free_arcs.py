@@ -9,7 +9,7 @@ import pytest
 from ares_models.mission import load_mission
 from ares_optimizer.indirect.free_arcs import find_planned, is_least
 from ares_optimizer.indirect.solver import TwoPointSolver
-from ares_optimizer.plan import free_arcs, length_bounds, spent, trial_lengths, with_lengths
+from ares_optimizer.plan import free_arcs, length_bounds, trial_lengths, with_lengths
 from ares_optimizer.solution import Check, Status, UnfitMethod
 from ares_optimizer.solve import solve
 from ares_optimizer.two_point.arrays import AT_LONGEST, NOT_HELD
@@ -81,7 +81,8 @@ class TestPublished:
         checks = [c for c in solved["titan2_restart"].constraints if c.key is Check.ARC_LENGTH]
         burn, coast = checks
         assert (burn.active, coast.active) == (False, True)
-        assert coast.value == coast.limit == pytest.approx(450.0, abs=1e-6)
+        assert coast.limit == 450.0
+        assert coast.value == pytest.approx(450.0, abs=1e-6)
 
     def test_json(self, solved):
         data = solved["titan2_coast"].to_json(mission("titan2_coast").arc_names)
@@ -137,8 +138,7 @@ def test_a_length_is_worth_what_its_change_costs(solved):
     """The switching function against the mission solved with another length."""
     flight = mission("titan2_restart")
     start = flight.start().navigation()
-    arrays = flight.arrays()
-    solver = TwoPointSolver(arrays)
+    solver = TwoPointSolver(flight.arrays())
     root = solved["titan2_restart"].parameters
     lengths = {0: 150.0, 1: 400.0}
 
@@ -147,7 +147,7 @@ def test_a_length_is_worth_what_its_change_costs(solved):
         solver.hold(start, held)
         there = solver.solve(start, root, restart=False)
         assert there.converged
-        return spent(arrays, start[0], there.lengths, there.last_length)
+        return there.taken_kg
 
     cost(0.0)
     worth = float(solver.work["switches"]["worth"][0, 0] / solver.work["price"][0])
@@ -254,3 +254,78 @@ def test_trials_stay_between_the_bounds():
         assert (lengths <= high).all()
     planned = with_lengths(arrays, start[0], trials[0])
     assert planned.arcs["duration"][free_arcs(arrays, start[0])] == pytest.approx(trials[0])
+
+
+#: Throttled to 25 m/s2, but not below half of the thrust; or to 40.
+THROTTLES = {
+    "25 to half": ("max_acceleration_m_s2: 25.0", "min_throttle: 0.5"),
+    "40": ("max_acceleration_m_s2: 40.0", "min_throttle: 0.0"),
+}
+
+
+def throttled(tmp_path, name, throttle):
+    indent = "    " if name == "titan2_circular" else "        "
+    keys = "".join(f"{indent}{key}\n" for key in THROTTLES[throttle])
+    old = "isp_s: 315.000112652779\n"
+    text = (MISSIONS / f"{name}.yaml").read_text()
+    path = tmp_path / "throttled.yaml"
+    path.write_text(text.replace(old, old + keys))
+    return load_mission(path)
+
+
+class TestThrottledBurns:
+    @pytest.mark.parametrize("throttle", THROTTLES)
+    @pytest.mark.parametrize("name", ["titan2_circular", "titan2_coast", "titan2_restart"])
+    def test_flown_again(self, tmp_path, name, throttle):
+        """By the proof's own engine; the acceleration stays below its limit."""
+        flight = throttled(tmp_path, name, throttle)
+        solution = solve(flight, "indirect")
+        assert solution.converged or "through the ground" in solution.reason
+        assert solution.verification.position_defect_m < 0.01
+        assert solution.verification.mass_defect_kg < 1e-3
+        track = solution.trajectory
+        second = track.mass < 32758.7
+        limit = float(flight.arrays().arcs[-1]["max_acceleration"])
+        least = float(flight.arrays().arcs[-1]["min_throttle"])
+        acceleration = track.thrust[second] / track.mass[second]
+        above = acceleration > limit * (1.0 + 1e-6)
+        assert np.all(track.thrust[second][above] <= least * 456100.0061 * (1.0 + 1e-6))
+        assert acceleration.max() > 0.99 * limit
+
+    @pytest.mark.parametrize("name", ["titan2_circular", "titan2_restart"])
+    def test_jacobian_is_exact(self, tmp_path, name):
+        flight = throttled(tmp_path, name, "25 to half")
+        start = flight.start().navigation()
+        solver = TwoPointSolver(flight.arrays())
+        base = solve(flight, "indirect").parameters.copy()
+        base[6:] += np.linspace(0.3, 1.1, base.size - 6)
+        _, jacobian, _ = solver.shoot(start, base)
+        for c, step in enumerate([1e-6] * 3 + [1e-9] * 3 + [1e-3] * (base.size - 6)):
+            move = np.zeros(base.size)
+            move[c] = step
+            ahead, behind = (solver.shoot(start, base + side)[0] for side in (move, -move))
+            size = np.abs(jacobian[:, c]).max()
+            difference = (ahead - behind) / (2.0 * step)
+            np.testing.assert_allclose(difference, jacobian[:, c], atol=1e-7 * size, rtol=1e-6)
+
+    def test_a_limit_that_is_never_met_costs_nothing(self, tmp_path):
+        flight = edited(
+            tmp_path,
+            "titan2_circular",
+            ("isp_s: 315.000112652779", "isp_s: 315.000112652779\n    max_acceleration_m_s2: 90.0"),
+        )
+        assert solve(flight, "indirect").m_f_kg == pytest.approx(7672.2142685, abs=1e-5)
+
+    def test_direct_methods_say_that_they_cannot(self, tmp_path):
+        with pytest.raises(UnfitMethod, match="planned by indirect"):
+            solve(throttled(tmp_path, "titan2_circular", "40"), "direct11")
+
+
+def test_held_attitude_is_refused(tmp_path):
+    flight = edited(
+        tmp_path,
+        "titan2_circular",
+        ("burn_time_s: 148.102380138703", "burn_time_s: 148.102380138703\n    attitude: held"),
+    )
+    with pytest.raises(UnfitMethod, match="attitude is held"):
+        solve(flight, "indirect")

@@ -161,8 +161,9 @@ class AnalyticSolution:
             "projected_flights": self.projected_flights,
             "part_one": _plain(self.part_one),
             "part_two": _plain(self.part_two),
-            "delta_v_m_s": list(self.delta_v_m_s),
             **self.solution.to_json(),
+            # per burn, as Table 6.6 has it
+            "delta_v_m_s": list(self.delta_v_m_s),
         }
 
 

@@ -124,7 +124,7 @@ def _carry_back(
             ]
         )
         along = float(x[3:6] @ direction(t))
-        mass_rate = along * piece.engine(t)[0] / y[6] ** 2
+        mass_rate = along * piece.engine(t, y[6])[0] / y[6] ** 2
         return np.concatenate((-gradient @ x[3:6], -x[:3], [mass_rate]))
 
     begin, end = piece.begin, piece.end
@@ -193,7 +193,7 @@ def recover_costates(
         whole = np.empty(len(grid))
         for i, (t, x) in enumerate(zip(grid, samples, strict=True)):
             y = state(t)
-            thrust, flow = engine(t)
+            thrust, flow = engine(t, y[6])
             g, _, _ = gravity_gradient(_vector(y), environment)
             along = float(x[3:6] @ direction(t))
             plain[i] = x[:3] @ y[3:6] + x[3:6] @ np.array(g) + along * thrust / y[6]

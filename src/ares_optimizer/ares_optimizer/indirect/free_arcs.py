@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 from ares_models.arrays import BURN
 from ares_optimizer.indirect.solver import Root, TwoPointSolver
 from ares_optimizer.kernels.timetable import COLUMN_CUTOFF, COLUMN_JETTISON
-from ares_optimizer.plan import free_arcs, length_bounds, longest_burn, spent, trial_lengths
+from ares_optimizer.plan import free_arcs, length_bounds, longest_burn, trial_lengths
 from ares_optimizer.two_point.arrays import LAMBDA_R, NOT_HELD, PRIMER
 from ares_optimizer.two_point.kernels import newton
 
@@ -57,10 +57,6 @@ class _Search:
     iterations: int = 0
     restarts: int = 0
 
-    def cost(self, root: Root) -> float:
-        """Propellant of the free burns, kg."""
-        return spent(self.solver.arrays, self.start[0], root.lengths, root.last_length)
-
     def take(self, root: Root) -> Root:
         """Count a root's work."""
         self.iterations += root.iterations
@@ -81,12 +77,12 @@ class _Search:
             if is_least(self.solver, self.start, root):
                 self.best = root
                 self.again = 0
-        elif self.best is not None and self.cost(root) < self.cost(self.best) + _SAME_KG:
+        elif self.best is not None and root.taken_kg < self.best.taken_kg + _SAME_KG:
             self.again += 1
 
     def beats(self, root: Root) -> bool:
         """Whether a root takes less than the best so far."""
-        return self.best is None or self.cost(root) < self.cost(self.best) - _SAME_KG
+        return self.best is None or root.taken_kg < self.best.taken_kg - _SAME_KG
 
     def descend(self, root: Root, held: Mapping[int, float]) -> None:
         """From a flight of held lengths that beats the best: downhill, then let go.
@@ -103,13 +99,13 @@ class _Search:
             solver.hold(start, dict(zip(names, x, strict=True)))
             there = self.take(solver.solve(start, lowest[0].unknowns, restart=False))
             if not there.converged:
-                return self.cost(root) + 1.0, np.zeros(x.size)
+                return root.taken_kg + 1.0, np.zeros(x.size)
             worth = solver.work["switches"]["worth"][0, names] / solver.work["price"][0]
-            if self.cost(there) < self.cost(lowest[0]):
+            if there.taken_kg < lowest[0].taken_kg:
                 lowest[0] = there
-            if self.cost(there) < none:
+            if there.taken_kg < none:
                 raise StopIteration
-            return self.cost(there), -worth
+            return there.taken_kg, -worth
 
         try:
             minimize(
@@ -250,7 +246,6 @@ def is_least(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> boo
     """
     arrays = solver.arrays
     free = free_arcs(arrays, start[0])
-    cost = spent(arrays, start[0], root.lengths, root.last_length)
     for f, hold in enumerate(solver.holds(start)):
         if hold != NOT_HELD:
             continue
@@ -262,10 +257,7 @@ def is_least(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> boo
                 continue
             solver.hold(start, {f: moved})
             beside = solver.solve(start, root.unknowns, restart=False)
-            if not beside.converged:
-                continue
-            other = spent(arrays, start[0], beside.lengths, beside.last_length)
-            if other < cost - _SAME_KG:
+            if beside.converged and beside.taken_kg < root.taken_kg - _SAME_KG:
                 solver.hold(start, {})
                 return False
     solver.hold(start, {})

@@ -316,8 +316,7 @@ def _propellant_obstacle(solver: TwoPointSolver, start: NDArray[np.void], root: 
         used = timetable.propellant_used(start[0], mass, arrays.arcs, arrays.jettisons)
     for piece in _pieces(solver):
         if arrays.arcs[piece["arc"]]["stage"] == last["stage"]:
-            length = piece["end"] - piece["start"]
-            used += length * (piece["flow"] + 0.5 * length * piece["flow_slope"])
+            used += piece["mass"] - timetable.segment_mass(piece, piece["end"])
     short = float(used - last["propellant"])
     if short <= _SHORT_KG:
         return ""
@@ -503,7 +502,7 @@ def _hamiltonian_spread(pieces: NDArray[np.void], flight: Array) -> tuple[float,
     size = float(np.abs(flight[:, sample.HAMILTONIAN]).max())
     spread = []
     for i, piece in enumerate(pieces):
-        if piece["thrust_slope"] == 0.0:
+        if piece["thrust_slope"] == 0.0 and piece["fading"] == 0.0:
             values = full[flight[:, sample.PIECE] == i]
             spread.append(float(np.ptp(values)) / size)
     return tuple(spread)
@@ -613,7 +612,7 @@ def _length_checks(
                 bound,
                 hold != NOT_HELD,
                 "s",
-                low[f] - _SAME_LENGTH <= length <= high[f] + _SAME_LENGTH,
+                bool(low[f] - _SAME_LENGTH <= length <= high[f] + _SAME_LENGTH),
                 worth if hold != NOT_HELD else 0.0,
             )
         )

@@ -31,7 +31,7 @@ from ares_optimizer.two_point.arrays import (
     Effort,
 )
 from ares_optimizer.two_point.kernels import closed_form, newton, search
-from ares_optimizer.two_point.kernels.shooting import shoot_with_jacobian
+from ares_optimizer.two_point.kernels.shooting import begin_flight, shoot_with_jacobian
 
 Array = NDArray[np.float64]
 
@@ -116,7 +116,8 @@ class Root:
         status: ``two_point.kernels.newton``: CONVERGED or what went wrong.
         restarts: starts after the first.
         lengths: s, shape (n,), of the free arcs before the last.
-        last_length: s, of the last arc, from now on if it runs.
+        taken_kg: propellant that the free burns take from now on, but for the tail-off of the
+            last; nan where nothing is planned.
     """
 
     unknowns: Array
@@ -125,7 +126,7 @@ class Root:
     status: int
     restarts: int
     lengths: Array
-    last_length: float
+    taken_kg: float
 
     @property
     def cutoff_s(self) -> float:
@@ -366,15 +367,20 @@ class TwoPointSolver:
         status: int,
         restarts: int,
     ) -> Root:
-        """What the kernels left, with the lengths of the arcs."""
+        """What the kernels left, with the lengths of the arcs and what they take."""
         n = self.size(start)
-        free = free_arcs(self.arrays, start[0])
-        begins = self.work["layout"]["begins"]["time"][0]
-        lengths = unknowns[n - len(free) : n] - begins[free]
-        last = float(unknowns[COLUMN_CUTOFF] - begins[len(self.arrays.arcs) - 1])
-        return Root(
-            unknowns[:n].copy(), iterations, residual, status, restarts, lengths.copy(), last
-        )
+        lengths = np.zeros(0)
+        taken = math.nan
+        if self.plans_arcs(start):
+            begin_flight(start[0], self._mission, self.options[0], unknowns, self.work[0])
+            arcs = self.arrays.arcs
+            begins = self.work["layout"]["begins"][0, : len(arcs)]
+            free = free_arcs(self.arrays, start[0])
+            lengths = unknowns[n - len(free) : n] - begins["time"][free]
+            pay = np.isinf(arcs["duration"]) & (arcs["kind"] == BURN)
+            pay[: int(start["arc"][0])] = False
+            taken = float((begins["used_end"] - begins["used"])[pay].sum())
+        return Root(unknowns[:n].copy(), iterations, residual, status, restarts, lengths, taken)
 
     def hold(self, start: NDArray[np.void], lengths: Mapping[int, float]) -> None:
         """Hold free arcs at given lengths in what follows; the others are let go.

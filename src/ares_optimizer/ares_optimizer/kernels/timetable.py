@@ -3,8 +3,9 @@
 The sequence is the plant's: arcs in flight order, a burn that is fixed ends by the clock or
 when its propellant is gone, the last burn ends at the cut-off time and any other free arc at a
 time of its own; thrust-time curves at start and cut-off are linear between knots, so that
-within a segment thrust and mass flow are linear in time. A segment knows how its ends, its
-mass and its thrust move with each unknown time.
+within a segment thrust and mass flow are linear in time; in a burn throttled to a constant
+acceleration both fall with the mass. A segment knows how its ends, its mass and its thrust
+move with each unknown time.
 """
 
 import math
@@ -45,6 +46,9 @@ from ares_models.kernels.thrust_curve import (
 
 MAX_SEGMENTS = 64
 
+#: Masses closer than this part of them are one: on which side of a throttle's limit.
+SAME_MASS = 1e-12
+
 #: What a heating jettison does: wait for the limit with the interior condition, wait for it
 #: without (no jump), drop at the ignition of its stage, or drop at a given time.
 HEATING_OPTIMAL = 0
@@ -71,6 +75,7 @@ SEGMENT = np.dtype(
         ("thrust_slope", np.float64),
         ("flow", np.float64),  # kg/s at the start, and its slope, kg/s2
         ("flow_slope", np.float64),
+        ("fading", np.float64),  # 1/s: thrust, flow and mass fall by exp(-fading t); 0: they do not
         ("mass", np.float64),  # kg at the start, after drops
         ("end_heating", np.int64),  # which heating unknown ends it (0, 1, ...); -1: none
         ("end_arc", np.int64),  # free arc, not the last, that it ends; -1: none
@@ -92,8 +97,11 @@ ARC_BEGIN = np.dtype(
     [
         ("time", np.float64),  # s
         ("used", np.float64),  # kg
+        ("mass", np.float64),  # kg
         ("time_by", np.float64, (MAX_MOVES,)),
         ("used_by", np.float64, (MAX_MOVES,)),
+        ("used_end", np.float64),  # kg, by its end
+        ("used_end_by", np.float64, (MAX_MOVES,)),
     ],
     align=True,
 )
@@ -113,6 +121,33 @@ LAYOUT = np.dtype(
     ],
     align=True,
 )
+
+
+@kernel
+def segment_mass(segment: Record, t: float) -> float:
+    """Mass in a segment at time ``t``, kg."""
+    s = t - segment.start
+    if segment.fading > 0.0:
+        return segment.mass * math.exp(-segment.fading * s)
+    return segment.mass - s * (segment.flow + 0.5 * s * segment.flow_slope)
+
+
+@kernel
+def segment_thrust(segment: Record, t: float) -> float:
+    """Thrust in a segment at time ``t``, N."""
+    s = t - segment.start
+    if segment.fading > 0.0:
+        return segment.thrust * math.exp(-segment.fading * s)
+    return segment.thrust + s * segment.thrust_slope
+
+
+@kernel
+def segment_flow(segment: Record, t: float) -> float:
+    """Mass flow in a segment at time ``t``, kg/s."""
+    s = t - segment.start
+    if segment.fading > 0.0:
+        return segment.flow * math.exp(-segment.fading * s)
+    return segment.flow + s * segment.flow_slope
 
 
 @kernel
@@ -323,6 +358,7 @@ def note_begin(layout: Record, k: int) -> None:
     begin = layout.begins[k]
     begin.time = layout.sequence.arc_start_time
     begin.used = layout.sequence.propellant_used
+    begin.mass = layout.sequence.mass
     for c in range(layout.moves):
         layout.arc_start_by[c] = layout.now_by[c]
         begin.time_by[c] = layout.now_by[c]
@@ -355,15 +391,91 @@ def pass_instant_moving(
 
 
 @kernel
+def throttle(arc: Record, mass: float) -> tuple[float, float]:
+    """Fraction of full thrust of a burn at a mass, kg, and how fast it fades, 1/s."""
+    if not arc.max_acceleration < math.inf:
+        return 1.0, 0.0
+    limit = arc.thrust / arc.max_acceleration
+    # on a boundary, the side that follows it
+    mass *= 1.0 - SAME_MASS
+    if mass > limit:
+        return 1.0, 0.0
+    if mass > arc.min_throttle * limit:
+        return mass / limit, arc.max_acceleration / arc.exhaust_velocity
+    return arc.min_throttle, 0.0
+
+
+@kernel
+def write_throttle_end(arc: Record, layout: Record, segment: Record) -> None:
+    """Let a segment end where its burn begins or ends to be throttled in proportion to its mass.
+
+    Args:
+        arc: of the segment.
+        layout: record LAYOUT.
+        segment: record SEGMENT with its thrust. Changed.
+    """
+    if not arc.max_acceleration < math.inf:
+        return
+    sequence = layout.sequence
+    limit = arc.thrust / arc.max_acceleration
+    if segment.fading > 0.0:
+        limit *= arc.min_throttle
+        if limit <= 0.0:
+            return
+        at = sequence.time + math.log(sequence.mass / limit) / segment.fading
+        rate = sequence.mass * segment.fading
+    elif sequence.mass > limit:
+        at = sequence.time + (sequence.mass - limit) / segment.flow
+        rate = segment.flow
+    else:
+        return
+    if at < segment.end:
+        end_with(segment, at, layout.moves, layout.now_by[:])
+        for c in range(layout.moves):
+            segment.end_by[c] += layout.mass_by[c] / rate
+
+
+@kernel
+def write_burnout(arc: Record, layout: Record, segment: Record) -> None:
+    """Let a segment end where the stage's propellant is gone, unless something comes before.
+
+    Args:
+        arc: of the segment, a burn of fixed length.
+        layout: record LAYOUT.
+        segment: record SEGMENT with its thrust. Changed.
+    """
+    sequence = layout.sequence
+    left = arc.propellant - sequence.propellant_used
+    if segment.fading > 0.0:
+        part = left / sequence.mass
+        if not part < 1.0:
+            return
+        length = -math.log1p(-part) / segment.fading
+        rate = segment.fading * (sequence.mass - left)
+    elif segment.flow > 0.0 and segment.flow_slope == 0.0:
+        length = left / segment.flow
+        part = 0.0
+        rate = segment.flow
+    else:
+        return
+    at = sequence.time + length
+    if at < segment.end - SAME_BURNOUT:
+        end_with(segment, at, layout.moves, layout.now_by[:])
+        for c in range(layout.moves):
+            segment.end_by[c] -= (layout.used_by[c] + part * layout.mass_by[c]) / rate
+
+
+@kernel
 def write_thrust(sequence: Record, arcs: NDArray[Any], segment: Record) -> None:
     """Thrust and mass flow just after the present instant, with their slopes."""
     segment.thrust = 0.0
     segment.thrust_slope = 0.0
     segment.flow = 0.0
     segment.flow_slope = 0.0
+    segment.fading = 0.0
     arc = arcs[sequence.arc]
     if arc.kind == BURN and sequence.inserted == 0:
-        fraction = 1.0
+        fraction, segment.fading = throttle(arc, sequence.mass)
         slope = 0.0
         if arc.start_knots > 0:
             into = sequence.time - sequence.arc_start_time + SAME_TIME
@@ -457,12 +569,8 @@ def write_arc_end(
         return
     if at <= segment.end:
         end_with(segment, at, moves, layout.arc_start_by[:])
-    if arc.kind == BURN and segment.flow > 0.0 and segment.flow_slope == 0.0:
-        burnout = sequence.time + (arc.propellant - sequence.propellant_used) / segment.flow
-        if burnout < segment.end - SAME_BURNOUT:
-            end_with(segment, burnout, moves, layout.now_by[:])
-            for c in range(moves):
-                segment.end_by[c] -= layout.used_by[c] / segment.flow
+    if arc.kind == BURN:
+        write_burnout(arc, layout, segment)
 
 
 @kernel
@@ -491,6 +599,8 @@ def write_end(
     if sequence.inserted == 1:
         return
     drops = heating_count(start, jettisons, times.heating)
+    if arcs[sequence.arc].kind == BURN:
+        write_throttle_end(arcs[sequence.arc], layout, segment)
     last = sequence.arc == arcs.shape[0] - 1
     if not last:
         write_arc_end(start, arcs, drops, times, layout, segment)
@@ -551,18 +661,24 @@ def begin_segment(layout: Record, arcs: NDArray[Any], segment: Record) -> None:
 def pass_segment(segment: Record, layout: Record) -> None:
     """Count to the end of a segment."""
     sequence = layout.sequence
+    begin = layout.begins[sequence.arc]
     length = segment.end - sequence.time
-    burnt = (segment.flow + 0.5 * segment.flow_slope * length) * length
-    flow = segment.flow + segment.flow_slope * length
+    burnt = segment.mass - segment_mass(segment, segment.end)
+    flow = segment_flow(segment, segment.end)
+    part = -math.expm1(-segment.fading * length)
     sequence.mass -= burnt
     sequence.propellant_used += burnt
     sequence.time = segment.end
+    begin.used_end = sequence.propellant_used
     for c in range(layout.moves):
         longer = segment.end_by[c] - segment.start_by[c]
-        more = flow * longer + segment.flow_by[c] * length
+        more = flow * longer + part * layout.mass_by[c]
+        if segment.fading == 0.0:
+            more += segment.flow_by[c] * length
         layout.mass_by[c] -= more
         layout.used_by[c] += more
         layout.now_by[c] = segment.end_by[c]
+        begin.used_end_by[c] = layout.used_by[c]
 
 
 @kernel
@@ -637,16 +753,3 @@ def build_timetable(
     # a record does not keep its array alive: who allocates it lends it to another
     layout = np.zeros(1, LAYOUT)
     return fill_timetable(start, arcs, jettisons, times, segments, layout[0])
-
-
-@kernel
-def segment_mass(segment: Record, t: float) -> float:
-    """Mass in a segment at time ``t``, kg."""
-    s = t - segment.start
-    return segment.mass - s * (segment.flow + 0.5 * s * segment.flow_slope)
-
-
-@kernel
-def segment_thrust(segment: Record, t: float) -> float:
-    """Thrust in a segment at time ``t``, N."""
-    return segment.thrust + (t - segment.start) * segment.thrust_slope

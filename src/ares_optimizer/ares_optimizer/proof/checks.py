@@ -119,9 +119,7 @@ def constraint_table(
     )
     usable = float(arrays.arcs[-1]["propellant"])
     table.append(
-        _at_most(
-            Check.PROPELLANT, "propellant of the last stage", flight.plan.used_kg, usable, "kg"
-        )
+        _at_most(Check.PROPELLANT, "propellant of the last stage", flight.used_kg, usable, "kg")
     )
     return tuple(table)
 

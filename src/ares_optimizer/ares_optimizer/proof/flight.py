@@ -22,7 +22,13 @@ from ares_models.arrays import (
     Record,
 )
 from ares_optimizer.proof.physics import gravity, heating
-from ares_optimizer.proof.sequence import Plan, plan_flight, running, thrust_and_flow
+from ares_optimizer.proof.sequence import (
+    Plan,
+    plan_flight,
+    running,
+    spared_by_throttle,
+    thrust_and_flow,
+)
 from ares_optimizer.solution import FlownArc, SteeringArc, Trajectory, joined
 
 Array = NDArray[np.float64]
@@ -48,13 +54,13 @@ class Piece(NamedTuple):
     Attributes:
         begin, end: s.
         state: within it.
-        engine: thrust in N and mass flow in kg/s, at a time in s.
+        engine: thrust in N and mass flow in kg/s, at a time in s and a mass in kg.
     """
 
     begin: float
     end: float
     state: State
-    engine: Callable[[float], tuple[float, float]]
+    engine: Callable[[float, float], tuple[float, float]]
 
 
 @dataclass(frozen=True)
@@ -69,6 +75,7 @@ class Flight:
         peak_w_m2: greatest heating after the last heating-limited jettison; nan without one.
         peak_time_s: when.
         pieces: in order of time.
+        used_kg: propellant that the last stage has burnt at the end.
     """
 
     plan: Plan
@@ -78,6 +85,7 @@ class Flight:
     peak_w_m2: float
     peak_time_s: float
     pieces: tuple[Piece, ...]
+    used_kg: float
 
     def defects(self, nodes: Array) -> tuple[float, float, float]:
         """Greatest distance of a solver's nodes from this flight.
@@ -146,11 +154,11 @@ def _integrate(
     environment = arrays.environment[0]
     engines = running(plan.engines, *span)
 
-    def engine(t: float) -> tuple[float, float]:
-        return thrust_and_flow(arrays.arcs, engines, t)
+    def engine(t: float, mass: float) -> tuple[float, float]:
+        return thrust_and_flow(arrays.arcs, engines, t, mass)
 
     def motion(t: float, y: Array) -> Array:
-        thrust, flow = engine(t)
+        thrust, flow = engine(t, float(y[6]))
         acceleration = gravity(y[:3], environment)
         if thrust > 0.0:
             acceleration = acceleration + thrust / y[6] * direction(t)
@@ -190,7 +198,7 @@ def _sampled(
         states[:, 6],
         np.array([direction(t) for t in grid]),
         np.array([heating(y[:3], y[3:6], arrays) for y in states]),
-        np.array([piece.engine(t)[0] for t in grid]),
+        np.array([piece.engine(t, y[6])[0] for t, y in zip(grid, states, strict=True)]),
     )
 
 
@@ -250,6 +258,7 @@ def fly(
     period = max(SAMPLE_PERIOD, (plan.end - now) / MOST_SAMPLES)
     peak, peak_time = -math.inf, math.nan
     t = now
+    spared = 0.0
     for end in [*ends, math.inf]:
         for time, k in plan.stagings:
             if abs(time - t) <= _SAME_TIME:
@@ -271,6 +280,9 @@ def fly(
             level, at = _greatest_heating(arrays, piece.state, tracks[-1])
             if level > peak:
                 peak, peak_time = level, at
+        spared += spared_by_throttle(
+            arrays.arcs, running(plan.engines, t, end), y[6] - after[6], t, end
+        )
         y = after
         t = end
     return Flight(
@@ -281,6 +293,7 @@ def fly(
         peak if math.isfinite(peak) else math.nan,
         peak_time,
         tuple(pieces),
+        plan.used_kg - spared,
     )
 
 

@@ -37,7 +37,7 @@ class Plan:
         arcs: (arc, begin s, end s) in order of time.
         breaks: times at which the equations of motion change their form, s.
         end: end of thrust, s.
-        used_kg: propellant that the last stage has burnt at the end.
+        used_kg: propellant that the last stage has burnt at the end, at full thrust.
     """
 
     engines: list[Engine] = field(default_factory=list)
@@ -138,7 +138,8 @@ def plan_flight(arrays: MissionArrays, start: Record, t_meco: float) -> Plan:
         if arc["kind"] == BURN:
             engine = Engine(k, begin, end, False)
             left = float(arc["propellant"]) - used
-            if k != last:
+            # a throttled burn ends by the clock: the file leaves it propellant for that
+            if k != last and not is_throttled(arc):
                 far = min(end, begin + 1e5)
                 trial = [*running, Engine(k, begin, far, False)]
                 excess = _burnt(arcs, trial, stage_begin, far) - left
@@ -174,17 +175,40 @@ def plan_flight(arrays: MissionArrays, start: Record, t_meco: float) -> Plan:
     return plan
 
 
+def is_throttled(arc: Record) -> bool:
+    """Whether a burn is held to an acceleration."""
+    return arc["kind"] == BURN and math.isfinite(arc["max_acceleration"])
+
+
+def throttle(arc: Record, mass: float) -> float:
+    """Fraction of full thrust that a burn gives at a mass, kg."""
+    if not is_throttled(arc):
+        return 1.0
+    wanted = float(arc["max_acceleration"]) * mass / float(arc["thrust"])
+    return min(1.0, max(wanted, float(arc["min_throttle"])))
+
+
 def thrust_and_flow(
-    arcs: NDArray[np.void], engines: Sequence[Engine], t: float
+    arcs: NDArray[np.void], engines: Sequence[Engine], t: float, mass: float
 ) -> tuple[float, float]:
-    """Thrust in N and mass flow in kg/s of the given curves at a time."""
+    """Thrust in N and mass flow in kg/s of the given curves at a time, of a vehicle of ``mass``."""
     thrust = 0.0
     flow = 0.0
     for engine in engines:
-        fraction = thrust_fraction(arcs, engine, t)
+        fraction = thrust_fraction(arcs, engine, t) * throttle(arcs[engine.arc], mass)
         thrust += fraction * float(arcs[engine.arc]["thrust"])
         flow += fraction * float(arcs[engine.arc]["mass_flow"])
     return thrust, flow
+
+
+def spared_by_throttle(
+    arcs: NDArray[np.void], engines: Sequence[Engine], burnt: float, begin: float, end: float
+) -> float:
+    """Propellant that the last stage did not burn in a piece because it was throttled, kg."""
+    stage = arcs[-1]["stage"]
+    if not any(is_throttled(arcs[e.arc]) and arcs[e.arc]["stage"] == stage for e in engines):
+        return 0.0
+    return _burnt(arcs, engines, begin, end) - burnt
 
 
 def running(engines: Sequence[Engine], begin: float, end: float) -> list[Engine]:

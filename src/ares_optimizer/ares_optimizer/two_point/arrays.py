@@ -53,8 +53,21 @@ SWITCH = np.dtype(
         # costate makes of it: what a second more of the arc is worth is worth - cost * flow
         ("value", np.float64),
         ("cost", np.float64),  # kg/s
+        ("flow_by", np.float64, (MAX_COLUMNS,)),
         ("value_by", np.float64, (MAX_COLUMNS,)),
+        ("cost_by", np.float64, (MAX_COLUMNS,)),
         ("worth", np.float64),  # m/s2, with the cost of propellant taken off
+    ],
+    align=True,
+)
+
+#: The mass costate: ``value`` and ``priced`` times the price of propellant, m/s2 per kg/s.
+MASS_COSTATE = np.dtype(
+    [
+        ("value", np.float64),
+        ("priced", np.float64),
+        ("value_by", np.float64, (MAX_COLUMNS,)),
+        ("priced_by", np.float64, (MAX_COLUMNS,)),
     ],
     align=True,
 )
@@ -130,7 +143,7 @@ WORK = np.dtype(
         ("costate_rise_by", np.float64, (MAX_COLUMNS,)),
         ("rises", np.float64, (MAX_SEGMENTS + 1,)),  # the same for each segment
         ("rises_by", np.float64, (MAX_SEGMENTS + 1, MAX_COLUMNS)),
-        ("mass_costate_by", np.float64, (MAX_COLUMNS,)),
+        ("mass_costate", MASS_COSTATE),
         ("ceiling", np.float64),  # latest cut-off: the mass is gone
         ("terminal", np.float64, (6,)),
         ("terminal_gradient", np.float64, (6, 6)),

@@ -7,7 +7,13 @@ from ares_models.arrays import MissionRecords, Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import log_heating_gradient
 from ares_models.kernels.vectors import Vector, axpy, dot, norm, scale
-from ares_optimizer.kernels.timetable import COLUMN_JETTISON, HEATING_OPTIMAL
+from ares_optimizer.kernels.timetable import (
+    COLUMN_JETTISON,
+    HEATING_OPTIMAL,
+    segment_flow,
+    segment_mass,
+    segment_thrust,
+)
 from ares_optimizer.two_point.arrays import RUNGE_KUTTA, Gravity
 from ares_optimizer.two_point.kernels.costates import gravity_terms
 from ares_optimizer.two_point.kernels.shooting import (
@@ -53,9 +59,8 @@ def _put(
     """Write one sample: ``work.state`` at a time within a segment."""
     state = work.state
     segment = work.segments[piece]
-    s = time - segment.start
-    thrust = segment.thrust + segment.thrust_slope * s
-    mass = segment.mass - s * (segment.flow + 0.5 * s * segment.flow_slope)
+    thrust = segment_thrust(segment, time)
+    mass = segment_mass(segment, time)
     r = (state[0], state[1], state[2])
     v = (state[3], state[4], state[5])
     p = (state[6], state[7], state[8])
@@ -70,7 +75,7 @@ def _put(
         row[LAMBDA_R + i] = -q[i]
     row[MASS] = mass
     row[THRUST] = thrust
-    row[FLOW] = segment.flow + segment.flow_slope * s
+    row[FLOW] = segment_flow(segment, time)
     row[HAMILTONIAN] = -dot(q, v) + dot(p, g) + norm(p) * thrust / mass
     row[LOG_HEATING] = rate
     row[PIECE] = piece
@@ -89,10 +94,11 @@ def _fly_part(part: Record, gravity: Gravity, options: Record, work: Record) -> 
     p1 = (state[6], state[7], state[8])
     q1 = (state[9], state[10], state[11])
     middle = norm(_primer_between(p0, q0, p1, q1, h))
-    thrust = part.thrust + 0.5 * h * part.thrust_slope
-    mass = part.mass - 0.5 * h * (part.flow + 0.25 * h * part.flow_slope)
-    mass_end = part.mass - h * (part.flow + 0.5 * h * part.flow_slope)
-    thrust_end = part.thrust + h * part.thrust_slope
+    center = part.start + 0.5 * h
+    thrust = segment_thrust(part, center)
+    mass = segment_mass(part, center)
+    mass_end = segment_mass(part, part.end)
+    thrust_end = segment_thrust(part, part.end)
     return (h / 6.0) * (
         norm(p0) * part.thrust / part.mass**2
         + 4.0 * middle * thrust / mass**2

@@ -66,12 +66,14 @@ def thrust_acceleration_tangents(
     Returns:
         m/s2.
     """
+    for c in range(columns):
+        tangents[c] = 0.0
+    if segment.fading > 0.0:
+        return segment.thrust / segment.mass
     thrust = segment.thrust + segment.thrust_slope * s
     flow = segment.flow + segment.flow_slope * s
     mass = segment.mass - s * (segment.flow + 0.5 * s * segment.flow_slope)
     value = thrust / mass
-    for c in range(columns):
-        tangents[c] = 0.0
     if segment.moves == 0:
         return value
     by_s = (segment.thrust_slope + value * flow) / mass
@@ -355,7 +357,8 @@ def integrate_segment(segment: Record, steps: int, gravity: Gravity, work: Recor
     set_stretch(segment, steps, work)
     stage = work.stage
     stage_tangent = work.stage_tangent
-    costate = work.planned == 1
+    # where thrust is in proportion to the mass, it changes the costate otherwise
+    costate = work.planned == 1 and segment.fading == 0.0
     work.costate_rise = 0.0
     for c in range(work.columns):
         work.costate_rise_by[c] = 0.0
@@ -383,7 +386,7 @@ def integrate_segment(segment: Record, steps: int, gravity: Gravity, work: Recor
                 _add_impulse_rate(VELOCITY_WEIGHTS[m], h, work)
             if m == STAGES - 1:
                 _end_step(at, work)
-        if costate:
+        if work.planned == 1:
             # a coast may dip between its ends
             r = (work.state[0], work.state[1], work.state[2])
             work.lowest = min(work.lowest, math.sqrt(dot(r, r)))

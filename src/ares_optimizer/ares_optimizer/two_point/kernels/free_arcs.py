@@ -4,13 +4,15 @@ Along an arc the Hamiltonian is H = lambda_r . V + lambda_v . g + |lambda_v| T/m
 with b the mass flow, mu the mass costate and c the price of propellant, which the free burns
 pay. Nothing depends on the date, so that an arc whose length is free has H = 0 at its end; the
 last free burn of all gives c. mu is 0 at the end of the flight and where a stage is dropped,
-and rises by the integral of |lambda_v| T/m^2. An arc that is held at a bound has H >= 0 at its
+and rises by the integral of |lambda_v| T/m^2, or, where a burn is throttled to a constant
+acceleration, as (mu + c) b/m. An arc that is held at a bound has H >= 0 at its
 longest and H <= 0 at its shortest. A burn that ends with the propellant of its stage has
 H = 0 for a mu of its own, that of the burns before it.
 
 Source: Bryson and Ho, *Applied Optimal Control*, sections 3.5 and 3.6.
 """
 
+import math
 from typing import Any
 
 import numpy as np
@@ -19,7 +21,7 @@ from numpy.typing import NDArray
 from ares_models.arrays import MissionRecords, Record
 from ares_models.jit import kernel
 from ares_models.kernels.vectors import dot, norm, scale
-from ares_optimizer.kernels.timetable import COLUMN_CUTOFF, ends_by_plan, free_count
+from ares_optimizer.kernels.timetable import COLUMN_CUTOFF, ends_by_plan, free_count, segment_flow
 from ares_optimizer.two_point.arrays import (
     AT_LONGEST,
     AT_ONCE,
@@ -80,10 +82,18 @@ def note_switch(f: int, i: int, gravity: Gravity, work: Record) -> None:
     size = norm(p)
     u = scale(1.0 / size, p)
     switch.segment = i
-    switch.flow = segment.flow + segment.flow_slope * length
+    switch.flow = segment_flow(segment, segment.end)
     switch.value = -dot(q, v) + dot(p, g) + size * acceleration
     for c in range(work.columns_wanted):
         switch.value_by[c] = 0.0
+        switch.flow_by[c] = 0.0
+    if segment.fading > 0.0:
+        kept = segment.fading * math.exp(-segment.fading * length)
+        for c in range(COLUMN_CUTOFF, work.columns_wanted):
+            k = c - COLUMN_CUTOFF
+            longer = segment.end_by[k] - segment.start_by[k]
+            fallen = segment.mass_by[k] - segment.mass * segment.fading * longer
+            switch.flow_by[c] = kept * fallen
     for c in range(work.columns):
         dr = (tangent[c, 0], tangent[c, 1], tangent[c, 2])
         dv = (tangent[c, 3], tangent[c, 4], tangent[c, 5])
@@ -117,6 +127,62 @@ def note_segment(i: int, arcs: NDArray[Any], gravity: Gravity, work: Record) -> 
 
 
 @kernel
+def _clear_costate(columns: int, work: Record) -> None:
+    """The mass costate where a mass has no future."""
+    costate = work.mass_costate
+    costate.value = 0.0
+    costate.priced = 0.0
+    for c in range(columns):
+        costate.value_by[c] = 0.0
+        costate.priced_by[c] = 0.0
+
+
+@kernel
+def _meet_switch(switch: Record, work: Record) -> None:
+    """Take the mass costate's part off the Hamiltonian at an end; a dry end sets the costate."""
+    costate = work.mass_costate
+    flow = switch.flow
+    if switch.hold == DRY:
+        switch.cost = flow
+        costate.value = switch.value / flow
+        costate.priced = -1.0
+        for c in range(work.columns_wanted):
+            switch.cost_by[c] = switch.flow_by[c]
+            costate.value_by[c] = (switch.value_by[c] - costate.value * switch.flow_by[c]) / flow
+            costate.priced_by[c] = 0.0
+        return
+    switch.cost = flow * (1.0 + costate.priced)
+    switch.value -= costate.value * flow
+    for c in range(work.columns_wanted):
+        switch.cost_by[c] = switch.flow_by[c] * (1.0 + costate.priced) + flow * costate.priced_by[c]
+        switch.value_by[c] -= costate.value_by[c] * flow + costate.value * switch.flow_by[c]
+
+
+@kernel
+def _back_over(i: int, arcs: NDArray[Any], work: Record) -> None:
+    """Carry the mass costate from the end of segment ``i`` to its start."""
+    costate = work.mass_costate
+    segment = work.segments[i]
+    if segment.fading == 0.0:
+        costate.value -= work.rises[i]
+        for c in range(work.columns_wanted):
+            costate.value_by[c] -= work.rises_by[i, c]
+        return
+    # mu' = (mu + c) b / m, for a burn that pays
+    pays = 1.0 if arcs[segment.arc].duration == np.inf else 0.0
+    kept = math.exp(-segment.fading * (segment.end - segment.start))
+    for c in range(work.columns_wanted):
+        shrinks = 0.0
+        if c >= COLUMN_CUTOFF:
+            k = c - COLUMN_CUTOFF
+            shrinks = -segment.fading * (segment.end_by[k] - segment.start_by[k])
+        costate.value_by[c] = kept * (costate.value_by[c] + shrinks * costate.value)
+        costate.priced_by[c] = kept * (costate.priced_by[c] + shrinks * (costate.priced + pays))
+    costate.value *= kept
+    costate.priced = kept * (costate.priced + pays) - pays
+
+
+@kernel
 def add_mass_costate(count: int, arcs: NDArray[Any], work: Record) -> None:
     """Take the mass costate's part off the Hamiltonians, from the end of the flight back.
 
@@ -125,41 +191,20 @@ def add_mass_costate(count: int, arcs: NDArray[Any], work: Record) -> None:
         arcs: dtype ARC.
         work: record WORK; ``value`` and ``cost`` of the switches are written.
     """
-    by = work.mass_costate_by
-    costate = 0.0
-    # a part of it that is the price itself: what is burnt now is not burnt before the end
-    priced = 0.0
-    for c in range(work.columns_wanted):
-        by[c] = 0.0
+    _clear_costate(work.columns_wanted, work)
     f = count
     for i in range(work.segment_count - 1, -1, -1):
         following = work.segments[min(i + 1, work.segment_count - 1)]
         if arcs[following.arc].stage != arcs[work.segments[i].arc].stage:
-            costate = 0.0
-            priced = 0.0
-            for c in range(work.columns_wanted):
-                by[c] = 0.0
+            _clear_costate(work.columns_wanted, work)
         while f >= 0 and work.switches[f].segment == i:
-            switch = work.switches[f]
-            if switch.hold == DRY:
-                switch.cost = switch.flow
-                costate = switch.value / switch.flow
-                priced = -1.0
-                for c in range(work.columns_wanted):
-                    by[c] = switch.value_by[c] / switch.flow
-            else:
-                switch.cost = switch.flow * (1.0 + priced)
-                switch.value -= costate * switch.flow
-                for c in range(work.columns_wanted):
-                    switch.value_by[c] -= by[c] * switch.flow
+            _meet_switch(work.switches[f], work)
             f -= 1
-        costate -= work.rises[i]
-        for c in range(work.columns_wanted):
-            by[c] -= work.rises_by[i, c]
+        _back_over(i, arcs, work)
 
 
 @kernel
-def bound_of(switch: Record, arcs: NDArray[Any], work: Record) -> float:
+def bound_of(switch: Record, arcs: NDArray[Any]) -> float:
     """Length at which an arc is held, s."""
     arc = arcs[switch.arc]
     if switch.hold == AT_SHORTEST:
@@ -168,8 +213,6 @@ def bound_of(switch: Record, arcs: NDArray[Any], work: Record) -> float:
         return arc.longest
     if switch.hold == HELD:
         return switch.length
-    if switch.hold == DRY:
-        return longest_burn(switch.arc, arcs, work)
     # the last burn, of fixed length
     return arc.duration
 
@@ -178,8 +221,35 @@ def bound_of(switch: Record, arcs: NDArray[Any], work: Record) -> float:
 def longest_burn(k: int, arcs: NDArray[Any], work: Record) -> float:
     """Length of burn ``k`` with which its stage runs dry, s."""
     arc = arcs[k]
-    left = arc.propellant - work.layout.begins[k].used
-    return left / arc.mass_flow + arc.start_loss - arc.tail_gain
+    begin = work.layout.begins[k]
+    left = arc.propellant - begin.used
+    length = arc.start_loss - arc.tail_gain
+    if not arc.max_acceleration < np.inf:
+        return length + left / arc.mass_flow
+    limit = arc.thrust / arc.max_acceleration
+    upper = min(begin.mass, limit)
+    full = min(left, begin.mass - upper)
+    lower = min(upper, max(arc.min_throttle * limit, begin.mass - left))
+    length += full / arc.mass_flow
+    if left > full and lower > 0.0:
+        length += math.log(upper / lower) * arc.exhaust_velocity / arc.max_acceleration
+        rest = left - (begin.mass - lower)
+        if rest > 0.0 and arc.min_throttle > 0.0:
+            length += rest / (arc.min_throttle * arc.mass_flow)
+    return length
+
+
+@kernel
+def dry_row(row: int, switch: Record, arcs: NDArray[Any], work: Record) -> None:
+    """The equation of a burn that ends with its stage's propellant."""
+    arc = arcs[switch.arc]
+    begin = work.layout.begins[switch.arc]
+    size = 1.0 / (arc.mass_flow * _LENGTH_UNIT)
+    tail = arc.tail_gain * arc.mass_flow
+    work.residual[row] = size * (begin.used_end + tail - arc.propellant)
+    for c in range(work.columns_wanted):
+        by = begin.used_end_by[c - COLUMN_CUTOFF] if c >= COLUMN_CUTOFF else 0.0
+        work.jacobian[row, c] = size * by
 
 
 @kernel
@@ -197,13 +267,11 @@ def hold_row(
         work: record WORK.
     """
     begin = work.layout.begins[switch.arc]
-    work.residual[row] = (x - begin.time - bound_of(switch, arcs, work)) / _LENGTH_UNIT
+    work.residual[row] = (x - begin.time - bound_of(switch, arcs)) / _LENGTH_UNIT
     for c in range(work.columns_wanted):
         by = 1.0 if c == column else 0.0
         if c >= COLUMN_CUTOFF:
             by -= begin.time_by[c - COLUMN_CUTOFF]
-            if switch.hold == DRY:
-                by += begin.used_by[c - COLUMN_CUTOFF] / arcs[switch.arc].mass_flow
         work.jacobian[row, c] = by / _LENGTH_UNIT
 
 
@@ -251,9 +319,13 @@ def switch_rows(
         column = first + f if f < count else COLUMN_CUTOFF
         if switch.hold == NOT_HELD and (f < count or last_is_free(arcs)):
             work.residual[row] = size * switch.worth
-            part = switch.cost / paid.cost
             for c in range(work.columns_wanted):
-                work.jacobian[row, c] = size * (switch.value_by[c] - part * paid.value_by[c])
+                price_by = (paid.value_by[c] - work.price * paid.cost_by[c]) / paid.cost
+                work.jacobian[row, c] = size * (
+                    switch.value_by[c] - work.price * switch.cost_by[c] - switch.cost * price_by
+                )
+        elif switch.hold == DRY:
+            dry_row(row, switch, arcs, work)
         else:
             hold_row(row, column, switch, arcs, unknowns[column], work)
         row += 1

@@ -32,6 +32,7 @@ from ares_optimizer.kernels.timetable import (
     COLUMN_JETTISON,
     begin_mass,
     segment_mass,
+    segment_thrust,
 )
 from ares_optimizer.two_point.kernels.newton import find_floors, prepare
 from ares_optimizer.two_point.kernels.shooting import begin_flight, load_times
@@ -70,9 +71,8 @@ def steering_integrals(
             elif 0 < j < 2 * panels:
                 weight = 2.0 * weight
             s = 0.5 * j * h
-            thrust = segment.thrust + segment.thrust_slope * s
-            mass = segment.mass - s * (segment.flow + 0.5 * s * segment.flow_slope)
-            wa = weight * thrust / mass
+            t = segment.start + s
+            wa = weight * segment_thrust(segment, t) / segment_mass(segment, t)
             angle = omega * (segment.start + s - origin)
             cos = math.cos(angle)
             sin = math.sin(angle)

@@ -165,6 +165,10 @@ def _sound(
         ground *= 1.0 - DEEPEST
     if not value > 0.0 or work.lowest < ground:
         return False
+    for i in range(work.segment_count):
+        # a drop from a throttled burn changes its flow: the interior condition lacks that
+        if work.segments[i].end_heating >= 0 and work.segments[i].fading > 0.0:
+            return False
     if options.heating == HEATING_OPTIMAL:
         for i in range((work.first_free - COLUMN_JETTISON) // 2):
             # a drop must wait for the limit because it would rather come sooner

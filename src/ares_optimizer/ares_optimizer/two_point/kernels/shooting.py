@@ -32,6 +32,9 @@ from ares_optimizer.kernels.timetable import (
     fill_timetable,
     free_count,
     heating_count,
+    segment_flow,
+    segment_mass,
+    segment_thrust,
 )
 from ares_optimizer.two_point.arrays import AT_ONCE, LINEAR, ROWS, RUNGE_KUTTA, Gravity
 from ares_optimizer.two_point.kernels.closed_form import closed_form_segment
@@ -284,11 +287,12 @@ def part_of(segment: Record, k: int, parts: int, part: Record) -> None:
     s = length * k / parts
     part.start = segment.start + s
     part.end = segment.end if k == parts - 1 else part.start + length / parts
-    part.thrust = segment.thrust + segment.thrust_slope * s
+    part.thrust = segment_thrust(segment, part.start)
     part.thrust_slope = segment.thrust_slope
-    part.flow = segment.flow + segment.flow_slope * s
+    part.flow = segment_flow(segment, part.start)
     part.flow_slope = segment.flow_slope
-    part.mass = segment.mass - s * (segment.flow + 0.5 * s * segment.flow_slope)
+    part.fading = segment.fading
+    part.mass = segment_mass(segment, part.start)
     part.moves = 0
 
 
