@@ -36,6 +36,7 @@ from ares_bringup.fly import (
     SIMULATOR,
     absolute_namespace,
     check_inputs,
+    needs_plan,
     needs_trajectory,
 )
 from ares_bringup.launch_verdict import LaunchVerdict, end_process_with
@@ -188,8 +189,11 @@ class Flight:
                 expected_recorders=int(record),
             ),
         ]
-        if flown.get("initial_guess", "none") != "none" or needs_trajectory(
-            str(flown.get("law", PEG))
+        law = str(flown.get("law", PEG))
+        if (
+            flown.get("initial_guess", "none") != "none"
+            or needs_trajectory(law)
+            or needs_plan(law, str(flown.get("mission", "ares_v")))
         ):
             started.append(
                 self._node("ares_optimizer", OPTIMIZER, _of(values, "mission"), **self._clock())

@@ -191,6 +191,38 @@ SOLUTION = np.dtype(
     align=True,
 )
 
+#: How a flight with free arcs before its last is flown.
+PLAN = np.dtype(
+    [
+        ("made", np.int64),  # 0: there is none
+        ("length", np.float64, (MAX_ARCS,)),  # s, of free arcs
+        ("target", TARGET, (MAX_ARCS,)),  # at the end of a free burn before the last arc
+        # of the first and the last thrust in the leg that ends with the arc; 0: not known
+        ("direction", np.float64, (MAX_ARCS, 2, 3)),
+        ("jettison_time", np.float64),  # of heating jettisons, MET; nan: not known
+    ],
+    align=True,
+)
+
+#: The leg that is flown: the arcs up to the next free burn, as a mission of its own.
+LEG = np.dtype(
+    [
+        ("count", np.int64),  # its arcs, counted from the mission's first; 0: none yet
+        ("arcs", ARC, (MAX_ARCS,)),
+        ("target", TARGET),
+        ("navigation", NAVIGATION),  # in a coast: at the next ignition
+        ("coasting", np.int64),
+        ("cycle_time", np.float64),  # s, of the next cycle in a coast
+        ("steering", STEERING),  # its cut-off is the leg's
+        # a guess for a search that begins, from the plan
+        ("time_to_go", np.float64),  # s, to the end of the leg; 0: none
+        ("first_direction", np.float64, (3,)),
+        ("last_direction", np.float64, (3,)),
+        ("jettison_time", np.float64),  # of heating jettisons, MET
+    ],
+    align=True,
+)
+
 GUIDANCE_STATE = np.dtype(
     [
         ("law", np.int64),  # LAW_* that gave the last solution
@@ -221,6 +253,8 @@ GUIDANCE_STATE = np.dtype(
         ("turn", TURN_WORK),
         ("optimal", OPTIMAL_MEMORY),
         ("thesis", THESIS_MEMORY),
+        ("plan", PLAN),
+        ("leg", LEG),
     ],
     align=True,
 )

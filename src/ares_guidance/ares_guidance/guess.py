@@ -1,16 +1,18 @@
 """What a trajectory found off line tells a guidance law before it starts."""
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ares_guidance.arrays import PLAN
+from ares_models.arrays import BURN, TARGET_RADIUS_SPEED_ANGLE_PLANE, MissionArrays
 from ares_models.orbits import Insertion
 
 Array = NDArray[np.float64]
 
-#: How far the sample of the jettison may be from its time, s.
+#: How far a sample may be from the time that is asked for, s.
 SAME_TIME = 0.01
 #: What staging drops at least, as a part of the mass. Rounding is less, a stage is more.
 LEAST_DROP = 1e-6
@@ -60,6 +62,58 @@ class JettisonPlan:
 
 
 @dataclass(frozen=True)
+class ArcPlan:
+    """How a mission with free arcs before its last is flown.
+
+    Attributes:
+        lengths_s: of the free arcs, by index into the mission's arcs.
+        ends: state at the end of each free burn that is not the last arc, by the same index.
+        directions: of the first and the last thrust since the free burn before, up to there and
+            up to the end of the last arc, shape (2, 3), where they are known.
+        jettison_time_s: mission elapsed time; nan: not known, or no jettison waits for heating.
+    """
+
+    lengths_s: dict[int, float]
+    ends: dict[int, Insertion]
+    directions: dict[int, Array] = field(default_factory=dict)
+    jettison_time_s: float = math.nan
+
+    def record(self, arcs: NDArray[np.void]) -> NDArray[np.void]:
+        """The plan as the kernel reads it, shape (1,), dtype PLAN.
+
+        Args:
+            arcs: the mission's, dtype ARC.
+
+        Raises:
+            ValueError: something of it is missing or cannot be flown.
+        """
+        record = np.zeros(1, PLAN)
+        record["made"] = 1
+        for k in np.flatnonzero(np.isinf(arcs["duration"])):
+            length = self.lengths_s.get(int(k), math.nan)
+            if not 0.0 <= length < math.inf:
+                raise ValueError(f"length of arc {k} is {length}; expected 0 s or more")
+            record["length"][0, k] = length
+            if arcs["kind"][k] != BURN or k + 1 == len(arcs):
+                continue
+            end = self.ends.get(int(k))
+            if end is None:
+                raise ValueError(f"end of burn {k} is missing; expected the state there")
+            target = record["target"][0, k]
+            target["kind"] = TARGET_RADIUS_SPEED_ANGLE_PLANE
+            target["radius"] = end.radius
+            target["speed"] = end.speed
+            target["flight_path_angle"] = end.flight_path_angle
+            target["inclination"] = end.inclination
+            # of an equatorial plane any
+            target["ascending_node"] = np.nan_to_num(end.ascending_node)
+        for index, directions in self.directions.items():
+            record["direction"][0, index] = directions
+        record["jettison_time"] = self.jettison_time_s
+        return record
+
+
+@dataclass(frozen=True)
 class OfflineTrajectory:
     """A trajectory found off line: its burn arc by arc, and its samples.
 
@@ -77,6 +131,8 @@ class OfflineTrajectory:
         sample_time: s; the jettison is one of them.
         sample_position: shape (n, 3), m.
         sample_velocity: shape (n, 3), m/s.
+        first_arc: the mission's arc in which it begins,
+        first_arc_flown: and how long that has lasted by then, s.
     """
 
     jettison_time: float
@@ -92,6 +148,8 @@ class OfflineTrajectory:
     sample_time: Array
     sample_position: Array
     sample_velocity: Array
+    first_arc: int = 0
+    first_arc_flown: float = 0.0
 
     def __post_init__(self) -> None:
         """Check the lists.
@@ -121,6 +179,80 @@ class OfflineTrajectory:
         velocity: Array = self.arc_delta_v[burns] @ directions
         return velocity
 
+    def sample_at(self, t: float, what: str) -> Insertion:
+        """The sample at a time, s.
+
+        Raises:
+            ValueError: there is none; ``what`` is there.
+        """
+        if len(self.sample_time) == 0:
+            raise ValueError(f"no sample at {what}: there are none")
+        nearest = int(np.argmin(np.abs(self.sample_time - t)))
+        if abs(self.sample_time[nearest] - t) > SAME_TIME:
+            raise ValueError(
+                f"no sample at {what}: the nearest to {t:.3f} s is at "
+                f"{self.sample_time[nearest]:.3f} s"
+            )
+        return Insertion.from_state(self.sample_position[nearest], self.sample_velocity[nearest])
+
+    def arc_plan(self, arrays: MissionArrays) -> ArcPlan:
+        """The plan of a mission's free arcs.
+
+        Args:
+            arrays: the mission.
+
+        Raises:
+            ValueError: the trajectory is not one of this mission.
+        """
+        arcs = arrays.arcs
+        flown = _Flown(arrays, self.first_arc, self.first_arc_flown)
+        ends = {}
+        for i in range(len(self.arc_start_time)):
+            flown.add(self._piece(i))
+            ends[flown.arc] = float(self.arc_end_time[i])
+        free = np.isinf(arcs["duration"])
+        states, directions = {}, {}
+        begin = -math.inf
+        for k, end in ends.items():
+            last = k + 1 == len(arcs)
+            if last or (free[k] and arcs["kind"][k] == BURN):
+                directions[k] = self._directions(begin, end)
+                begin = end
+                if not last:
+                    states[k] = self.sample_at(end, f"the end of burn {k}")
+        return ArcPlan(
+            {int(k): float(flown.lengths[k]) for k in np.flatnonzero(free)},
+            states,
+            directions,
+            self.jettison_time,
+        )
+
+    def _directions(self, begin: float, end: float) -> Array:
+        """First and last direction of the thrust between two times, s; shape (2, 3)."""
+        burns = np.flatnonzero(
+            (self.arc_delta_v > 0.0)
+            & (self.arc_start_time > begin - SAME_TIME)
+            & (self.arc_end_time < end + SAME_TIME)
+        )
+        first, last = burns[0], burns[-1]
+        found = [
+            self.steering_direction[k]
+            + (t - self.steering_reference_time[k]) * self.steering_direction_rate[k]
+            for k, t in ((first, self.arc_start_time[first]), (last, self.arc_end_time[last]))
+        ]
+        return np.array(found) / np.linalg.norm(found, axis=1, keepdims=True)
+
+    def _piece(self, i: int) -> "_Piece":
+        """An arc of this trajectory, and whether it begins with a drop."""
+        gain, mass = float(self.arc_delta_v[i]), float(self.arc_start_mass[i])
+        end_mass = float(self.arc_end_mass[i])
+        return _Piece(
+            length=float(self.arc_end_time[i] - self.arc_start_time[i]),
+            exhaust_velocity=gain / math.log(mass / end_mass) if gain > 0.0 else 0.0,
+            start_mass=mass,
+            dropped=i > 0 and mass < float(self.arc_end_mass[i - 1]) * (1.0 - LEAST_DROP),
+        )
+
     def jettison_plan(self) -> JettisonPlan:
         """State at the jettison and the scalar delta-V of each piece.
 
@@ -130,13 +262,7 @@ class OfflineTrajectory:
         t = self.jettison_time
         if not math.isfinite(t) or len(self.sample_time) == 0:
             raise ValueError(f"jettison_time is {t}; expected a sampled one")
-        nearest = int(np.argmin(np.abs(self.sample_time - t)))
-        if abs(self.sample_time[nearest] - t) > SAME_TIME:
-            raise ValueError(
-                f"no sample at the jettison: the nearest to {t:.3f} s is at "
-                f"{self.sample_time[nearest]:.3f} s"
-            )
-        there = Insertion.from_state(self.sample_position[nearest], self.sample_velocity[nearest])
+        there = self.sample_at(t, "the jettison")
         before = self.arc_end_time <= t + SAME_TIME
         drops = self.arc_start_mass[1:] < self.arc_end_mass[:-1] * (1.0 - LEAST_DROP)
         # the only drop before the jettison is that of the first stage
@@ -152,3 +278,78 @@ class OfflineTrajectory:
             self.cutoff_time,
             (first, second, third),
         )
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """An arc of a trajectory.
+
+    Attributes:
+        length: s.
+        exhaust_velocity: m/s; 0 for a coast.
+        start_mass: kg.
+        dropped: something was, just before it.
+    """
+
+    length: float
+    exhaust_velocity: float
+    start_mass: float
+    dropped: bool
+
+
+class _Flown:
+    """The arcs of a mission beside the pieces of a trajectory, which do not name them.
+
+    A piece goes on with the arc of the piece before, cut in two by a jettison, or begins a
+    later one: of another kind or engine, of another stage, or because the arc's time is over.
+
+    Attributes:
+        arc: index of the mission's arc that the last piece belongs to.
+        lengths: s, of every arc so far.
+    """
+
+    def __init__(self, arrays: MissionArrays, first: int, flown: float) -> None:
+        """Before the first piece.
+
+        Args:
+            arrays: the mission.
+            first: arc in which the trajectory begins,
+            flown: and how long that has lasted by then, s.
+        """
+        self._arcs = arrays.arcs
+        #: kg; a stage may carry them on
+        self._parts = float(np.sum(arrays.jettisons["mass"]))
+        self.arc = first
+        self.lengths = np.zeros(len(arrays.arcs))
+        self.lengths[first] = flown
+
+    def add(self, piece: _Piece) -> None:
+        """Find the arc of the next piece.
+
+        Raises:
+            ValueError: there is none.
+        """
+        k = self.arc
+        while not self._fits(k, piece):
+            k += 1
+            if k >= len(self._arcs):
+                raise ValueError("the trajectory's arcs are not those of the mission")
+        self.arc = k
+        self.lengths[k] += piece.length
+
+    def _fits(self, k: int, piece: _Piece) -> bool:
+        arc = self._arcs[k]
+        burns = piece.exhaust_velocity > 0.0
+        if (arc["kind"] == BURN) != burns:
+            return False
+        if self.lengths[k] >= arc["duration"] - SAME_TIME:
+            return False
+        if not burns or k + 1 >= len(self._arcs):
+            return True
+        if not math.isclose(piece.exhaust_velocity, arc["exhaust_velocity"], rel_tol=1e-6):
+            return False
+        following = self._arcs[k + 1]
+        staged = following["begins_stage"] == 1 and piece.start_mass <= (
+            following["stack_mass"] * (1.0 + LEAST_DROP) + self._parts
+        )
+        return not (self.lengths[k] > 0.0 and piece.dropped and staged)

@@ -20,8 +20,8 @@ from ares_guidance.arrays import (
     OnboardArrays,
     blank_onboard,
 )
-from ares_guidance.guess import OfflineTrajectory
-from ares_guidance.kernels.cycle import guidance_step
+from ares_guidance.guess import ArcPlan, OfflineTrajectory
+from ares_guidance.kernels.legs import step_by_legs
 from ares_models.arrays import HEATING_LIMIT, MissionArrays
 from ares_models.jit import specialised
 
@@ -157,6 +157,7 @@ class LawKind:
         step: kernel with the arguments of `kernels.cycle.guidance_step`.
         build: makes the law from arrays and settings; None: it is a plain `Law`.
         needs_trajectory: it cannot start from the navigation state alone.
+        plans_arcs: it finds the ends of free arcs before the last by itself, without a plan.
     """
 
     name: str
@@ -164,10 +165,11 @@ class LawKind:
     step: Callable[..., None]
     build: "Callable[[MissionArrays, LawSettings | None], Law] | None" = None
     needs_trajectory: bool = False
+    plans_arcs: bool = False
 
 
 #: The law of the shared cycle as it stands.
-PEG = LawKind("peg", LAW_PEG, guidance_step)
+PEG = LawKind("peg", LAW_PEG, step_by_legs)
 
 
 def law_of_seek(name: str, code: int, seek: Callable[..., tuple[int, bool]]) -> LawKind:
@@ -179,7 +181,10 @@ def law_of_seek(name: str, code: int, seek: Callable[..., tuple[int, bool]]) -> 
         seek: kernel with the arguments and results of `kernels.convergence.seek`.
     """
     cycle = specialised("ares_guidance.kernels.cycle", f"of_{name}", seek=seek)
-    return LawKind(name, code, cycle.guidance_step)
+    legs = specialised(
+        "ares_guidance.kernels.legs", f"of_{name}", guidance_step=cycle.guidance_step
+    )
+    return LawKind(name, code, legs.step_by_legs)
 
 
 def law_of_pass(name: str, code: int, iterate: Callable[..., tuple[float, float, bool]]) -> LawKind:
@@ -194,6 +199,17 @@ def law_of_pass(name: str, code: int, iterate: Callable[..., tuple[float, float,
         "ares_guidance.kernels.convergence", f"of_{name}", iterate=iterate, LAW=code
     )
     return law_of_seek(name, code, convergence.seek)
+
+
+def needs_plan(kind: LawKind, arrays: MissionArrays) -> bool:
+    """Whether a law flies a mission by a plan alone: arcs before the last are free."""
+    return bool(np.any(np.isinf(arrays.arcs["duration"][:-1]))) and not kind.plans_arcs
+
+
+def name_free_arcs(arrays: MissionArrays) -> str:
+    """The free arcs before the last, for a person."""
+    free = np.flatnonzero(np.isinf(arrays.arcs["duration"][:-1]))
+    return f"arc{'s' * (len(free) > 1)} " + ", ".join(str(k) for k in free)
 
 
 @cache
@@ -235,11 +251,41 @@ class Law:
         self.kind = kind
         self._answer = _entry(kind)
         self._settings = (settings or LawSettings()).record()
+        self._arc_plan: ArcPlan | None = None
         self.reset()
 
     def reset(self) -> None:
-        """Forget the flight."""
+        """Forget the flight, not the plan of its arcs."""
         self.onboard = blank_onboard(self._settings)
+        if self._arc_plan is not None:
+            self.state["plan"] = self._arc_plan.record(self._arrays.arcs)[0]
+
+    @property
+    def lacks_plan(self) -> bool:
+        """Free arcs before the mission's last need a plan, and there is none yet."""
+        return needs_plan(self.kind, self._arrays) and self._arc_plan is None
+
+    def check_plan(self) -> None:
+        """See that there is a plan where one is needed.
+
+        Raises:
+            ValueError: there is none; one line.
+        """
+        if self.lacks_plan:
+            raise ValueError(
+                f"law is {self.kind.name!r}, which needs a plan for the free "
+                f"{name_free_arcs(self._arrays)} of the mission; use --initial-guess optimizer"
+            )
+
+    def follow_arcs(self, plan: ArcPlan) -> None:
+        """Fly the next flights by a plan of the arcs.
+
+        Raises:
+            ValueError: it is not one of this mission.
+        """
+        plan.record(self._arrays.arcs)
+        self._arc_plan = plan
+        self.reset()
 
     def seed(
         self, velocity_to_go: NDArray[np.float64], jettison_times: NDArray[np.float64]
@@ -278,6 +324,9 @@ class Law:
             ValueError: the trajectory is no start.
         """
         planned = np.full(len(self._arrays.jettisons), math.inf)
+        if needs_plan(self.kind, self._arrays):
+            self.follow_arcs(trajectory.arc_plan(self._arrays))
+            return
         if math.isfinite(trajectory.jettison_time):
             heating = self._arrays.jettisons["criterion"] == HEATING_LIMIT
             planned[heating] = trajectory.jettison_time
@@ -311,7 +360,11 @@ class Law:
 
         Returns:
             whether a guidance cycle was due; `steering` is the answer either way.
+
+        Raises:
+            ValueError: free arcs need a plan, and there is none.
         """
+        self.check_plan()
         before = int(self.state["cycle"])
         self.onboard.navigation[0] = nav
         self._answer(self._arrays, self.onboard)

@@ -13,7 +13,7 @@ from rclpy.task import Future
 
 from ares_guidance.guess import OfflineTrajectory
 from ares_guidance.law import HEATING_SOURCES, LawSettings
-from ares_guidance.laws import check_law, make_law
+from ares_guidance.laws import check_law, make_law, rehearse
 from ares_guidance.registry import law_names
 from ares_models.arrays import HEATING_LIMIT, NAVIGATION
 from ares_models.mission import load_mission
@@ -61,7 +61,8 @@ PARAMETERS = (
         "none",
         "Where the law starts: none, the navigation state alone; optimizer or analytic, what the "
         "service solve_trajectory answers in time, by its own method or by that one. Law "
-        "peg_thesis starts from no less than analytic.",
+        "peg_thesis starts from no less than analytic; a law that needs a plan of a mission's "
+        "free arcs from optimizer.",
         choices=("none", "optimizer", ANALYTIC),
     ),
     Parameter(
@@ -117,12 +118,13 @@ class GuidanceNode(FlightNode):
                 LawSettings(**{item.name: values[item.name] for item in fields(LawSettings)}),
             )
             # compiled before anybody waits for it
-            check_law(values["law"], arrays, mission.start().navigation())
+            prepare = rehearse if self._law.lacks_plan else check_law
+            prepare(values["law"], arrays, mission.start().navigation())
             failed.pop_all()
         self._command_out = self.create_publisher(ThrustCommand, THRUST_COMMAND, FLIGHT)
         self._status_out = self.create_publisher(GuidanceStatus, GUIDANCE_STATUS, FLIGHT)
         self._nav_in = self.create_subscription(NavState, NAV_STATE, self._on_nav_state, FLIGHT)
-        needed = self._law.kind.needs_trajectory
+        needed = self._law.kind.needs_trajectory or self._law.lacks_plan
         self._wants_guess = values["initial_guess"] != "none" or needed
         # a client alone lists the service on the graph
         self._optimizer: Client | None = None
@@ -130,6 +132,7 @@ class GuidanceNode(FlightNode):
             self._optimizer = self.create_client(SolveTrajectory, SOLVE_TRAJECTORY)
         self._guess: Future | None = None
         self._held_back: NavState | None = None
+        self._ask_from = -math.inf
         self._last_ns: int | None = None
         self._heard_at = -math.inf
         self._told: set[int] = set()
@@ -243,13 +246,14 @@ class GuidanceNode(FlightNode):
         waited = time.monotonic() - self._asked_at if self._guess else 0.0
         if self._guess is None:
             optimizer = self._optimizer
+            if time.monotonic() < self._ask_from:
+                return False
             if optimizer is not None and optimizer.service_is_ready():
                 self._ask(optimizer, message)
                 return False
-            if self._patient():
-                return False
-            self._without_guess("no such service on the graph", now)
-            return True
+            if not self._patient():
+                self._without_guess("no such service on the graph", now)
+            return not self._wants_guess
         if self._guess.done():
             self._take_guess(self._guess.result(), now)
         elif waited > self.values["optimizer_timeout_s"]:
@@ -266,13 +270,19 @@ class GuidanceNode(FlightNode):
     def _ask(self, optimizer: Client, message: NavState) -> None:
         request = SolveTrajectory.Request(
             mission=self.values["mission"],
-            method="" if self.values["initial_guess"] == "optimizer" else ANALYTIC,
+            method=ANALYTIC if self._does_with_analytic() else "",
             use_nav_state=True,
             nav_state=message,
             time_limit=self.values["optimizer_timeout_s"],
         )
         self._asked_at = time.monotonic()
+        self._asked_about = message
         self._guess = optimizer.call_async(request)
+
+    def _does_with_analytic(self) -> bool:
+        if self._law.lacks_plan:
+            return False
+        return self.values["initial_guess"] != "optimizer"
 
     def _take_guess(self, answer: Any, now: int) -> None:
         if answer is None or answer.error_code != SolveTrajectory.Response.NONE:
@@ -280,13 +290,21 @@ class GuidanceNode(FlightNode):
             self._without_guess(reason or f"error {answer.error_code}", now)
             return
         try:
-            self._law.start_from(_trajectory(answer))
+            self._law.start_from(_trajectory(answer, self._asked_about))
         except ValueError as error:
             self._without_guess(f"unusable answer: {error}", now)
             return
         self._wants_guess = False
 
     def _without_guess(self, reason: str, now: int) -> None:
+        if self._law.lacks_plan:
+            # nothing can be flown without it
+            text = f"optimizer: {reason}; law {self._law.kind.name} needs its plan: asking again"
+            self.diagnostics.report(Level.ERROR, text, now)
+            self._guess = None
+            self._looked_since = None
+            self._ask_from = time.monotonic() + self.values["optimizer_timeout_s"]
+            return
         self._wants_guess = False
         instead = "starting from the navigation state alone"
         if self._law.kind.needs_trajectory:
@@ -397,8 +415,12 @@ class GuidanceNode(FlightNode):
                 )
 
 
-def _trajectory(answer: SolveTrajectory.Response) -> OfflineTrajectory:
+def _trajectory(answer: SolveTrajectory.Response, state: NavState) -> OfflineTrajectory:
     """The optimizer's answer without the message.
+
+    Args:
+        answer: of the optimizer.
+        state: from which it leads.
 
     Raises:
         ValueError: its lists do not belong together.
@@ -424,4 +446,6 @@ def _trajectory(answer: SolveTrajectory.Response) -> OfflineTrajectory:
         sample_time=numbers(answer.sample_time),
         sample_position=vectors(answer.sample_position),
         sample_velocity=vectors(answer.sample_velocity),
+        first_arc=state.arc,
+        first_arc_flown=ns_from_stamp(state.stamp) / NANOSECONDS - state.arc_start_time,
     )

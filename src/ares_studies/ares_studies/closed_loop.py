@@ -1,16 +1,16 @@
 """Closed-loop flights without ROS: the nodes' two steps, called in turn."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_guidance.guess import OfflineTrajectory
-from ares_guidance.law import Law, LawSettings
+from ares_guidance.guess import ArcPlan, OfflineTrajectory
+from ares_guidance.law import Law, LawKind, LawSettings, needs_plan
 from ares_guidance.laws import make_law
 from ares_models.mission import Mission
-from ares_optimizer.solution import Solution
+from ares_optimizer.solution import Solution, Status
 from ares_optimizer.solve import solve
 from ares_studies.arrays import closed_loop
 from ares_studies.loops import flight_loop
@@ -66,6 +66,33 @@ def offline_trajectory(solution: Solution) -> OfflineTrajectory:
     )
 
 
+def arc_plan(
+    mission: Mission, law: LawKind, state: NDArray[np.void] | None = None
+) -> ArcPlan | None:
+    """The optimizer's plan of a mission's free arcs, for a law that needs one; else None.
+
+    Args:
+        mission: what is flown.
+        law: by which law.
+        state: where the plan begins, shape (1,), dtype NAVIGATION; None: at the mission's start.
+
+    Raises:
+        ValueError: the optimizer finds none; one line.
+    """
+    arrays = mission.arrays(foreseen=True)
+    if not needs_plan(law, arrays):
+        return None
+    solution = solve(mission, "indirect", state=state, verify=False)
+    if solution.status is not Status.CONVERGED:
+        raise ValueError(f"law {law.name} needs a plan of the free arcs: {solution.reason}")
+    trajectory = offline_trajectory(solution)
+    if state is not None:
+        flown = float(state["time"][0] - state["arc_start_time"][0])
+        first = int(state["arc"][0])
+        trajectory = replace(trajectory, first_arc=first, first_arc_flown=flown)
+    return trajectory.arc_plan(arrays)
+
+
 def ready_law(
     mission: Mission,
     name: str = "peg",
@@ -80,7 +107,7 @@ def ready_law(
         name: one of `ares_guidance.registry.law_names`.
         settings: cycle and gates.
         guess: where it starts; None: from the navigation state alone, or, a law that cannot, from
-            the analytic solution.
+            the analytic solution; with a plan of the mission's free arcs, if it needs one.
         state: where that solution begins, shape (1,), dtype NAVIGATION; None: at the mission's
             start.
 
@@ -92,6 +119,8 @@ def ready_law(
         guess = solve(mission, "analytic", state=state)
     if guess is not None:
         law.start_from(offline_trajectory(guess))
+    elif (plan := arc_plan(mission, law.kind, state)) is not None:
+        law.follow_arcs(plan)
     return law
 
 
@@ -124,6 +153,7 @@ def fly_compiled(
     true, vehicle = true_vehicle(mission, options, dispersions or Dispersions(), seed, flight)
     if isinstance(law, str):
         law = ready_law(mission, law, settings, state=vehicle.navigation)
+    law.check_plan()
     flight_loop(law.kind)(closed_loop(true, vehicle, believed, law.onboard))
     return Flight(vehicle.plant[0], law.state)
 

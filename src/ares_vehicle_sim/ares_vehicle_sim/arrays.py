@@ -111,6 +111,7 @@ PLANT = np.dtype(
         ("complete", np.int64),
         ("inserted", np.int64),  # cut off by command, not by depletion
         ("direction", np.float64, (3,)),  # of the thrust, unit
+        ("held_direction", np.float64, (3,)),  # commanded at the ignition of a held burn
         ("command", STEERING),  # in force
         ("latency", np.float64),  # s until a command is in force
         ("coming", STEERING),  # the command that is under way

@@ -34,6 +34,7 @@ from ares_guidance.laws import check_law, find_law
 from ares_models.atmosphere import AtmosphereError
 from ares_models.input_file import InputError
 from ares_models.mission import load_mission
+from ares_studies.closed_loop import arc_plan
 from ares_studies.montecarlo.campaign import Plan, fly_campaign
 from ares_studies.montecarlo.engines import EngineError, choose
 from ares_studies.montecarlo.flights import Range, Settings
@@ -102,7 +103,8 @@ class CampaignOptions:
             "heating_source": self.heating_source,
         }
         try:
-            if find_law(self.guidance).needs_trajectory:
+            law = find_law(self.guidance)
+            if law.needs_trajectory:
                 raise CannotStart(
                     f"--guidance is {self.guidance!r}; campaigns fly laws that start by themselves"
                 )
@@ -110,7 +112,12 @@ class CampaignOptions:
             if self.heating_source == HeatingSource.MODEL:
                 given["heating_margin"] = dispersions.heating_margin()
             mission = load_mission(self.mission)
-            check_law(self.guidance, mission.arrays(foreseen=True), mission.start().navigation())
+            check_law(
+                self.guidance,
+                mission.arrays(foreseen=True),
+                mission.start().navigation(),
+                arc_plan(mission, law),
+            )
             return Settings(
                 mission=mission,
                 dispersions=dispersions,

@@ -12,13 +12,12 @@ import numpy as np
 
 from ares_bringup.commands.cli import EXIT_BAD_INPUT, main
 from ares_bringup.options import PEG, Method
-from ares_guidance.laws import find_law, make_law
+from ares_guidance.laws import find_law
 from ares_guidance.registry import law_names
 from ares_models.input_file import InputError
 from ares_models.mission import load_mission
 from ares_optimizer.solution import OptimizerError
-from ares_optimizer.solve import solve
-from ares_studies.closed_loop import fly_compiled, offline_trajectory
+from ares_studies.closed_loop import fly_compiled, ready_law
 from ares_vehicle_sim.dispersions import load_dispersions
 
 MISSION = "mission"
@@ -64,14 +63,8 @@ def fly(law_name: str, path: Path) -> str:
     """Fly a mission in one compiled loop."""
     mission = load_mission(path)
     try:
-        arrays = mission.arrays(foreseen=True)
-    except InputError as error:
-        return f"{REFUSED}: {_one_line(str(error))}"
-    try:
-        law = make_law(law_name, arrays)
-        if law.kind.needs_trajectory:
-            law.start_from(offline_trajectory(solve(mission, Method.ANALYTIC.value)))
-    except (OptimizerError, ValueError) as error:
+        law = ready_law(mission, law_name)
+    except (InputError, OptimizerError, ValueError) as error:
         return f"{REFUSED}: {_one_line(str(error))}"
     plant = fly_compiled(mission, law=law).plant
     for name in ("time", "position", "velocity", "mass"):

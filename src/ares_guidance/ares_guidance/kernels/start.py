@@ -3,18 +3,59 @@
 import math
 
 from ares_guidance.arrays import Onboard
-from ares_guidance.kernels.segments import burn_time_to_go, plan_segments
+from ares_guidance.kernels.segments import burn_time_to_go, plan_segments, thrust_integrals
 from ares_models.arrays import MissionRecords
 from ares_models.jit import kernel
 from ares_models.kernels.targets import desired_state, plane_normal, project_to_plane, target_speed
-from ares_models.kernels.vectors import axpy, cross, load, norm, scale, store, unit
+from ares_models.kernels.vectors import add, axpy, cross, load, norm, scale, store, sub, unit
+
+#: Cosine of half the turn that a guess makes at most.
+HALF_TURN = 0.3
+
+
+@kernel
+def guess_by_plan(onboard: Onboard) -> None:
+    """Velocity-to-go of the thrust that the plan has until the end of the leg.
+
+    Args:
+        onboard: what is on board, with planned segments. Its solution is changed.
+    """
+    state = onboard.state
+    leg = state.leg
+    solution = state.solution
+    mean = add(load(leg.first_direction), load(leg.last_direction))
+    if norm(mean) < HALF_TURN:
+        mean = load(solution.velocity_to_go)
+    gain, _, _, _, _, _ = thrust_integrals(state, leg.time_to_go, leg.time_to_go)
+    if gain > 0.0:
+        store(solution.velocity_to_go, scale(gain, unit(mean)))
+    if leg.jettison_time > onboard.navigation.time:
+        for j in range(solution.jettison_time.shape[0]):
+            solution.jettison_time[j] = leg.jettison_time
+
+
+@kernel
+def turn_by_plan(onboard: Onboard, t_go: float) -> None:
+    """The turn from the first to the last direction of the plan, about their mean.
+
+    Args:
+        onboard: what is on board. Its solution is changed.
+        t_go: s.
+    """
+    leg = onboard.state.leg
+    solution = onboard.state.solution
+    first, last = load(leg.first_direction), load(leg.last_direction)
+    half = max(HALF_TURN, 0.5 * norm(add(first, last)))
+    store(solution.direction_rate, scale(1.0 / (half * t_go), sub(last, first)))
+    solution.reference_time = onboard.navigation.time + 0.5 * t_go
 
 
 @kernel
 def start_guess(mission: MissionRecords, onboard: Onboard) -> None:
     """First velocity-to-go: the scalar impulse along the velocity, Eqs. 5.29 and 5.35.
 
-    A state that is ``seeded`` keeps its velocity-to-go and jettison times instead, once.
+    A state that is ``seeded`` keeps its velocity-to-go and jettison times instead, once. In a
+    flight by a plan it is what the plan gives until the end of the leg.
 
     Args: as in :func:`ares_guidance.kernels.cycle.guidance_step`.
     """
@@ -37,6 +78,8 @@ def start_guess(mission: MissionRecords, onboard: Onboard) -> None:
         for j in range(solution.jettison_time.shape[0]):
             solution.jettison_time[j] = math.inf
     plan_segments(mission, onboard)
+    if state.leg.time_to_go > 0.0:
+        guess_by_plan(onboard)
     v_go = load(solution.velocity_to_go)
     t_go, _ = burn_time_to_go(state, norm(v_go))
     solution.time_to_go = t_go
@@ -52,3 +95,5 @@ def start_guess(mission: MissionRecords, onboard: Onboard) -> None:
     store(solution.direction, unit(v_go))
     store(solution.direction_rate, (0.0, 0.0, 0.0))
     solution.reference_time = nav.time
+    if state.leg.time_to_go > 0.0:
+        turn_by_plan(onboard, t_go)

@@ -6,9 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_guidance.arrays import ERROR_NOT_CONVERGED, STEEPEST
+from ares_guidance.guess import ArcPlan
 from ares_guidance.law import Law, LawKind, LawSettings
 from ares_guidance.registry import law_names, registered_laws
 from ares_models.arrays import MissionArrays
+from ares_models.orbits import Insertion
 
 
 @cache
@@ -46,18 +48,23 @@ def make_law(name: str, arrays: MissionArrays, settings: LawSettings | None = No
     return kind.build(arrays, settings) if kind.build else Law(arrays, settings, kind)
 
 
-def check_law(name: str, arrays: MissionArrays, start: NDArray[np.void]) -> None:
+def check_law(
+    name: str, arrays: MissionArrays, start: NDArray[np.void], plan: ArcPlan | None = None
+) -> None:
     """Try a law, with settings of its own, where a mission starts.
 
     Args:
         name: as of :func:`make_law`; so the next.
         arrays: the mission.
         start: navigation state, shape (1,), dtype NAVIGATION.
+        plan: of the free arcs before the last.
 
     Raises:
-        ValueError: it finds no way to the target from there.
+        ValueError: it needs a plan that is not there, or finds no way to the target from there.
     """
     law = make_law(name, arrays)
+    if plan is not None:
+        law.follow_arcs(plan)
     law.step(start[0])
     solution = law.state["solution"]
     lost = law.state["error"] == ERROR_NOT_CONVERGED
@@ -67,3 +74,15 @@ def check_law(name: str, arrays: MissionArrays, start: NDArray[np.void]) -> None
             f"law is {name!r}; expected one that finds a way from the mission's start to its "
             "target: this one finds none"
         )
+
+
+def rehearse(name: str, arrays: MissionArrays, start: NDArray[np.void]) -> None:
+    """Compile a law that has no plan yet, before anybody waits for it.
+
+    Args: as of :func:`check_law`.
+    """
+    law = make_law(name, arrays)
+    there = Insertion.from_state(start["position"][0], start["velocity"][0])
+    every = range(len(arrays.arcs))
+    law.follow_arcs(ArcPlan(dict.fromkeys(every, 0.0), dict.fromkeys(every, there)))
+    law.step(start[0])

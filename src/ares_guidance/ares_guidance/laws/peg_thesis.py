@@ -14,7 +14,7 @@ from ares_guidance.arrays import (
 )
 from ares_guidance.guess import JettisonPlan, OfflineTrajectory
 from ares_guidance.kernels.peg_thesis import step_by_modes
-from ares_guidance.law import Law, LawKind, LawSettings
+from ares_guidance.law import Law, LawKind, LawSettings, name_free_arcs, needs_plan
 from ares_models.arrays import HEATING_LIMIT, MissionArrays
 
 #: Planes that modes 1 and 2 can hold.
@@ -66,8 +66,14 @@ class ThesisPeg(Law):
             pins: what holds; default all.
 
         Raises:
-            ValueError: not two stages with one heating jettison in the second.
+            ValueError: not two stages with one heating jettison in the second, and nothing
+                free but the last burn.
         """
+        if needs_plan(LAW, arrays):
+            raise ValueError(
+                f"the mission leaves {name_free_arcs(arrays)} free; law peg_thesis flies missions "
+                "of which only the last arc is free"
+            )
         stages = int(arrays.arcs["stage"][-1]) + 1
         jettisons = arrays.jettisons
         if (

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from ares_guidance.arrays import blank_onboard
 from ares_guidance.law import LawSettings
-from ares_guidance.laws import make_law
 from ares_models.mission import Mission
 from ares_studies.arrays import closed_loop
+from ares_studies.closed_loop import ready_law
 from ares_studies.loops import campaign_loop
 from ares_studies.montecarlo.arrays import RESULT
 from ares_vehicle_sim.arrays import blank_vehicle
@@ -80,7 +80,7 @@ class Range:
         self.columns = self._sampler.columns
         self._nominal = nominal_truth(mission, settings.dispersions)
         believed = mission.arrays(foreseen=True)
-        law = make_law(settings.law, believed, settings.law_settings)
+        law = ready_law(mission, settings.law, settings.law_settings)
         self._fly_many = campaign_loop(law.kind)
         # the atmosphere of each flight comes with its draws
         true = room_for_truth(self._nominal, self._nominal.atmosphere)

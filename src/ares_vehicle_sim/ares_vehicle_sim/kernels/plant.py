@@ -38,6 +38,7 @@ from ares_models.kernels.sequence import (
     tail_end_time,
 )
 from ares_models.kernels.states import insertion_quantities
+from ares_models.kernels.throttle import LIMITED, mass_after, stretch, throttle, time_to_burn
 from ares_models.kernels.thrust_curve import (
     curve_area,
     start_length,
@@ -87,7 +88,7 @@ def thrust_now(plant: Record, arcs: NDArray[Any], t: float) -> tuple[float, floa
     flow = 0.0
     arc = arcs[plant.arc]
     if plant.complete == 0 and arc.kind == BURN and plant.inserted == 0:
-        fraction = start_value(arc, t - plant.arc_start_time)
+        fraction = start_value(arc, t - plant.arc_start_time) * throttle(arc, plant.mass)
         thrust += fraction * arc.thrust
         flow += fraction * arc.mass_flow
     if plant.tail_arc >= 0:
@@ -103,11 +104,43 @@ def burns_steadily(plant: Record, arc: Record, t: float) -> bool:
     """Whether the present arc, and it alone, gives its full thrust from ``t`` to its end."""
     if plant.tail_arc >= 0 or plant.inserted == 1 or plant.complete == 1 or arc.kind != BURN:
         return False
+    if math.isfinite(arc.max_acceleration):
+        return False
     return t - plant.arc_start_time >= start_length(arc)
 
 
 @kernel
-def commanded_direction(plant: Record, t: float) -> Vector:
+def throttled(plant: Record, arc: Record, t: float) -> bool:
+    """Whether the present arc burns and is throttled as soon as its mass asks for it."""
+    if plant.inserted == 1 or plant.complete == 1 or arc.kind != BURN:
+        return False
+    started = t - plant.arc_start_time >= start_length(arc)
+    return started and math.isfinite(arc.max_acceleration)
+
+
+@kernel
+def throttle_change(plant: Record, arcs: NDArray[Any], limit: float) -> float:
+    """When the throttle begins or ends to move; ``limit`` if not before it."""
+    arc = arcs[plant.arc]
+    if not throttled(plant, arc, plant.time):
+        return limit
+    _, span = stretch(arc, (arc.exhaust_velocity, arc.mass_flow), plant.mass)
+    return min(limit, plant.time + span)
+
+
+@kernel
+def commanded_direction(plant: Record, arcs: NDArray[Any], t: float) -> Vector:
+    """Unit thrust direction at time ``t``: of the command in force, or held since ignition."""
+    held = arcs[plant.arc].held == 1
+    if plant.tail_arc >= 0:
+        held = held or arcs[plant.tail_arc].held == 1
+    if held:
+        return load(plant.held_direction)
+    return followed_direction(plant, t)
+
+
+@kernel
+def followed_direction(plant: Record, t: float) -> Vector:
     """Unit thrust direction of the command in force at time ``t``."""
     command = plant.command
     return unit(
@@ -170,6 +203,11 @@ def burnout_time(plant: Record, arcs: NDArray[Any]) -> float:
         return math.inf
     left = max(0.0, arc.propellant - plant.propellant_used) / arc.mass_flow
     into = plant.time - plant.arc_start_time
+    if math.isfinite(arc.max_acceleration):
+        # it has no start but for a delay without thrust
+        engine = (arc.exhaust_velocity, arc.mass_flow)
+        left = time_to_burn(arc, engine, plant.mass, left * arc.mass_flow)
+        return plant.time + max(0.0, start_length(arc) - into) + left
     if into >= start_length(arc):
         return plant.time + left
     wanted = left + curve_area(arc.start_time, arc.start_fraction, arc.start_knots, into)
@@ -344,6 +382,15 @@ def next_event(plant: Record, arcs: NDArray[Any], jettisons: NDArray[Any]) -> fl
 
 
 @kernel
+def limited_thrust(
+    acceleration: float, directions: tuple[Vector, Vector, Vector]
+) -> tuple[Vector, Vector, Vector]:
+    """Thrust accelerations of a step in which their size stays."""
+    u0, um, u1 = directions
+    return scale(acceleration, u0), scale(acceleration, um), scale(acceleration, u1)
+
+
+@kernel
 def integrate(mission: MissionRecords, vehicle: Vehicle, end: float) -> None:
     """One Runge-Kutta-Nystroem step of order 4 to ``end``; the thrust curve is linear in between.
 
@@ -357,6 +404,8 @@ def integrate(mission: MissionRecords, vehicle: Vehicle, end: float) -> None:
     t = plant.time
     h = end - t
     arc = arcs[plant.arc]
+    if arc.held == 1 and t - plant.arc_start_time <= SAME_TIME:
+        store(plant.held_direction, followed_direction(plant, t))
     t0 = t1 = arc.thrust
     f0 = f1 = arc.mass_flow
     if not burns_steadily(plant, arc, t):
@@ -368,7 +417,7 @@ def integrate(mission: MissionRecords, vehicle: Vehicle, end: float) -> None:
     fm = 0.5 * (f0 + f1)
     if math.isfinite(rate_limit):
         u0 = load(plant.direction)
-        u1 = commanded_direction(plant, end)
+        u1 = commanded_direction(plant, arcs, end)
         angle = angle_between(u0, u1)
         reach = rate_limit * h
         if angle > reach:
@@ -376,9 +425,9 @@ def integrate(mission: MissionRecords, vehicle: Vehicle, end: float) -> None:
             u1 = add(scale(math.cos(reach), u0), scale(math.sin(reach), across))
         um = unit(add(u0, u1))
     else:
-        u0 = commanded_direction(plant, t)
-        um = commanded_direction(plant, t + 0.5 * h)
-        u1 = commanded_direction(plant, end)
+        u0 = commanded_direction(plant, arcs, t)
+        um = commanded_direction(plant, arcs, t + 0.5 * h)
+        u1 = commanded_direction(plant, arcs, end)
     r = load(plant.position)
     v = load(plant.velocity)
     m = plant.mass
@@ -386,6 +435,12 @@ def integrate(mission: MissionRecords, vehicle: Vehicle, end: float) -> None:
     s0 = scale(t0 / m, u0)
     sm = scale(tm / (m - 0.25 * h * (f0 + fm)), um)
     s1 = scale(t1 / m_end, u1)
+    if throttled(plant, arc, t):
+        engine = (arc.exhaust_velocity, arc.mass_flow)
+        kind, _ = stretch(arc, engine, m)
+        if kind == LIMITED:
+            s0, sm, s1 = limited_thrust(arc.max_acceleration, (u0, um, u1))
+            m_end = mass_after(arc, engine, kind, m, h)
     a0 = add(s0, gravity(r, environment))
     am = add(sm, gravity(axpy(0.5 * h, axpy(0.25 * h, a0, v), r), environment))
     a1 = add(s1, gravity(axpy(h, axpy(0.5 * h, am, v), r), environment))
@@ -397,7 +452,7 @@ def integrate(mission: MissionRecords, vehicle: Vehicle, end: float) -> None:
     store(plant.sensed_delta_v, axpy(sixth, sensed, load(plant.sensed_delta_v)))
     store(plant.direction, u1)
     plant.mass = m_end
-    plant.propellant_used += h * fm
+    plant.propellant_used += m - m_end
     plant.time = end
 
 
@@ -498,6 +553,7 @@ def flight_step(mission: MissionRecords, vehicle: Vehicle, until: float) -> None
         if not plant.time < until:
             break
         end = next_knot(plant, mission.arcs, min(until, due))
+        end = throttle_change(plant, mission.arcs, end)
         integrate_to(mission, vehicle, end, largest)
     if plant.complete == 0 and plant.altitude < 0.0:
         plant.complete = 1

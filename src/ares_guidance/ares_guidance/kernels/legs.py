@@ -1,0 +1,244 @@
+"""Flights with free arcs before the last, by a plan: leg by leg.
+
+A leg is the arcs up to and including the next free burn, its coasts and other free arcs as long
+as planned. The law sees it as a mission: its last burn is cut off where the leg's target is met,
+at the end of the flight the mission's own. In a coast the law steers from the next ignition,
+where the orbit of the present state leads: however long the coast, nothing is approximated.
+"""
+
+import math
+from typing import Any
+
+from numpy.typing import NDArray
+
+from ares_guidance.arrays import PHASE_CONVERGING, PHASE_IDLE, Onboard
+from ares_guidance.kernels.cycle import guidance_step, navigation_is_sound
+from ares_guidance.kernels.start import start_guess
+from ares_models.arrays import BURN, COAST, MissionRecords, Record
+from ares_models.jit import inlined, kernel
+from ares_models.kernels.environment import heating_rate
+from ares_models.kernels.kepler import kepler
+from ares_models.kernels.sequence import mass_at_staging
+from ares_models.kernels.vectors import load, store
+
+
+@kernel
+def last_of_leg(k: int, arcs: NDArray[Any]) -> int:
+    """Arc with which the leg of arc ``k`` ends: the next free burn, or the last arc."""
+    last = k
+    while last + 1 < arcs.shape[0] and not (
+        arcs[last].kind == BURN and math.isinf(arcs[last].duration)
+    ):
+        last += 1
+    return last
+
+
+@inlined
+def mission_of_leg(mission: MissionRecords, leg: Record) -> MissionRecords:
+    """The leg as a mission."""
+    return MissionRecords(
+        mission.environment,
+        mission.atmosphere,
+        leg.arcs[: leg.count],
+        mission.jettisons,
+        leg.target,
+    )
+
+
+@inlined
+def onboard_of_leg(onboard: Onboard, leg: Record) -> Onboard:
+    """What is on board, as the law sees it in a leg."""
+    return Onboard(leg.navigation, onboard.settings, onboard.state, leg.steering)
+
+
+@kernel
+def lay_out(mission: MissionRecords, state: Record, last: int) -> None:
+    """Write the leg that ends with arc ``last``.
+
+    The last burn is free for the law, also one of fixed length, which the clock ends.
+
+    Args:
+        mission: as guidance believes it.
+        state: record GUIDANCE_STATE. Its leg is changed.
+        last: index of the arc.
+    """
+    plan = state.plan
+    leg = state.leg
+    leg.count = last + 1
+    for k in range(leg.count):
+        leg.arcs[k] = mission.arcs[k]
+        if math.isinf(leg.arcs[k].duration):
+            leg.arcs[k].duration = plan.length[k]
+    leg.arcs[last].duration = math.inf
+    if leg.count < mission.arcs.shape[0]:
+        leg.target = plan.target[last]
+    else:
+        leg.target = mission.target
+    store(leg.first_direction, load(plan.direction[last, 0]))
+    store(leg.last_direction, load(plan.direction[last, 1]))
+    leg.jettison_time = plan.jettison_time
+
+
+@kernel
+def look_ahead(mission: MissionRecords, nav: Record, leg: Record) -> None:
+    """Write the navigation state that the law steers from: in a coast that at its end.
+
+    Args:
+        mission: as guidance believes it.
+        nav: record NAVIGATION, the present one.
+        leg: record LEG. Changed.
+    """
+    ahead = leg.navigation
+    ahead.time = nav.time
+    ahead.mass = nav.mass
+    ahead.heating_rate = nav.heating_rate
+    ahead.arc = nav.arc
+    ahead.arc_start_time = nav.arc_start_time
+    ahead.jettisoned = nav.jettisoned
+    store(ahead.position, load(nav.position))
+    store(ahead.velocity, load(nav.velocity))
+    store(ahead.sensed_delta_v, load(nav.sensed_delta_v))
+    leg.coasting = 1 if leg.arcs[nav.arc].kind == COAST else 0
+    if leg.coasting == 0:
+        return
+    while leg.arcs[ahead.arc].kind == COAST:
+        ahead.arc_start_time += leg.arcs[ahead.arc].duration
+        ahead.arc += 1
+        arc = leg.arcs[ahead.arc]
+        if arc.begins_stage == 1:
+            ahead.mass = mass_at_staging(arc, mission.jettisons, nav.jettisoned)
+    ahead.arc_start_time = max(ahead.arc_start_time, nav.time)
+    ahead.time = ahead.arc_start_time
+    environment = mission.environment
+    r, v = kepler(load(nav.position), load(nav.velocity), ahead.time - nav.time, environment.mu)
+    # the density is taken to differ there by as much as here
+    here = heating_rate(load(nav.position), load(nav.velocity), environment, mission.atmosphere)
+    there = heating_rate(r, v, environment, mission.atmosphere)
+    ahead.heating_rate *= there / here
+    store(ahead.position, r)
+    store(ahead.velocity, v)
+
+
+@kernel
+def guess_end(mission: MissionRecords, state: Record) -> None:
+    """How far off the end of the leg is by the plan.
+
+    Args:
+        mission: as guidance believes it.
+        state: record GUIDANCE_STATE. Its leg is changed.
+    """
+    leg = state.leg
+    nav = leg.navigation
+    end = nav.arc_start_time
+    for k in range(nav.arc, leg.count):
+        fixed = mission.arcs[k].duration
+        end += fixed if math.isfinite(fixed) else state.plan.length[k]
+    leg.time_to_go = max(0.0, end - nav.time)
+
+
+@kernel
+def time_cycle(onboard: Onboard, was_coasting: int) -> None:
+    """Keep the cycles of a coast at their period: the clock of its end does not move.
+
+    Args:
+        onboard: what is on board, the present navigation state. Changed.
+        was_coasting: the navigation state before was in a coast.
+    """
+    now = onboard.navigation.time
+    state = onboard.state
+    leg = state.leg
+    if leg.coasting == 1:
+        if was_coasting == 0:
+            leg.cycle_time = now
+        state.next_cycle_time = math.inf
+        if now >= leg.cycle_time - 1e-9:
+            state.next_cycle_time = leg.navigation.time
+            period = onboard.settings.cycle_period
+            leg.cycle_time += (math.floor((now + 1e-9 - leg.cycle_time) / period) + 1.0) * period
+    elif was_coasting == 1:
+        state.next_cycle_time = now
+
+
+@kernel
+def begin_leg(mission: MissionRecords, onboard: Onboard) -> None:
+    """Forget the solution of the leg before and start anew.
+
+    Args:
+        mission: the leg's.
+        onboard: as the law sees it in the leg. Changed.
+    """
+    nav = onboard.navigation
+    state = onboard.state
+    steering = onboard.steering
+    steering.cutoff_time = math.nan
+    steering.jettison = -1
+    steering.jettison_time = math.nan
+    if state.phase == PHASE_IDLE:
+        # the cycle begins the flight
+        return
+    state.phase = PHASE_CONVERGING
+    state.stale_cycles = 0
+    state.lowered = 0.0
+    state.next_cycle_time = nav.time
+    state.time = nav.time
+    store(state.sensed_delta_v, load(nav.sensed_delta_v))
+    start_guess(mission, onboard)
+
+
+@kernel
+def command_flight(mission: MissionRecords, onboard: Onboard) -> None:
+    """Command the leg's steering, and from its cut-off on what is planned to the end.
+
+    Args:
+        mission: as guidance believes it.
+        onboard: what is on board. Its steering is changed.
+    """
+    nav = onboard.navigation
+    state = onboard.state
+    plan = state.plan
+    leg = state.leg
+    arcs = mission.arcs
+    steering = onboard.steering
+    steering.reference_time = leg.steering.reference_time
+    store(steering.direction, load(leg.steering.direction))
+    store(steering.direction_rate, load(leg.steering.direction_rate))
+    steering.jettison = leg.steering.jettison
+    steering.jettison_time = leg.steering.jettison_time
+    end = nav.arc_start_time
+    for k in range(arcs.shape[0]):
+        steering.arc_end_times[k] = math.nan
+    for k in range(nav.arc, arcs.shape[0]):
+        free = math.isinf(arcs[k].duration)
+        if free and k == leg.count - 1 and math.isfinite(leg.steering.cutoff_time):
+            end = leg.steering.cutoff_time
+        else:
+            end += plan.length[k] if free else arcs[k].duration
+        if free and k + 1 < arcs.shape[0]:
+            steering.arc_end_times[k] = end
+    steering.cutoff_time = end if math.isfinite(leg.steering.cutoff_time) else math.nan
+
+
+@kernel
+def step_by_legs(mission: MissionRecords, onboard: Onboard) -> None:
+    """Answer one navigation state, leg by leg; without a plan, by the cycle.
+
+    Args: as in :func:`ares_guidance.kernels.cycle.guidance_step`.
+    """
+    nav = onboard.navigation
+    state = onboard.state
+    leg = state.leg
+    if state.plan.made == 0 or not navigation_is_sound(nav, mission.arcs):
+        guidance_step(mission, onboard)
+        return
+    last = last_of_leg(nav.arc, mission.arcs)
+    begins = last + 1 != leg.count
+    if begins:
+        lay_out(mission, state, last)
+    was_coasting = leg.coasting
+    look_ahead(mission, nav, leg)
+    guess_end(mission, state)
+    if begins:
+        begin_leg(mission_of_leg(mission, leg), onboard_of_leg(onboard, leg))
+    time_cycle(onboard, was_coasting)
+    guidance_step(mission_of_leg(mission, leg), onboard_of_leg(onboard, leg))
+    command_flight(mission, onboard)

@@ -1,0 +1,200 @@
+"""Missions with free arcs before the last, flown by a plan: leg by leg, each burn cut off."""
+
+import math
+
+import numpy as np
+import pytest
+
+from ares_guidance.guess import ArcPlan
+from ares_guidance.laws import check_law, find_law, make_law
+from ares_models.mission import load_mission
+from ares_models.orbits import Insertion
+from ares_optimizer.solve import solve
+from ares_studies.closed_loop import fly_compiled, fly_stepwise, offline_trajectory
+from ares_vehicle_sim.arrays import ARC_ENDED, CUTOFF, IGNITION
+from ares_vehicle_sim.dispersions import Dispersions
+from ares_vehicle_sim.simulator import CAMPAIGN
+
+#: Titan II in vacuum, after MechJeb2's tests. The ground is out of the way: the optimum dips.
+MISSION = """
+name: titan
+title: Titan II in vacuum
+source: MechJeb2 MechJebLibTest
+environment:
+  mu_m3_s2: 3.986004418e14
+  earth:
+    {{equatorial_radius_m: 6.2e+6, polar_radius_m: 6.2e+6, rotation_rate_rad_s: 7.29211585e-5}}
+  atmosphere: {{model: us76, density_factor: 1.0e-12}}
+initial_state:
+  time_s: 0.0
+  position_m: [5593203.65707947, 0.0, 3050526.81522927]
+  velocity_m_s: [0.0, 407.862893197274, 0.0]
+stages:
+  - name: stage 1
+    ignition_mass_kg: 157355.487476332
+    thrust_n: 2340000.0
+    isp_s: 301.817977905273
+    burn_time_s: 148.102380138703
+  - name: stage 2
+    ignition_mass_kg: 32758.6353093992
+    propellant_kg: 27500.0
+    arcs:
+      - {{thrust_n: 456100.006103516, isp_s: 315.000112652779, burn_time_s: {burn}}}
+      - {{coast_s: {coast}}}
+      - {{thrust_n: 456100.006103516, isp_s: 315.000112652779, burn_time_s: free}}
+target:
+  radius_m: 6556000.0
+  speed_m_s: 7797.392848568
+  flight_path_angle_deg: 0.0
+  inclination_deg: 28.608
+"""
+BURN, COAST = 153.252950, 450.0
+#: Velocity of the optimum, m/s: what MechJeb2's tests have.
+OPTIMUM = 8101.8936
+
+
+def write(tmp_path, burn, coast):
+    path = tmp_path / f"{burn}_{coast}.yaml".replace(" ", "")
+    path.write_text(MISSION.format(burn=burn, coast=coast))
+    return load_mission(path)
+
+
+@pytest.fixture(scope="module")
+def restart(tmp_path_factory):
+    """The mission with a free first burn and coast, and the trajectory to fly it by."""
+    folder = tmp_path_factory.mktemp("restart")
+    fixed = write(folder, BURN, COAST)
+    return write(folder, "free", "free"), offline_trajectory(solve(fixed, "indirect"))
+
+
+def ready(mission, trajectory, name="peg"):
+    law = make_law(name, mission.arrays(foreseen=True))
+    law.start_from(trajectory)
+    return law
+
+
+def spent(mission, flight):
+    """Velocity that the burns gave by the rocket equation, m/s."""
+    arcs = mission.arrays().arcs
+    total, lit = 0.0, math.nan
+    for event in flight.events:
+        if event["type"] == IGNITION:
+            lit = event["mass"]
+        elif event["type"] in (ARC_ENDED, CUTOFF) and arcs["thrust"][event["index"]] > 0.0:
+            total += arcs["exhaust_velocity"][event["index"]] * math.log(lit / event["mass"])
+    return total
+
+
+def test_the_plan_of_a_trajectory(restart):
+    mission, trajectory = restart
+    plan = trajectory.arc_plan(mission.arrays())
+    assert plan.lengths_s == pytest.approx({1: BURN, 2: COAST, 3: 9.1581}, abs=1e-3)
+    assert list(plan.ends) == [1]
+    assert plan.ends[1].speed == pytest.approx(7539.05, abs=0.01)
+    assert sorted(plan.directions) == [1, 3]
+    assert np.linalg.norm(plan.directions[1], axis=1) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("name", ["peg", "igm"])
+def test_a_restart_is_flown_by_its_plan(restart, name):
+    mission, trajectory = restart
+    flight = fly_compiled(mission, law=ready(mission, trajectory, name))
+    plant = flight.plant
+    assert plant["inserted"] == 1
+    assert np.linalg.norm(plant["position"]) == pytest.approx(6556000.0, abs=1.0)
+    assert np.linalg.norm(plant["velocity"]) == pytest.approx(7797.3928, abs=1e-3)
+    assert OPTIMUM - 1e-3 < spent(mission, flight) < OPTIMUM + 0.02
+    lit = flight.events[flight.events["type"] == IGNITION]["time"]
+    ended = flight.events[flight.events["type"] == ARC_ENDED]["time"]
+    assert lit[2] - ended[1] == pytest.approx(COAST, abs=1e-9)
+
+
+def test_stepwise_and_compiled_are_one_flight(restart):
+    mission, trajectory = restart
+    compiled = fly_compiled(mission, options=CAMPAIGN, law=ready(mission, trajectory))
+    stepwise = fly_stepwise(mission, options=CAMPAIGN, law=ready(mission, trajectory))
+    assert stepwise.events["time"] == pytest.approx(compiled.events["time"], abs=1e-6)
+
+
+def test_another_engine_moves_the_cut_offs_and_the_ignition(restart):
+    mission, trajectory = restart
+    weak = Dispersions(thrust={"mean": -0.02})
+    flight = fly_compiled(mission, dispersions=weak, law=ready(mission, trajectory))
+    ended = flight.events[flight.events["type"] == ARC_ENDED]["time"]
+    assert ended[1] - ended[0] > BURN + 5.0
+    assert ended[2] - ended[1] == pytest.approx(COAST, abs=1e-6)
+    assert flight.plant["inserted"] == 1
+    assert np.linalg.norm(flight.plant["position"]) == pytest.approx(6556000.0, abs=1.0)
+    assert np.linalg.norm(flight.plant["velocity"]) == pytest.approx(7797.3928, abs=0.01)
+
+
+def test_a_free_coast_before_the_last_burn(tmp_path):
+    """Only the coast is free: one leg."""
+    text = MISSION.replace(
+        "      - {{thrust_n", "      - {{coast_s: {coast}}}\n      - {{thrust_n", 1
+    )
+    head, tail = text.split("      - {{thrust_n", 1)
+    text = head + tail.split("burn_time_s: {burn}}}\n", 1)[1].split("\n", 1)[1]
+    missions = []
+    for coast in ("46.177", "free"):
+        path = tmp_path / f"{coast}.yaml"
+        path.write_text(text.format(coast=coast))
+        missions.append(load_mission(path))
+    fixed, free = missions
+    law = ready(free, offline_trajectory(solve(fixed, "indirect")))
+    flight = fly_compiled(free, law=law)
+    assert flight.plant["inserted"] == 1
+    assert spent(free, flight) == pytest.approx(8476.5717, abs=0.01)
+
+
+def test_commands_tell_the_whole_plan(restart):
+    mission, trajectory = restart
+    law = ready(mission, trajectory)
+    law.step(mission.start().navigation()[0])
+    ends = law.steering["arc_end_times"][0]
+    first = 148.102380138703 + BURN
+    assert ends[1:3] == pytest.approx([first, first + COAST], abs=2.0)
+    assert ends[2] - ends[1] == pytest.approx(COAST)
+    assert np.all(np.isnan(np.delete(ends, [1, 2])))
+    assert law.steering["cutoff_time"][0] == pytest.approx(ends[2] + 9.1581, abs=0.01)
+
+
+def test_no_law_flies_blindly(restart):
+    mission, _ = restart
+    arrays = mission.arrays(foreseen=True)
+    for name in ("peg", "igm"):
+        with pytest.raises(ValueError, match="needs a plan for the free arcs 1, 2 of the mission"):
+            check_law(name, arrays, mission.start().navigation())
+    with pytest.raises(ValueError, match="needs a plan"):
+        fly_compiled(mission, law=make_law("peg", arrays))
+    with pytest.raises(ValueError, match="law peg_thesis flies missions of which only the last"):
+        make_law("peg_thesis", arrays)
+
+
+def test_a_law_forgets_its_flight_and_keeps_its_plan(restart):
+    mission, trajectory = restart
+    law = ready(mission, trajectory)
+    assert not law.lacks_plan
+    law.step(mission.start().navigation()[0])
+    law.reset()
+    assert law.state["plan"]["made"] == 1
+    assert law.state["leg"]["count"] == 0
+
+
+def test_a_plan_that_lacks_something(restart):
+    mission, _ = restart
+    law = make_law("peg", mission.arrays())
+    there = Insertion.from_state(mission.start().position, mission.start().velocity)
+    with pytest.raises(ValueError, match="length of arc 2 is nan; expected 0 s or more"):
+        law.follow_arcs(ArcPlan({1: 10.0, 3: 10.0}, {1: there}))
+    with pytest.raises(ValueError, match="end of burn 1 is missing"):
+        law.follow_arcs(ArcPlan({1: 10.0, 2: 10.0, 3: 10.0}, {}))
+
+
+def test_a_trajectory_of_another_mission(restart):
+    mission, trajectory = restart
+    other = load_mission("ares_v").arrays()
+    with pytest.raises(ValueError, match="are not those of the mission"):
+        trajectory.arc_plan(other)
+    assert find_law("peg").plans_arcs is False
+    assert mission.plans_arcs
