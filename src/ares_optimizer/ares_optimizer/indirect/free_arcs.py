@@ -19,7 +19,6 @@ from ares_optimizer.indirect.solver import Root, TwoPointSolver
 from ares_optimizer.kernels.timetable import COLUMN_CUTOFF, COLUMN_JETTISON
 from ares_optimizer.plan import free_arcs, length_bounds, longest_burn, trial_lengths
 from ares_optimizer.two_point.arrays import LAMBDA_R, NOT_HELD, PRIMER
-from ares_optimizer.two_point.kernels import newton
 
 Array = NDArray[np.float64]
 
@@ -27,7 +26,9 @@ _MOST_TRIALS = 25
 #: A best root that was met so often is believed, after so many trials.
 _ENOUGH = 4
 _LEAST_TRIALS = 8
-_ITERATIONS = 30  # of one start
+#: Of one start, with lengths free and with all held.
+_ITERATIONS = 30
+_ITERATIONS_HELD = 50
 #: Move of a length that must not save propellant, s, and as part of it.
 _MOVE_S = 1.0
 _MOVE_PART = 0.01
@@ -118,6 +119,7 @@ class _Search:
             )
         except StopIteration:
             self.vanishes = True
+            self.best = lowest[0]
             return
         self.release(lowest[0])
 
@@ -174,11 +176,12 @@ def find_planned(
         guess: unknowns to try first; None: none.
 
     Returns:
-        the root that takes the least propellant, else the last one tried, not converged.
+        the root that takes the least propellant, else the last one tried, not converged. Arcs
+        that it holds at a bound, or all where next to nothing is taken, are held afterwards.
     """
     search = _Search(solver, start)
     whole = int(solver.options["max_iterations"][0])
-    solver.options["max_iterations"] = min(whole, _ITERATIONS)
+    solver.options["max_iterations"] = _ITERATIONS
     try:
         if guess is not None:
             search.release(_as_root(guess, solver, start))
@@ -190,10 +193,11 @@ def find_planned(
             _try(search, lengths)
     finally:
         solver.options["max_iterations"] = whole
-        solver.hold(start, {})
     root = search.best or search.last
-    if search.vanishes and root is not None:
-        root = replace(root, status=newton.NOTHING_TO_SAVE)
+    if root is not None:
+        # what is held stays so when the root is made finer
+        held = {f: root.lengths[f] for f, hold in enumerate(root.holds) if hold != NOT_HELD}
+        solver.hold(start, held)
     if root is None:
         root = solver.newton(start, unknowns_of(solver, start, np.zeros(0), 0.0))
     return replace(root, iterations=search.iterations, restarts=max(0, search.restarts - 1))
@@ -201,7 +205,7 @@ def find_planned(
 
 def _as_root(guess: Array, solver: TwoPointSolver, start: NDArray[np.void]) -> Root:
     count = len(free_arcs(solver.arrays, start[0]))
-    return Root(guess, 0, math.inf, 0, -1, np.zeros(count), math.nan)
+    return Root(guess, 0, math.inf, 0, -1, np.zeros(count), (NOT_HELD,) * count, math.nan)
 
 
 def _try(search: _Search, lengths: Array) -> None:
@@ -214,7 +218,9 @@ def _try(search: _Search, lengths: Array) -> None:
         # one burn has to pay
         held.pop(_last_free_burn(solver, start))
     solver.hold(start, held)
+    solver.options["max_iterations"] = _ITERATIONS_HELD
     root = search.take(solver.solve(start, None, times=unknowns))
+    solver.options["max_iterations"] = _ITERATIONS
     if root.converged:
         search.release(root)
         if search.beats(root) and not search.vanishes:
@@ -246,7 +252,7 @@ def is_least(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> boo
     """
     arrays = solver.arrays
     free = free_arcs(arrays, start[0])
-    for f, hold in enumerate(solver.holds(start)):
+    for f, hold in enumerate(root.holds):
         if hold != NOT_HELD:
             continue
         length = float(root.lengths[f])

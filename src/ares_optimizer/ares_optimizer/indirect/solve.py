@@ -59,11 +59,10 @@ from ares_optimizer.solution import (
 )
 from ares_optimizer.targets import figures_of, half_turn, in_unit, target_rows
 from ares_optimizer.two_point.arrays import (
-    AT_SHORTEST,
     DRY,
+    HELD,
     INVERSE_SQUARE,
     LINEAR,
-    NOT_HELD,
     RUNGE_KUTTA,
 )
 from ares_optimizer.two_point.kernels import newton
@@ -94,11 +93,6 @@ _CAUSES = {
     newton.STOPPED: OUT_OF_TIME,
     newton.AT_BOUND: Cause(
         Status.STALLED, "a free arc goes from one bound of its length to another"
-    ),
-    newton.NOTHING_TO_SAVE: Cause(
-        Status.NOT_OPTIMAL,
-        "no optimum: the burns of fixed length alone all but reach the target, so that there is "
-        "nothing to save",
     ),
     newton.UNSOUND: Cause(
         Status.NOT_OPTIMAL,
@@ -341,8 +335,6 @@ def _why_not(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> Cau
             "no flight can be laid out: the last burn does not begin, or only "
             f"{LONGEST_FLIGHT:,.0f} s after the start, or too many events",
         )
-    if root.status == newton.NOTHING_TO_SAVE:
-        return _CAUSES[root.status]
     options = solver.options.copy()
     solver.options["step"] = max(float(options["step"][0]), _SEARCH_STEP_S)
     solver.options["heating"] = timetable.HEATING_IGNORED
@@ -590,6 +582,19 @@ def _multipliers(
     )
 
 
+def _how_good(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> Cause:
+    """Optimal, or so near to taking nothing at all that no optimum was sought."""
+    low, high = length_bounds(solver.arrays, start[0])
+    inside = (root.lengths > low + _SAME_LENGTH) & (root.lengths < high - _SAME_LENGTH)
+    if not any(hold == HELD and free for hold, free in zip(root.holds, inside, strict=True)):
+        return OPTIMAL
+    return Cause(
+        Status.CONVERGED,
+        f"optimal within {root.taken_kg:.3g} kg, which is all that the free burns take: those of "
+        "fixed length all but reach the target",
+    )
+
+
 def _length_checks(
     solver: TwoPointSolver, start: NDArray[np.void], root: Root, price: float
 ) -> tuple[ConstraintCheck, ...]:
@@ -598,11 +603,13 @@ def _length_checks(
     checks = []
     low, high = length_bounds(arrays, start[0])
     for f, k in enumerate(free_arcs(arrays, start[0])):
-        hold = solver.holds(start)[f]
         length = float(root.lengths[f])
-        bound = float(low[f]) if hold == AT_SHORTEST or math.isinf(high[f]) else float(high[f])
-        if hold == DRY:
+        short = length < low[f] + _SAME_LENGTH
+        long = length > high[f] - _SAME_LENGTH or root.holds[f] == DRY
+        bound = float(low[f]) if short or math.isinf(high[f]) else float(high[f])
+        if root.holds[f] == DRY:
             bound = length
+        active = short or long
         worth = float(solver.work["switches"]["worth"][0, f]) / price
         checks.append(
             ConstraintCheck(
@@ -610,10 +617,10 @@ def _length_checks(
                 f"length of arc {k}",
                 length,
                 bound,
-                hold != NOT_HELD,
+                active,
                 "s",
                 bool(low[f] - _SAME_LENGTH <= length <= high[f] + _SAME_LENGTH),
-                worth if hold != NOT_HELD else 0.0,
+                worth if active else 0.0,
             )
         )
     return tuple(checks)
@@ -631,7 +638,7 @@ def _solution(
     flight = solver.sample(start, root.unknowns)
     laws = _steering_arcs(_pieces(solver), flight)
     times = _jettison_times(solver, start, root)
-    cause = infeasible(_propellant_obstacle(solver, start, root)) or OPTIMAL
+    cause = infeasible(_propellant_obstacle(solver, start, root)) or _how_good(solver, start, root)
     return Solution(
         method,
         *cause,

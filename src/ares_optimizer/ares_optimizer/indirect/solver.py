@@ -116,6 +116,7 @@ class Root:
         status: ``two_point.kernels.newton``: CONVERGED or what went wrong.
         restarts: starts after the first.
         lengths: s, shape (n,), of the free arcs before the last.
+        holds: what held each of them: ``two_point.arrays``: NOT_HELD, AT_SHORTEST, ...
         taken_kg: propellant that the free burns take from now on, but for the tail-off of the
             last; nan where nothing is planned.
     """
@@ -126,6 +127,7 @@ class Root:
     status: int
     restarts: int
     lengths: Array
+    holds: tuple[int, ...]
     taken_kg: float
 
     @property
@@ -380,7 +382,10 @@ class TwoPointSolver:
             pay = np.isinf(arcs["duration"]) & (arcs["kind"] == BURN)
             pay[: int(start["arc"][0])] = False
             taken = float((begins["used_end"] - begins["used"])[pay].sum())
-        return Root(unknowns[:n].copy(), iterations, residual, status, restarts, lengths, taken)
+        holds = tuple(int(hold) for hold in self.work["switches"]["hold"][0, : lengths.size])
+        return Root(
+            unknowns[:n].copy(), iterations, residual, status, restarts, lengths, holds, taken
+        )
 
     def hold(self, start: NDArray[np.void], lengths: Mapping[int, float]) -> None:
         """Hold free arcs at given lengths in what follows; the others are let go.
@@ -394,11 +399,6 @@ class TwoPointSolver:
         for f, length in lengths.items():
             switches[f]["hold"] = HELD
             switches[f]["length"] = length
-
-    def holds(self, start: NDArray[np.void]) -> list[int]:
-        """What held each free arc in the last search: ``two_point.arrays``: NOT_HELD, ..."""
-        count = len(free_arcs(self.arrays, start[0]))
-        return [int(hold) for hold in self.work["switches"]["hold"][0, :count]]
 
     def newton(self, start: NDArray[np.void], unknowns: Array) -> Root:
         """Newton's method from a guess and nothing else: what a guidance cycle calls."""

@@ -47,8 +47,6 @@ AT_FLOOR = 5
 UNSOUND = 6
 #: The time or the work that the search may take has ended.
 STOPPED = 7
-#: Flights that take next to nothing of the last stage reach the target.
-NOTHING_TO_SAVE = 9
 #: A free arc ran into a bound of its length.
 AT_BOUND = 8
 #: Within an iteration: go on.
