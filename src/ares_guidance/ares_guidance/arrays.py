@@ -74,6 +74,8 @@ SEGMENT = np.dtype(
         ("gain", np.float64),  # m/s over the whole of it; inf for the free burn
         ("exhaust_velocity", np.float64),  # m/s
         ("tau", np.float64),  # s, mass over mass flow at the start of the segment
+        ("acceleration", np.float64),  # m/s2, to which it is throttled; 0: constant thrust
+        ("held_at", np.float64),  # s from now, where its direction is taken; nan: as it turns
         ("arc", np.int64),
         ("capacity", np.float64),  # s until the propellant is gone
     ],

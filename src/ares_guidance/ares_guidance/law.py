@@ -22,7 +22,7 @@ from ares_guidance.arrays import (
 )
 from ares_guidance.guess import ArcPlan, OfflineTrajectory
 from ares_guidance.kernels.legs import step_by_legs
-from ares_models.arrays import HEATING_LIMIT, MissionArrays
+from ares_models.arrays import BURN, HEATING_LIMIT, MissionArrays
 from ares_models.jit import specialised
 
 
@@ -158,6 +158,7 @@ class LawKind:
         build: makes the law from arrays and settings; None: it is a plain `Law`.
         needs_trajectory: it cannot start from the navigation state alone.
         plans_arcs: it finds the ends of free arcs before the last by itself, without a plan.
+        holds_attitude: it aims burns in held attitude.
     """
 
     name: str
@@ -166,10 +167,11 @@ class LawKind:
     build: "Callable[[MissionArrays, LawSettings | None], Law] | None" = None
     needs_trajectory: bool = False
     plans_arcs: bool = False
+    holds_attitude: bool = False
 
 
 #: The law of the shared cycle as it stands.
-PEG = LawKind("peg", LAW_PEG, step_by_legs)
+PEG = LawKind("peg", LAW_PEG, step_by_legs, holds_attitude=True)
 
 
 def law_of_seek(name: str, code: int, seek: Callable[..., tuple[int, bool]]) -> LawKind:
@@ -240,12 +242,21 @@ class Law:
             kind: which law.
 
         Raises:
-            ValueError: the mission has more arcs and jettisons than the law has room for.
+            ValueError: the mission has more arcs and jettisons than the law has room for, or a
+                burn that it cannot fly.
         """
-        parts = len(arrays.arcs) + len(arrays.jettisons)
+        arcs = arrays.arcs
+        throttled = (arcs["kind"] == BURN) & np.isfinite(arcs["max_acceleration"])
+        parts = len(arcs) + 2 * int(np.sum(throttled)) + len(arrays.jettisons)
         if parts > MAX_SEGMENTS:
             raise ValueError(
-                f"mission has {parts} arcs and jettisons; guidance has room for {MAX_SEGMENTS}"
+                f"mission has {parts} arcs and jettisons, throttled burns counted thrice; guidance "
+                f"has room for {MAX_SEGMENTS}"
+            )
+        if np.any(arcs["held"]) and not kind.holds_attitude:
+            raise ValueError(
+                f"law is {kind.name!r}, which flies no burn in held attitude; arc "
+                f"{int(np.argmax(arcs['held']))} of the mission is one"
             )
         self._arrays = arrays
         self.kind = kind

@@ -26,13 +26,13 @@ from ares_guidance.kernels.convergence import seek
 from ares_guidance.kernels.engines import present_engine, watch_engines
 from ares_guidance.kernels.jettison import predict_jettisons
 from ares_guidance.kernels.prediction import LinearTangent
-from ares_guidance.kernels.segments import plan_segments
+from ares_guidance.kernels.segments import acceleration_at, plan_segments, thrust_integrals
 from ares_guidance.kernels.shortfall import ROUNDS, SETTLED, lacking_speed, lower_target
 from ares_guidance.kernels.start import start_guess
 from ares_models.arrays import BURN, MAX_ARCS, MissionRecords, Record
 from ares_models.jit import inlined, kernel
 from ares_models.kernels.environment import gravity, heating_rate
-from ares_models.kernels.sequence import awaits_heating
+from ares_models.kernels.sequence import SAME_TIME, awaits_heating
 from ares_models.kernels.targets import target_speed
 from ares_models.kernels.vectors import (
     angle_between,
@@ -47,6 +47,17 @@ from ares_models.kernels.vectors import (
 )
 
 CUTOFF_SEARCH_STEPS = 4
+
+
+@kernel
+def throttled_thrust(state: Record, t: float) -> tuple[float, float, float]:
+    """What the planned thrust gives in ``t`` s: velocity m/s, its mean time s, m/s2 at the end."""
+    gain, moment, _, _, _, _ = thrust_integrals(state, t, t)
+    i = 0
+    while i + 1 < state.segment_count and state.segments[i + 1].start < t:
+        i += 1
+    at_end = acceleration_at(state.segments[i], t - state.segments[i].start)
+    return gain, moment / gain if gain > 0.0 else t, at_end
 
 
 @kernel
@@ -74,6 +85,9 @@ def held_cutoff(mission: MissionRecords, onboard: Onboard) -> float:
     reference = solution.reference_time - nav.time
     ve, mass_flow = present_engine(arc, arc.stage, state)
     tau = nav.mass / mass_flow
+    throttled = math.isfinite(arc.max_acceleration)
+    if throttled:
+        plan_segments(mission, onboard)
     # thrust that comes after the command is counted with the burn
     t = max(solution.time_to_go, 0.0)
     for _ in range(CUTOFF_SEARCH_STEPS):
@@ -83,13 +97,16 @@ def held_cutoff(mission: MissionRecords, onboard: Onboard) -> float:
         middle = t
         if t != 0.0:
             middle = (tau * l_t - ve * t) / l_t
+        acceleration = ve / (tau - t)
+        if throttled:
+            l_t, middle, acceleration = throttled_thrust(state, t)
         u = unit(axpy(middle - reference, rate, direction))
         horizon = t + solution.tail_drift
         g = gravity(axpy(0.5 * horizon, v, r), environment)
         v_t = axpy(horizon, g, axpy(l_t, u, v))
         speed = norm(v_t)
         wanted = target_speed(mission.target, environment.mu, norm(axpy(horizon, v, r)))
-        gain = dot(v_t, axpy(ve / (tau - t), u, g)) / speed
+        gain = dot(v_t, axpy(acceleration, u, g)) / speed
         if gain <= 0.0:
             break
         t += (wanted - speed) / gain
@@ -329,9 +346,11 @@ def run_cycle(mission: MissionRecords, onboard: Onboard) -> None:
     # whole periods, however many were missed
     behind = (nav.time + 1e-9 - state.next_cycle_time) / period
     state.next_cycle_time += (math.floor(behind) + 1.0) * period
-    if state.phase == PHASE_CONVERGING or state.phase == PHASE_TRACKING:
+    held = mission.arcs[nav.arc].held == 1 and nav.time > nav.arc_start_time + SAME_TIME
+    if state.phase == PHASE_CONVERGING or (state.phase == PHASE_TRACKING and not held):
         solve(mission, onboard)
     else:
+        # nothing to decide, or not before the burn in held attitude is over
         state.iterations = 0
 
 

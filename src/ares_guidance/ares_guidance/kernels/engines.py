@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from ares_guidance.arrays import Onboard
 from ares_models.arrays import BURN, Record
 from ares_models.jit import kernel
+from ares_models.kernels.throttle import FULL, stretch
 from ares_models.kernels.thrust_curve import start_length, tail_length
 from ares_models.kernels.vectors import load, norm, store, sub
 
@@ -28,6 +29,10 @@ def steady(nav: Record, since: float, arcs: NDArray[Any]) -> bool:
     """Whether the present arc has burnt at full thrust, alone, since a time."""
     arc = arcs[nav.arc]
     begun = nav.arc_start_time
+    if math.isfinite(arc.max_acceleration):
+        kind, _ = stretch(arc, (arc.exhaust_velocity, arc.mass_flow), nav.mass)
+        if kind != FULL:
+            return False
     if arc.kind != BURN or since < begun + max(LATEST, start_length(arc)):
         return False
     return nav.arc == 0 or since >= begun + tail_length(arcs[nav.arc - 1])

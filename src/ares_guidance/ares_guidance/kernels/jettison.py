@@ -13,7 +13,7 @@ from ares_guidance.kernels.prediction import (
     steered_thrust,
     turned_thrust,
 )
-from ares_guidance.kernels.segments import thrust_integrals
+from ares_guidance.kernels.segments import acceleration_at, direction_time, thrust_integrals
 from ares_models.arrays import MissionRecords, Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import gravity, log_heating
@@ -58,8 +58,8 @@ def predicted_log_heating(
         segment = state.segments[i]
         into = t - segment.start
         if 0.0 <= into <= segment.duration:
-            thrust = segment.exhaust_velocity / (segment.tau - into)
-            turned, _ = primer(state.solution, steering, t)
+            thrust = acceleration_at(segment, into)
+            turned, _ = primer(state.solution, steering, direction_time(segment, t))
             acceleration = axpy(thrust, unit(turned), acceleration)
             break
     return log_heating(r_t, v_t, environment, mission.atmosphere, acceleration)

@@ -68,6 +68,8 @@ MET = 1e-5
 DIFFERENCE = 1e-6
 #: Part of the last burn's mass that may be burnt in a prediction.
 MOST_BURNT = 0.98
+#: The same where the acceleration stays, in times by which the mass fades to 1 / e.
+MOST_FADED = 4.0
 SHORTEST = 0.1  # s
 #: Guesses where the first does not do, rad, and the velocity that a radian costs, as a part.
 LOFTS = (0.5, 0.9, 1.2)
@@ -81,7 +83,8 @@ End = tuple[Vector, Vector, Vector, Vector]
 def possible_cutoff(state: Record, t: float) -> float:
     """The time to go nearest to ``t`` that there is mass for, s."""
     last = state.segments[state.segment_count - 1]
-    return min(max(t, SHORTEST), last.start + MOST_BURNT * last.tau)
+    most = MOST_FADED if last.acceleration > 0.0 else MOST_BURNT
+    return min(max(t, SHORTEST), last.start + most * last.tau)
 
 
 @kernel

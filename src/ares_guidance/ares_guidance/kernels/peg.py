@@ -26,6 +26,9 @@ from ares_models.kernels.vectors import (
     unit,
 )
 
+#: Of the displacement that a turn gives, as a part of what thrust gives at all.
+LEAST_LEVER = 1e-9
+
 
 @kernel
 def iterate(mission: MissionRecords, onboard: Onboard) -> tuple[float, float, bool]:
@@ -65,7 +68,11 @@ def iterate(mission: MissionRecords, onboard: Onboard) -> tuple[float, float, bo
     r_go = axpy(-dot(downrange, r_go), downrange, r_go)
     # downrange is free: the part along the thrust is what the burn gives
     r_go = axpy((s_sum - dot(direction, r_go)) / dot(direction, downrange), downrange, r_go)
-    rate = scale(1.0 / (q_sum - s_sum * k), axpy(-s_sum, direction, r_go))
+    lever = q_sum - s_sum * k
+    rate = scale(1.0 / lever, axpy(-s_sum, direction, r_go))
+    if not abs(lever) > LEAST_LEVER * abs(s_sum) * t_go:
+        # all thrust has one direction
+        rate = (0.0, 0.0, 0.0)
     solution.turn = norm(rate) * max(k, t_go - k)
     if solution.turn > STEEPEST:
         rate = scale(STEEPEST / solution.turn, rate)

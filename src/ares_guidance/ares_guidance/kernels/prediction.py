@@ -5,7 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ares_guidance.kernels.segments import Integrals
+from ares_guidance.kernels.segments import (
+    Integrals,
+    direction_time,
+    gain_within,
+    time_to_gain,
+)
 from ares_models.arrays import Record
 from ares_models.jit import kernel
 from ares_models.kernels.kepler import kepler
@@ -120,11 +125,10 @@ def turned_thrust(
         burn = min(segment.duration, min(until, cutoff) - segment.start)
         if burn <= 0.0:
             break
-        ve = segment.exhaust_velocity
-        gain = -ve * math.log1p(-burn / segment.tau)
+        gain = gain_within(segment, burn)
         for k in range(len(NODES)):
-            t = segment.start - segment.tau * math.expm1(-NODES[k] * gain / ve)
-            direction, _ = primer(state.solution, steering, t)
+            t = segment.start + time_to_gain(segment, NODES[k] * gain)
+            direction, _ = primer(state.solution, steering, direction_time(segment, t))
             given = scale(WEIGHTS[k] * gain, unit(direction))
             thrust_v = add(thrust_v, given)
             thrust_r = axpy(until - t, given, thrust_r)

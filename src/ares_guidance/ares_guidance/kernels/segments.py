@@ -1,7 +1,8 @@
-"""The burn still to come, cut into segments of constant thrust and exhaust velocity.
+"""The burn still to come, cut into segments of constant thrust or constant acceleration.
 
-A segment ends where the mission's arc ends or where something is dropped: a jettison
-is the boundary of a "virtual stage" (Brand, Brown, Higgins 1974 for the multi-stage form).
+A segment ends where the mission's arc ends, where something is dropped: a jettison is the
+boundary of a "virtual stage" (Brand, Brown, Higgins 1974 for the multi-stage form), and where a
+throttled engine meets its limit or its least thrust (Jaggers 1977: constant acceleration).
 """
 
 import math
@@ -17,6 +18,7 @@ from ares_models.kernels.sequence import (
     last_ignition,
     mass_at_staging,
 )
+from ares_models.kernels.throttle import LEAST, LIMITED, mass_after, stretch, time_to_burn
 from ares_models.kernels.thrust_curve import tail_length
 
 #: L, J, S, Q, P, H.
@@ -53,7 +55,7 @@ def next_drop(
 def add_segment(
     onboard: Onboard, begin: float, end: float, mass: float, engine: tuple[float, float]
 ) -> Record:
-    """Append a segment of constant thrust to the plan, if there is room.
+    """Append a segment to the plan, if there is room; of constant thrust, until told otherwise.
 
     Args:
         onboard: what is on board. Its plan is changed.
@@ -74,11 +76,60 @@ def add_segment(
     segment.exhaust_velocity = exhaust_velocity
     segment.tau = mass / mass_flow
     segment.capacity = segment.duration
+    segment.acceleration = 0.0
+    segment.held_at = math.nan
     segment.gain = math.inf
     if math.isfinite(end):
         segment.gain = -exhaust_velocity * math.log1p(-segment.duration / segment.tau)
     state.segment_count = count + 1
     return segment
+
+
+@kernel
+def plan_stretches(
+    onboard: Onboard,
+    arc: Record,
+    engine: tuple[float, float],
+    span: tuple[float, float],
+    mass: float,
+    empty: float,
+) -> float:
+    """Append the segments of a burn between two drops: one, or up to three if it is throttled.
+
+    Args:
+        onboard: what is on board. Its plan is changed.
+        arc: record ARC.
+        engine: exhaust velocity m/s and mass flow at full thrust kg/s.
+        span: begin and end of it, s; the end inf for the free burn.
+        mass: at its begin, kg.
+        empty: without the stage's propellant, kg.
+
+    Returns:
+        mass at its end, kg; of the free burn that of its last segment's begin.
+    """
+    begin, last = span
+    exhaust_velocity, flow = engine
+    limit = arc.max_acceleration
+    for _ in range(3):
+        kind, length = stretch(arc, engine, mass)
+        end = min(last, begin + length)
+        rate = flow * arc.min_throttle if kind == LEAST else flow
+        segment = add_segment(onboard, begin, end, mass, (exhaust_velocity, rate))
+        left = (mass - empty) / rate
+        if kind == LIMITED:
+            segment.acceleration = limit
+            segment.tau = exhaust_velocity / limit
+            segment.gain = limit * segment.duration
+            left = segment.tau * math.log(mass / empty)
+        if math.isinf(last):
+            segment.capacity = min(segment.duration, left)
+        if math.isinf(end):
+            return mass
+        mass = mass_after(arc, engine, kind, mass, end - begin)
+        begin = end
+        if not begin < last:
+            break
+    return mass
 
 
 @kernel
@@ -107,6 +158,7 @@ def plan_burn(
     state = onboard.state
     arc = mission.arcs[k]
     engine = present_engine(arc, mission.arcs[nav.arc].stage, state)
+    first = state.segment_count
     cursor, end = span
     mass, dropped = stack
     while True:
@@ -115,18 +167,19 @@ def plan_burn(
             drop, drop_at = -1, end
         segment_end = max(cursor, drop_at)
         if segment_end > cursor:
-            segment = add_segment(onboard, cursor, segment_end, mass, engine)
-            segment.arc = k
-            if math.isfinite(segment_end):
-                mass -= engine[1] * (segment_end - cursor)
-            else:
-                empty = empty_mass(arc, mission.arcs, mission.jettisons, dropped)
-                segment.capacity = (mass - empty) / engine[1]
+            empty = empty_mass(arc, mission.arcs, mission.jettisons, dropped)
+            mass = plan_stretches(onboard, arc, engine, (cursor, segment_end), mass, empty)
         cursor = segment_end
         if drop < 0:
-            return mass, dropped
+            break
         mass -= mission.jettisons[drop].mass
         dropped |= 1 << drop
+    for i in range(first, state.segment_count):
+        state.segments[i].arc = k
+        if arc.held == 1:
+            begin = nav.arc_start_time if k == nav.arc else span[0] - arc.start_loss
+            state.segments[i].held_at = begin - nav.time
+    return mass, dropped
 
 
 @kernel
@@ -160,15 +213,54 @@ def plan_segments(mission: MissionRecords, onboard: Onboard) -> None:
             lit = arc.stage, begin
         cursor = max(cursor, begin + arc.start_loss)
         end = begin + arc.duration + arc.tail_gain
-        _, mass_flow = present_engine(arc, arcs[nav.arc].stage, state)
+        ve, mass_flow = present_engine(arc, arcs[nav.arc].stage, state)
         unforeseen = k == nav.arc and arc.duration == 0.0
         if unforeseen or (mass_flow > arc.mass_flow and math.isfinite(end)):
             left = mass - empty_mass(arc, arcs, mission.jettisons, dropped)
             empty = cursor + left / mass_flow
+            if math.isfinite(arc.max_acceleration):
+                empty = cursor + time_to_burn(arc, (ve, mass_flow), mass, left)
             end = empty if unforeseen else min(end, empty)
         mass, dropped = plan_burn(mission, onboard, k, (cursor, end), (mass, dropped), lit)
         # the tail runs on while the next arc begins at the cut-off command
         cursor = end - arc.tail_gain if math.isfinite(end) else end
+
+
+@kernel
+def segment_integrals(segment: Record, tb: float) -> Integrals:
+    """Thrust integrals of a segment alone over its first ``tb`` s, to their end.
+
+    Args:
+        segment: record SEGMENT.
+        tb: s.
+
+    Returns:
+        (L, J, S, Q, P, H) as of :func:`thrust_integrals`, but J without the segment's start
+        time; H only of a segment whose direction is held, else 0.
+    """
+    t1 = segment.start
+    if segment.acceleration > 0.0:
+        a = segment.acceleration
+        li = a * tb
+        si = ji = 0.5 * li * tb
+        local = si * tb / 3.0
+        qi = local + si * t1
+        pi = 0.5 * local * tb + t1 * (2.0 * local + t1 * si)
+    else:
+        ve = segment.exhaust_velocity
+        tau = segment.tau
+        li = segment.gain
+        if tb < segment.duration:
+            li = -ve * math.log1p(-tb / tau)
+        ji = tau * li - ve * tb
+        si = tb * li - ji
+        half = 0.5 * ve * tb * tb
+        qi = si * (tau + t1) - half
+        pi = qi * (tau + t1) - half * (tb / 3.0 + t1)
+    at = segment.held_at
+    if math.isnan(at):
+        return li, ji, si, qi, pi, 0.0
+    return li, li * (at - t1), si, si * at, si * at * at, li * at * at
 
 
 @kernel
@@ -178,7 +270,8 @@ def thrust_integrals(state: Record, until: float, cutoff: float) -> Integrals:
     With a the thrust acceleration and s the time from now:
     L = int a, J = int a s, H = int a s^2 (single integrals),
     S = int int a, Q = int int a s, P = int int a s^2 (double integrals, to ``until``).
-    Closed form per segment, after Brand, Brown, Higgins (NTRS 19740004402).
+    Closed form per segment, after Brand, Brown, Higgins (NTRS 19740004402). Where the direction
+    is held, s is the time that it is held from.
 
     Args:
         state: record GUIDANCE_STATE with planned segments.
@@ -195,6 +288,7 @@ def thrust_integrals(state: Record, until: float, cutoff: float) -> Integrals:
     p_sum = 0.0
     h_sum = 0.0
     clock = 0.0
+    held = False
     for i in range(state.segment_count):
         segment = state.segments[i]
         if segment.start >= min(until, cutoff):
@@ -205,33 +299,58 @@ def thrust_integrals(state: Record, until: float, cutoff: float) -> Integrals:
             q_sum += j_sum * gap
             p_sum += h_sum * gap
             clock = segment.start
-        tb = min(until, cutoff) - segment.start
-        ve = segment.exhaust_velocity
-        tau = segment.tau
+        tb = min(min(until, cutoff) - segment.start, segment.duration)
         t1 = segment.start
-        if tb < segment.duration:
-            li = -ve * math.log1p(-tb / tau)
-        else:
-            tb = segment.duration
-            li = segment.gain
-        ji = tau * li - ve * tb
-        si = tb * li - ji
-        half = 0.5 * ve * tb * tb
-        qi = si * (tau + t1) - half
-        pi = qi * (tau + t1) - half * (tb / 3.0 + t1)
+        li, ji, si, qi, pi, hi = segment_integrals(segment, tb)
         s_sum += si + l_sum * tb
         q_sum += qi + j_sum * tb
         p_sum += pi + h_sum * tb
         l_sum += li
         j_sum += ji + li * t1
         clock = t1 + tb
-        h_sum = j_sum * clock - q_sum
+        if not math.isnan(segment.held_at):
+            held = True
+            h_sum += hi
+        elif held:
+            h_sum += (ji + li * t1) * clock - qi
+        else:
+            h_sum = j_sum * clock - q_sum
     gap = until - clock
     if gap > 0.0:
         s_sum += l_sum * gap
         q_sum += j_sum * gap
         p_sum += h_sum * gap
     return l_sum, j_sum, s_sum, q_sum, p_sum, h_sum
+
+
+@kernel
+def time_to_gain(segment: Record, delta_v: float) -> float:
+    """Time, s, in which a segment gives ``delta_v``, m/s, however long that is."""
+    if segment.acceleration > 0.0:
+        return delta_v / segment.acceleration
+    return -segment.tau * math.expm1(-delta_v / segment.exhaust_velocity)
+
+
+@kernel
+def gain_within(segment: Record, t: float) -> float:
+    """Velocity, m/s, that a segment gives in its first ``t`` s."""
+    if segment.acceleration > 0.0:
+        return segment.acceleration * t
+    return -segment.exhaust_velocity * math.log1p(-t / segment.tau)
+
+
+@kernel
+def acceleration_at(segment: Record, t: float) -> float:
+    """Thrust acceleration, m/s2, ``t`` s after the begin of a segment."""
+    if segment.acceleration > 0.0:
+        return segment.acceleration
+    return segment.exhaust_velocity / (segment.tau - t)
+
+
+@kernel
+def direction_time(segment: Record, t: float) -> float:
+    """When, s from now, the steering has the direction that a segment's thrust has at ``t``."""
+    return t if math.isnan(segment.held_at) else segment.held_at
 
 
 @kernel
@@ -252,7 +371,7 @@ def burn_time_to_go(state: Record, delta_v: float) -> tuple[float, int]:
         if i < last and segment.gain < left:
             left -= segment.gain
             continue
-        tb = -segment.tau * math.expm1(-max(left, 0.0) / segment.exhaust_velocity)
+        tb = time_to_gain(segment, max(left, 0.0))
         return segment.start + tb, i
     return 0.0, last
 

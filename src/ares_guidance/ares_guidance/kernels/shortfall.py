@@ -18,6 +18,8 @@ def lacking_speed(state: Record) -> float:
         segment = state.segments[i]
         burn = state.solution.time_to_go - segment.start
         if i == state.segment_count - 1 or burn <= segment.duration:
+            if segment.acceleration > 0.0:
+                return segment.acceleration * (burn - segment.capacity)
             left = segment.tau - min(segment.capacity, 0.999 * segment.tau)
             return segment.exhaust_velocity * math.log(left / (segment.tau - burn))
     return 0.0

@@ -15,7 +15,7 @@ from ares_guidance.arrays import (
 from ares_guidance.guess import JettisonPlan, OfflineTrajectory
 from ares_guidance.kernels.peg_thesis import step_by_modes
 from ares_guidance.law import Law, LawKind, LawSettings, name_free_arcs, needs_plan
-from ares_models.arrays import HEATING_LIMIT, MissionArrays
+from ares_models.arrays import BURN, HEATING_LIMIT, MissionArrays
 
 #: Planes that modes 1 and 2 can hold.
 PLANES = {"mode": PLANE_OF_MODE, "flight": PLANE_OF_FLIGHT, "free": PLANE_FREE}
@@ -74,6 +74,8 @@ class ThesisPeg(Law):
                 f"the mission leaves {name_free_arcs(arrays)} free; law peg_thesis flies missions "
                 "of which only the last arc is free"
             )
+        if np.any(np.isfinite(arrays.arcs["max_acceleration"][arrays.arcs["kind"] == BURN])):
+            raise ValueError("the mission has a throttled burn; law peg_thesis flies none")
         stages = int(arrays.arcs["stage"][-1]) + 1
         jettisons = arrays.jettisons
         if (

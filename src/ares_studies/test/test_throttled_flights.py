@@ -1,0 +1,92 @@
+"""Throttled burns and burns in held attitude, flown closed loop to the target."""
+
+import math
+
+import numpy as np
+import pytest
+
+from ares_guidance.laws import check_law, make_law
+from ares_models.mission import MISSION, load_mission
+from ares_studies.closed_loop import fly_compiled
+from ares_vehicle_sim.dispersions import Dispersions
+
+TEXT = MISSION.find("ares_v").read_text()
+
+
+def mission_with(tmp_path, stage, keys):
+    """Ares V with more keys in a stage's burn."""
+    at = TEXT.index("thrust_n", TEXT.index(f"- name: {stage}"))
+    path = tmp_path / "mission.yaml"
+    path.write_text(TEXT[:at] + keys + "\n    " + TEXT[at:])
+    return load_mission(path)
+
+
+def missed(mission, plant):
+    """Radius m, speed m/s, flight-path angle rad off the target."""
+    target = mission.arrays().target[0]
+    r, v = plant["position"], plant["velocity"]
+    radius, speed = np.linalg.norm(r), np.linalg.norm(v)
+    angle = math.asin(r @ v / (radius * speed))
+    return (
+        radius - target["radius"],
+        speed - target["speed"],
+        angle - target["flight_path_angle"],
+    )
+
+
+#: Upper stage: 4.2 m/s2 at ignition, 7.5 at cut-off; core: 22 to 58.
+THROTTLED = {
+    "upper stage": "max_acceleration_m_s2: 6.0",
+    "upper stage, little": "max_acceleration_m_s2: 6.0\n    min_throttle: 0.9",
+    "upper stage, at once": "max_acceleration_m_s2: 4.1",
+    "core": "max_acceleration_m_s2: 30.0",
+}
+
+
+@pytest.mark.parametrize("law", ["peg", "igm"])
+@pytest.mark.parametrize("case", THROTTLED)
+def test_a_throttled_burn_comes_to_the_target(tmp_path, case, law):
+    mission = mission_with(tmp_path, case.partition(",")[0], THROTTLED[case])
+    flight = fly_compiled(mission, law=law)
+    assert flight.plant["inserted"] == 1
+    radius, speed, angle = missed(mission, flight.plant)
+    assert abs(radius) < 5.0
+    assert abs(speed) < 0.05
+    assert abs(angle) < 1e-5
+    # well planned from the first solution on
+    assert flight.guidance["stale_cycles"] == 0
+
+
+def test_a_throttled_burn_with_another_engine(tmp_path):
+    mission = mission_with(tmp_path, "upper stage", THROTTLED["upper stage, little"])
+    for thrust in (-0.02, 0.02):
+        strong = Dispersions(thrust={"mean": thrust}, specific_impulse={"mean": -0.5 * thrust})
+        flight = fly_compiled(mission, dispersions=strong)
+        radius, speed, _ = missed(mission, flight.plant)
+        assert flight.plant["inserted"] == 1
+        assert abs(radius) < 20.0
+        assert abs(speed) < 0.1
+
+
+def test_a_held_first_burn_is_aimed_at_once(tmp_path):
+    """The direction of the ignition stays, and the free burn behind it makes good the rest."""
+    mission = mission_with(tmp_path, "core", "attitude: held")
+    flight = fly_compiled(mission)
+    assert flight.plant["inserted"] == 1
+    radius, speed, angle = missed(mission, flight.plant)
+    assert abs(radius) < 5.0
+    assert abs(speed) < 0.05
+    assert abs(angle) < 1e-5
+    # turning with the flight is worth something, but not much
+    plain = fly_compiled(load_mission("ares_v")).plant["mass"]
+    assert 0.0 < plain - flight.plant["mass"] < 3000.0
+
+
+def test_who_cannot_fly_it_is_refused_by_name(tmp_path):
+    held = mission_with(tmp_path, "core", "attitude: held")
+    start = held.start().navigation()
+    with pytest.raises(ValueError, match="law is 'igm', which flies no burn in held attitude; arc"):
+        check_law("igm", held.arrays(foreseen=True), start)
+    throttled = mission_with(tmp_path, "core", THROTTLED["core"])
+    with pytest.raises(ValueError, match="has a throttled burn; law peg_thesis flies none"):
+        make_law("peg_thesis", throttled.arrays(foreseen=True))
