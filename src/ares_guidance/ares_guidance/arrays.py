@@ -92,6 +92,9 @@ OPTIMAL_MEMORY = np.dtype(
         ("jettisons", JETTISON, (MAX_JETTISONS,)),  # with the limits in on-board units
         ("arcs", ARC, (MAX_SEGMENTS,)),  # with the engines as measured
         ("arcs_from", np.int64),  # the arc at which they were copied, + 1
+        # where the ends of arcs are planned: the mission's own lengths, inf: free
+        ("duration", np.float64, (MAX_ARCS,)),
+        ("solved_in", np.int64),  # arc of the last solution
         ("wasted", np.int64),  # steps of the integrator in searches that found nothing
         ("first_start", np.int64),  # own guess that the next search begins with
         ("searched_in", np.int64),  # the cycle

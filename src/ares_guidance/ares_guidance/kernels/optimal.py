@@ -14,13 +14,15 @@ from ares_guidance.kernels.convergence import begin_again
 from ares_guidance.kernels.convergence import seek as seek_by_peg
 from ares_guidance.kernels.jettison import on_board_heating
 from ares_guidance.kernels.segments import note_tail_off, plan_segments, thrust_integrals
-from ares_models.arrays import BURN, HEATING_LIMIT, MissionRecords
+from ares_models.arrays import BURN, HEATING_LIMIT, MissionRecords, Record
 from ares_models.jit import inlined, kernel
 from ares_models.kernels.environment import log_heating_gradient
 from ares_models.kernels.linear import back_substitute
 from ares_models.kernels.sequence import aboard, awaits_heating, empty_mass
-from ares_models.kernels.vectors import axpy, load, norm, scale, store, unit
+from ares_models.kernels.vectors import axpy, dot, load, norm, scale, store, unit
 from ares_optimizer.two_point.arrays import (
+    AT_ONCE,
+    HELD,
     INVERSE_SQUARE,
     RUNGE_KUTTA,
     Effort,
@@ -33,7 +35,9 @@ from ares_optimizer.two_point.contract import (
     HEATING_OPTIMAL,
     MAX_UNKNOWNS,
     find_optimum,
+    free_column,
     gravity_terms,
+    lengths_inside,
     scaled_length,
     shoot,
     unknown_count,
@@ -52,6 +56,8 @@ SMALL = 3e-3
 LAST = 20.0
 #: Change of an engine up to which that Jacobian is kept.
 SAME_ENGINE = 0.01
+#: s before the planned end of an arc from which that end stands.
+NEAR_END = 1.0
 _ROUNDING = 1e-6
 #: An extremal that burns longer than PEG's plan by this factor, and a second, is no optimum.
 LONGER = 1.02
@@ -91,6 +97,8 @@ def believed_arcs(mission: MissionRecords, onboard: Onboard) -> None:
         return
     for k in range(arcs.shape[0]):
         memory.arcs[k] = arcs[k]
+        if state.plan.made == 1:
+            memory.arcs[k].duration = memory.duration[k]
         if arcs[k].stage == stage and arcs[k].kind == BURN and state.thrust_ratio > 0.0:
             memory.arcs[k].thrust *= state.thrust_ratio
             memory.arcs[k].mass_flow *= state.flow_ratio
@@ -128,6 +136,76 @@ def believed_mission(mission: MissionRecords, onboard: Onboard) -> MissionRecord
 
 
 @kernel
+def carry_ends(mission: MissionRecords, onboard: Onboard, first: int) -> None:
+    """Take out the ends of arcs that are over; hold that of an arc which is about to end.
+
+    Args:
+        mission: as believed.
+        onboard: what is on board. Its memory is changed.
+        first: column of the first end.
+    """
+    nav = onboard.navigation
+    memory = onboard.state.optimal
+    u = memory.unknowns
+    switches = memory.work.switches
+    for k in range(memory.solved_in, nav.arc):
+        if not math.isinf(mission.arcs[k].duration):
+            continue
+        memory.age = REFRESH
+        for i in range(first, MAX_UNKNOWNS - 1):
+            u[i] = u[i + 1]
+        for f in range(switches.shape[0] - 1):
+            switches[f].hold = switches[f + 1].hold
+            switches[f].length = switches[f + 1].length
+    memory.solved_in = nav.arc
+    last = mission.arcs.shape[0] - 1
+    if nav.arc == last or not math.isinf(mission.arcs[nav.arc].duration):
+        return
+    if u[first] - nav.time < NEAR_END:
+        if switches[0].hold != HELD:
+            memory.age = REFRESH
+        u[first] = max(u[first], nav.time + AT_ONCE)
+        switches[0].hold = HELD
+        switches[0].length = u[first] - nav.arc_start_time
+
+
+@kernel
+def planned_guess(believed: MissionRecords, onboard: Onboard) -> None:
+    """Unknowns from the plan: its lengths, and thrust along the velocity, turning with it."""
+    nav = onboard.navigation
+    state = onboard.state
+    memory = state.optimal
+    u = memory.unknowns
+    r = load(nav.position)
+    v = load(nav.velocity)
+    speed = norm(v)
+    along = scale(1.0 / speed, v)
+    radius = norm(r)
+    g = scale(-believed.environment.mu / (radius * radius * radius), r)
+    turn = scale(1.0 / speed, axpy(-dot(along, g), along, g))
+    for i in range(3):
+        u[i] = along[i]
+        u[3 + i] = -turn[i]
+    first = free_column(nav, believed.jettisons, memory.options)
+    end = nav.arc_start_time
+    last = believed.arcs.shape[0] - 1
+    for k in range(nav.arc, last + 1):
+        free = math.isinf(believed.arcs[k].duration)
+        end += state.plan.length[k] if free else believed.arcs[k].duration
+        if free and k < last:
+            u[first] = end
+            first += 1
+    u[COLUMN_CUTOFF] = end
+    index = COLUMN_JETTISON
+    for j in range(believed.jettisons.shape[0]):
+        if awaits_heating(believed.jettisons, nav.jettisoned, j):
+            planned = state.plan.jettison_time
+            u[index] = planned if math.isfinite(planned) else u[COLUMN_CUTOFF]
+            u[index + 1] = 0.0
+            index += 2
+
+
+@kernel
 def carry(mission: MissionRecords, onboard: Onboard) -> None:
     """Bring the costates of the last solution to the present state, jettisons included."""
     nav = onboard.navigation
@@ -159,8 +237,10 @@ def carry(mission: MissionRecords, onboard: Onboard) -> None:
     for i in range(3):
         u[i] = size * p[i]
         u[3 + i] = -size * q[i]
-    for i in range(COLUMN_JETTISON + 1, MAX_UNKNOWNS, 2):
+    first = free_column(nav, mission.jettisons, memory.options)
+    for i in range(COLUMN_JETTISON + 1, first, 2):
         u[i] *= size
+    carry_ends(mission, onboard, first)
     if memory.jettisoned != nav.jettisoned:
         memory.age = REFRESH
     memory.jettisoned = nav.jettisoned
@@ -206,6 +286,8 @@ def correct(believed: MissionRecords, onboard: Onboard) -> bool:
         return False
     for i in range(n):
         u[i] += work.correction[i]
+    if not lengths_inside(nav, believed.arcs, u, work):
+        return False
     for i in range(COLUMN_JETTISON, work.first_free, 2):
         # a limit that has stopped to bind is a matter for the search
         if u[i + 1] > _ROUNDING or u[i] < work.floor[i] or u[i] > u[COLUMN_CUTOFF]:
@@ -253,6 +335,23 @@ def search(
 
 
 @kernel
+def tell_lengths(arcs: NDArray[Any], state: Record) -> None:
+    """Write the lengths of the free arcs ahead into the plan, and into the arcs of the leg."""
+    memory = state.optimal
+    work = memory.work
+    for k in range(memory.solved_in, arcs.shape[0]):
+        if not math.isinf(memory.duration[k]):
+            continue
+        end = memory.unknowns[COLUMN_CUTOFF]
+        if k < arcs.shape[0] - 1:
+            f = 0
+            while work.switches[f].arc < k:
+                f += 1
+            end = memory.unknowns[work.first_free + f]
+        state.plan.length[k] = end - work.layout.begins[k].time
+
+
+@kernel
 def tell(mission: MissionRecords, onboard: Onboard) -> None:
     """Write the solution where the guidance cycle looks for it."""
     nav = onboard.navigation
@@ -268,6 +367,8 @@ def tell(mission: MissionRecords, onboard: Onboard) -> None:
     solution.turn = 0.0
     note_tail_off(mission.arcs[mission.arcs.shape[0] - 1], state)
     solution.time_to_go = u[COLUMN_CUTOFF] - nav.time + solution.tail_gain
+    if state.plan.made == 1:
+        tell_lengths(mission.arcs, state)
     index = COLUMN_JETTISON
     for j in range(mission.jettisons.shape[0]):
         if awaits_heating(mission.jettisons, nav.jettisoned, j):
@@ -324,7 +425,10 @@ def solve_optimal(mission: MissionRecords, onboard: Onboard, guessed: bool, rest
         if memory.age < REFRESH and remaining > LAST:
             found = correct(believed, onboard)
     else:
-        if guessed:
+        if state.plan.made == 1:
+            planned_guess(believed, onboard)
+            memory.solved_in = nav.arc
+        elif guessed:
             first_guess(mission.jettisons, onboard)
         memory.time = nav.time
         memory.jettisoned = nav.jettisoned
@@ -353,13 +457,13 @@ def seek(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bo
     """
     error = ERROR_NOT_CONVERGED
     solved = onboard.state.optimal.solved == 1
-    if solved:
-        error = solve_optimal(mission, onboard, solved, cold)
+    if solved or onboard.state.plan.made == 1:
+        error = solve_optimal(mission, onboard, True, cold and not solved)
     if error == ERROR_NONE:
         return error, True
     state = onboard.state
     error, reachable = seek_by_peg(mission, onboard, cold)
-    if cold or error == ERROR_NONE:
+    if onboard.state.plan.made == 0 and (cold or error == ERROR_NONE):
         guessed = error == ERROR_NONE
         longest = LONGER * state.solution.time_to_go + 1.0 if guessed else math.inf
         found = solve_optimal(mission, onboard, guessed, cold)

@@ -2,6 +2,12 @@
 
 from ares_guidance.arrays import LAW_OPTIMAL
 from ares_guidance.kernels.optimal import seek
-from ares_guidance.law import law_of_seek
+from ares_guidance.law import LawKind
+from ares_models.jit import specialised
 
-LAW = law_of_seek("optimal", LAW_OPTIMAL, seek)
+_CYCLE = specialised("ares_guidance.kernels.cycle", "of_optimal", seek=seek)
+_WHOLE = specialised(
+    "ares_guidance.kernels.whole", "of_optimal", guidance_step=_CYCLE.guidance_step
+)
+
+LAW = LawKind("optimal", LAW_OPTIMAL, _WHOLE.step_whole)

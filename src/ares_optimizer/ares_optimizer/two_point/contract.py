@@ -12,9 +12,10 @@ from ares_optimizer.kernels.timetable import (
     MAX_UNKNOWNS,
 )
 from ares_optimizer.two_point.kernels.costates import gravity_terms
+from ares_optimizer.two_point.kernels.free_arcs import lengths_inside
 from ares_optimizer.two_point.kernels.newton import CONVERGED, scaled_length
 from ares_optimizer.two_point.kernels.search import find_optimum
-from ares_optimizer.two_point.kernels.shooting import shoot, unknown_count
+from ares_optimizer.two_point.kernels.shooting import free_column, shoot, unknown_count
 
 __all__ = [
     "COLUMN_CUTOFF",
@@ -23,7 +24,9 @@ __all__ = [
     "HEATING_OPTIMAL",
     "MAX_UNKNOWNS",
     "find_optimum",
+    "free_column",
     "gravity_terms",
+    "lengths_inside",
     "scaled_length",
     "shoot",
     "unknown_count",

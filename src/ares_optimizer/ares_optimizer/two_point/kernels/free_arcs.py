@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import MissionRecords, Record
+from ares_models.arrays import BURN, MissionRecords, Record
 from ares_models.jit import kernel
 from ares_models.kernels.vectors import dot, norm, scale
 from ares_optimizer.kernels.timetable import COLUMN_CUTOFF, ends_by_plan, free_count, segment_flow
@@ -237,6 +237,37 @@ def longest_burn(k: int, arcs: NDArray[Any], work: Record) -> float:
         if rest > 0.0 and arc.min_throttle > 0.0:
             length += rest / (arc.min_throttle * arc.mass_flow)
     return length
+
+
+@kernel
+def room(f: int, arcs: NDArray[Any], x: NDArray[np.float64], work: Record) -> tuple[float, float]:
+    """How far a free arc's length is from its shortest and from its longest, s.
+
+    Args:
+        f: index into ``work.switches``.
+        arcs: dtype ARC.
+        x: unknowns; the begins in ``work`` are theirs.
+        work: record WORK.
+    """
+    k = work.switches[f].arc
+    arc = arcs[k]
+    length = x[work.first_free + f] - work.layout.begins[k].time
+    longest = arc.longest
+    if arc.kind == BURN:
+        longest = min(longest, longest_burn(k, arcs, work))
+    return length - max(arc.shortest, AT_ONCE), longest - length
+
+
+@kernel
+def lengths_inside(start: Record, arcs: NDArray[Any], x: NDArray[np.float64], work: Record) -> bool:
+    """Whether all free arcs that nothing holds are between their bounds; as of :func:`room`."""
+    for f in range(free_count(start, arcs)):
+        if work.switches[f].hold != NOT_HELD:
+            continue
+        shorter, longer = room(f, arcs, x, work)
+        if shorter < 0.0 or longer < 0.0:
+            return False
+    return True
 
 
 @kernel

@@ -26,7 +26,7 @@ from ares_optimizer.two_point.arrays import (
     DRY,
     NOT_HELD,
 )
-from ares_optimizer.two_point.kernels.free_arcs import find_switches, longest_burn
+from ares_optimizer.two_point.kernels.free_arcs import find_switches, longest_burn, room
 from ares_optimizer.two_point.kernels.shooting import (
     free_column,
     load_times,
@@ -141,20 +141,6 @@ def _begin_moves(k: int, step: NDArray[np.float64], work: Record) -> float:
 
 
 @kernel
-def _room(
-    f: int, mission: MissionRecords, x: NDArray[np.float64], work: Record
-) -> tuple[float, float]:
-    """How far a free arc's length is from its shortest and from its longest, s."""
-    switch = work.switches[f]
-    arc = mission.arcs[switch.arc]
-    length = x[work.first_free + f] - work.layout.begins[switch.arc].time
-    longest = arc.longest
-    if arc.kind == BURN:
-        longest = min(longest, longest_burn(switch.arc, mission.arcs, work))
-    return length - max(arc.shortest, AT_ONCE), longest - length
-
-
-@kernel
 def _limit_free_arcs(
     limit: float, mission: MissionRecords, x: NDArray[np.float64], count: int, work: Record
 ) -> float:
@@ -162,7 +148,7 @@ def _limit_free_arcs(
     for f in range(count):
         if work.switches[f].hold != NOT_HELD:
             continue
-        shorter, longer = _room(f, mission, x, work)
+        shorter, longer = room(f, mission.arcs, x, work)
         move = work.step[work.first_free + f] - _begin_moves(work.switches[f].arc, work.step, work)
         if shorter + limit * move < 0.2 * shorter:
             limit = -0.8 * shorter / move
@@ -287,7 +273,7 @@ def _runs_into_bound(
         switch = work.switches[f]
         if switch.hold != NOT_HELD:
             continue
-        shorter, longer = _room(f, mission, unknowns, work)
+        shorter, longer = room(f, mission.arcs, unknowns, work)
         near = _NEAR_BOUND * min(shorter + longer, _LONGEST_SPAN)
         move = work.step[work.first_free + f] - _begin_moves(switch.arc, work.step, work)
         work.stuck_arc = f

@@ -352,6 +352,11 @@ def _reset(jettisons: NDArray[Any], work: Record) -> None:
         work.jettisons[j] = jettisons[j]
     for i in range(MAX_JETTISONS):
         work.pinned[i] = 0
+
+
+@kernel
+def _release(work: Record) -> None:
+    """Let free arcs go that the search before held at a bound."""
     for f in range(MAX_FREE + 1):
         if work.switches[f].hold != HELD:
             work.switches[f].hold = NOT_HELD
@@ -440,6 +445,8 @@ def _search_from_guesses(
         if attempt >= 0 and (solved_near if near else solved_far):
             continue
         _reset(mission.jettisons, work)
+        if attempt >= 0:
+            _release(work)
         starts += 1
         if attempt >= 0 and not guess_two_point(start, mission, options, own, unknowns, work):
             continue
@@ -503,6 +510,8 @@ def find_optimum(
             status = STOPPED
             break
         _reset(mission.jettisons, work)
+        if attempt >= 0:
+            _release(work)
         starts += 1
         own = _OWN_STARTS[(effort.first + attempt) % len(_OWN_STARTS)]
         iterations, residual, ended = _solve_timed_first(

@@ -194,6 +194,10 @@ def _jettison_rows(
         state[9 + n] += drop.weight * drop.by_r[n]
 
 
+#: Steps of a burn that one step of a coast stands for.
+_COAST_STEPS = 4.0
+
+
 @kernel
 def free_column(start: Record, jettisons: NDArray[Any], options: Record) -> int:
     """Column of the first free end, after those of the heating jettisons still to come."""
@@ -298,7 +302,9 @@ def part_of(segment: Record, k: int, parts: int, part: Record) -> None:
 
 @kernel
 def step_count(segment: Record, longest: float) -> int:
-    """Number of equal steps in a segment, none longer than ``longest`` s."""
+    """Number of equal steps in a segment, none longer than ``longest`` s; in a coast fewer do."""
+    if segment.thrust == 0.0 and segment.thrust_slope == 0.0:
+        longest *= _COAST_STEPS
     return max(1, int(math.ceil((segment.end - segment.start) / longest - 1e-9)))
 
 
