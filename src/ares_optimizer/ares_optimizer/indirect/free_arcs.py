@@ -33,6 +33,9 @@ _ITERATIONS_HELD = 50
 _MOVE_S = 1.0
 _MOVE_PART = 0.01
 _SAME_KG = 1e-4
+#: Of the last stage's propellant: so little is as good as nothing, and less is none to solve for.
+_NEXT_TO_NOTHING = 1e-2
+_NOTHING = 1e-4
 _DESCENTS = 40  # flights on one way downhill
 
 
@@ -94,17 +97,17 @@ class _Search:
         names = list(held)
         low, high = length_bounds(solver.arrays, start[0])
         lowest = [root]
-        none = 1e-3 * float(solver.arrays.arcs[-1]["propellant"])
+        full = float(solver.arrays.arcs[-1]["propellant"])
 
         def taken(x: Array) -> tuple[float, Array]:
             solver.hold(start, dict(zip(names, x, strict=True)))
             there = self.take(solver.solve(start, lowest[0].unknowns, restart=False))
-            if not there.converged:
+            if not there.converged or there.taken_kg < _NOTHING * full:
                 return root.taken_kg + 1.0, np.zeros(x.size)
             worth = solver.work["switches"]["worth"][0, names] / solver.work["price"][0]
             if there.taken_kg < lowest[0].taken_kg:
                 lowest[0] = there
-            if there.taken_kg < none:
+            if there.taken_kg < _NEXT_TO_NOTHING * full:
                 raise StopIteration
             return there.taken_kg, -worth
 
