@@ -198,3 +198,26 @@ def test_a_trajectory_of_another_mission(restart):
         trajectory.arc_plan(other)
     assert find_law("peg").plans_arcs is False
     assert mission.plans_arcs
+
+
+def test_a_last_burn_of_fixed_length_in_held_attitude(restart, tmp_path):
+    """A kick ends by the clock; where it points is all that is left to decide."""
+    _, trajectory = restart
+    text = MISSION.format(burn="free", coast="free")
+    at = text.rindex("burn_time_s: free}")
+    path = tmp_path / "kick.yaml"
+    kick = "burn_time_s: 9.158140074555, attitude: held}"
+    path.write_text(text[:at] + kick + text[at + len("burn_time_s: free}") :])
+    mission = load_mission(path)
+    law = ready(mission, trajectory)
+    flight = fly_compiled(mission, law=law)
+    plant = flight.plant
+    assert plant["inserted"] == 1
+    (cut,) = flight.events[flight.events["type"] == CUTOFF]
+    lit = flight.events[flight.events["type"] == IGNITION]["time"][-1]
+    assert cut["time"] - lit == pytest.approx(9.158140074555, abs=1e-9)
+    assert law.steering["cutoff_time"][0] == pytest.approx(cut["time"], abs=1e-9)
+    assert np.linalg.norm(plant["position"]) == pytest.approx(6556000.0, abs=100.0)
+    assert np.linalg.norm(plant["velocity"]) == pytest.approx(7797.3928, abs=0.1)
+    with pytest.raises(ValueError, match="law is 'igm', which flies no burn in held attitude"):
+        make_law("igm", mission.arrays())
