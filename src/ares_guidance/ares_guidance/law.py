@@ -157,6 +157,7 @@ class LawKind:
         step: kernel with the arguments of `kernels.cycle.guidance_step`.
         build: makes the law from arrays and settings; None: it is a plain `Law`.
         needs_trajectory: it cannot start from the navigation state alone.
+        meets_place: it flies to a place on an orbit whose perigee is named too.
     """
 
     name: str
@@ -164,6 +165,7 @@ class LawKind:
     step: Callable[..., None]
     build: "Callable[[MissionArrays, LawSettings | None], Law] | None" = None
     needs_trajectory: bool = False
+    meets_place: bool = False
 
 
 #: The law of the shared cycle as it stands.

@@ -8,7 +8,11 @@ from numpy.typing import NDArray
 from ares_guidance.arrays import ERROR_NOT_CONVERGED, STEEPEST
 from ares_guidance.law import Law, LawKind, LawSettings
 from ares_guidance.registry import law_names, registered_laws
-from ares_models.arrays import MissionArrays
+from ares_models.arrays import NAMES_ARGUMENT_OF_PERIGEE, NAMES_TRUE_ANOMALY, MissionArrays
+from ares_models.kernels.targets import names
+
+#: What together leaves no place to choose.
+_PLACE = NAMES_ARGUMENT_OF_PERIGEE | NAMES_TRUE_ANOMALY
 
 
 @cache
@@ -55,9 +59,14 @@ def check_law(name: str, arrays: MissionArrays, start: NDArray[np.void]) -> None
         start: navigation state, shape (1,), dtype NAVIGATION.
 
     Raises:
-        ValueError: it finds no way to the target from there.
+        ValueError: the target is none for it, or it finds no way there.
     """
     law = make_law(name, arrays)
+    if names(arrays.target[0], _PLACE) and not law.kind.meets_place:
+        raise ValueError(
+            f"law is {name!r}; expected one that flies to a place on an orbit whose argument of "
+            "perigee is named: this one needs the place or the argument free"
+        )
     law.step(start[0])
     solution = law.state["solution"]
     lost = law.state["error"] == ERROR_NOT_CONVERGED
