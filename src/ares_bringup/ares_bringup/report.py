@@ -13,11 +13,15 @@ from ares_bringup.summary import FlightSummary, OrbitState, orbit_state, target_
 WIDTH = 80
 BLANK = "-"
 
-#: Errors of a Keplerian target that have no column of their own, with their units.
+#: Errors of an orbit that have no column of their own, with their units.
 ORBIT_ERRORS = {
+    "perigee_radius_m": ("perigee radius", " m"),
+    "apogee_radius_m": ("apogee radius", " m"),
     "semi_major_axis_m": ("semi-major axis", " m"),
     "eccentricity": ("eccentricity", ""),
+    "c3_m2_s2": ("C3", " m2/s2"),
     "argument_of_perigee_deg": ("argument of perigee", " deg"),
+    "true_anomaly_deg": ("true anomaly", " deg"),
 }
 
 
@@ -98,10 +102,10 @@ def insertion_table(summary: FlightSummary) -> Table:
     row("flown", flown)
     errors = summary.insertion_error
     cells = [
-        f"{errors['radius_m']:+.3g} m",
-        f"{errors['speed_m_s']:+.2e}",
-        small(errors["flight_path_angle_deg"]),
-        small(errors["inclination_deg"]),
+        f"{errors['radius_m']:+.3g} m" if "radius_m" in errors else BLANK,
+        small(errors.get("speed_m_s", math.nan)),
+        small(errors.get("flight_path_angle_deg", math.nan)),
+        small(errors.get("inclination_deg", math.nan)),
     ]
     if node:
         cells.append(small(errors["ascending_node_deg"]))

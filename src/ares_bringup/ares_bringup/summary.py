@@ -8,6 +8,13 @@ from typing import Any
 
 from ares_models.arrays import (
     LONGEST_FLIGHT,
+    NAMES_ARGUMENT_OF_PERIGEE,
+    NAMES_ASCENDING_NODE,
+    NAMES_FLIGHT_PATH_ANGLE,
+    NAMES_INCLINATION,
+    NAMES_RADIUS,
+    NAMES_SPEED,
+    TARGET_ELEMENTS,
     TARGET_KEPLERIAN,
     TARGET_RADIUS_SPEED_ANGLE_PLANE,
 )
@@ -64,6 +71,16 @@ TOLERANCES = {
     "ascending_node_deg": ORIENTATION_DEG,
     "argument_of_perigee_deg": ORIENTATION_DEG,
 }
+#: Of a target by elements: size, shape and place, in the order of `orbit_errors`, each with
+#: whether it is an angle. Their tolerances are what those above come to.
+_ORBIT_ERRORS = (
+    ("perigee_radius_m", False),
+    ("apogee_radius_m", False),
+    ("semi_major_axis_m", False),
+    ("eccentricity", False),
+    ("c3_m2_s2", False),
+    ("true_anomaly_deg", True),
+)
 
 #: Diagnostics kept with the flight; what comes after is counted only.
 MAX_DIAGNOSTICS = 200
@@ -193,6 +210,8 @@ def target_state(facts: MissionFacts, position: Sequence[float]) -> OrbitState:
         position: flown, m, shape (3,).
     """
     target = facts.target
+    if int(target["kind"]) == TARGET_ELEMENTS:
+        return _named_state(target)
     if int(target["kind"]) != TARGET_KEPLERIAN:
         plane = int(target["kind"]) == TARGET_RADIUS_SPEED_ANGLE_PLANE
         return OrbitState(
@@ -218,6 +237,18 @@ def target_state(facts: MissionFacts, position: Sequence[float]) -> OrbitState:
     return orbit_state(there[0].tolist(), there[1].tolist())
 
 
+def _named_state(target: Any) -> OrbitState:
+    """What a target by elements names of a state; NaN for the rest."""
+    named = int(target["named"])
+    return OrbitState(
+        float(target["radius"]) if named & NAMES_RADIUS else math.nan,
+        float(target["speed"]) if named & NAMES_SPEED else math.nan,
+        math.degrees(target["flight_path_angle"]) if named & NAMES_FLIGHT_PATH_ANGLE else math.nan,
+        math.degrees(target["inclination"]) if named & NAMES_INCLINATION else math.nan,
+        math.degrees(target["ascending_node"]) if named & NAMES_ASCENDING_NODE else math.nan,
+    )
+
+
 def _along(x: Sequence[float], axis: Sequence[float]) -> float:
     return math.fsum(a * b for a, b in zip(x, axis, strict=True)) / math.hypot(*axis)
 
@@ -235,10 +266,21 @@ def insertion_error(
     Returns:
         radius_m, speed_m_s, flight_path_angle_deg, inclination_deg; ascending_node_deg if
         the target has a node; for a Keplerian target also semi_major_axis_m, eccentricity
-        and argument_of_perigee_deg.
+        and argument_of_perigee_deg. For a target by elements what it names, and nothing else.
     """
     flown = orbit_state(position, velocity)
     wanted = target_state(facts, position)
+    if int(facts.target["kind"]) == TARGET_ELEMENTS:
+        errors = {
+            key: value - getattr(wanted, key)
+            for key, value in vars(flown).items()
+            if math.isfinite(getattr(wanted, key))
+        }
+        if "ascending_node_deg" in errors:
+            errors["ascending_node_deg"] = _half_turn(errors["ascending_node_deg"])
+        if int(facts.target["named"]) & NAMES_ARGUMENT_OF_PERIGEE:
+            errors["argument_of_perigee_deg"] = _argument_error(facts, position, velocity)
+        return errors | _orbit_errors(facts, flown)[0]
     errors = {
         "radius_m": flown.radius_m - wanted.radius_m,
         "speed_m_s": flown.speed_m_s - wanted.speed_m_s,
@@ -257,10 +299,50 @@ def insertion_error(
             facts.target["semi_major_axis"]
         )
         errors["eccentricity"] = elements.eccentricity - float(facts.target["eccentricity"])
-        errors["argument_of_perigee_deg"] = _half_turn(
-            math.degrees(elements.argument_of_perigee - float(facts.target["argument_of_perigee"]))
-        )
+        errors["argument_of_perigee_deg"] = _argument_error(facts, position, velocity)
     return errors
+
+
+def _argument_error(
+    facts: MissionFacts, position: Sequence[float], velocity: Sequence[float]
+) -> float:
+    from ares_models.orbits import Elements
+
+    elements = Elements.from_state(position, velocity, facts.mu)
+    return _half_turn(
+        math.degrees(elements.argument_of_perigee - float(facts.target["argument_of_perigee"]))
+    )
+
+
+def _orbit_errors(
+    facts: MissionFacts, flown: OrbitState
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Errors of named size, shape and place, and how much of each is allowed."""
+    from ares_models.kernels.orbit_errors import orbit_errors
+
+    angle = math.radians(flown.flight_path_angle_deg)
+    found = orbit_errors(facts.target, facts.mu, flown.radius_m, flown.speed_m_s, angle)
+    errors, allowed = (
+        {
+            key: math.degrees(value) if is_angle else value
+            for (key, is_angle), value in zip(_ORBIT_ERRORS, values, strict=True)
+        }
+        for values in found
+    )
+    named = {key: error for key, error in errors.items() if not math.isnan(error)}
+    return named, allowed
+
+
+def insertion_tolerances(
+    facts: MissionFacts, position: Sequence[float], velocity: Sequence[float]
+) -> dict[str, float]:
+    """Largest errors of a flight to the target, by quantity; others are not judged.
+
+    Args: as in :func:`insertion_error`.
+    """
+    if int(facts.target["kind"]) != TARGET_ELEMENTS:
+        return TOLERANCES
+    return TOLERANCES | _orbit_errors(facts, orbit_state(position, velocity))[1]
 
 
 @dataclass
@@ -422,11 +504,14 @@ class FlightSummary:
         return Outcome.TARGET_MISSED if self.misses() else Outcome.TARGET
 
     def misses(self) -> list[str]:
-        """The quantities that lie beyond TOLERANCES, one text each."""
+        """The quantities that lie beyond what is allowed, one text each."""
+        if self.end is None:
+            return []
+        allowed = insertion_tolerances(self.facts, self.end.position, self.end.velocity)
         return [
-            f"{name} off by {error:.3g}, allowed {TOLERANCES[name]:g}"
+            f"{name} off by {error:.3g}, allowed {allowed[name]:.3g}"
             for name, error in self.insertion_error.items()
-            if name in TOLERANCES and not abs(error) <= TOLERANCES[name]
+            if name in allowed and not abs(error) <= allowed[name]
         ]
 
     def shortcomings(self) -> list[str]:

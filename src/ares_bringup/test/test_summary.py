@@ -27,7 +27,16 @@ from ares_bringup.testing import (
     made_up_event,
     made_up_status,
 )
-from ares_models.arrays import TARGET, TARGET_KEPLERIAN, TARGET_RADIUS_SPEED_ANGLE_PLANE
+from ares_models.arrays import (
+    NAMES_APOGEE,
+    NAMES_ARGUMENT_OF_PERIGEE,
+    NAMES_INCLINATION,
+    NAMES_PERIGEE,
+    TARGET,
+    TARGET_ELEMENTS,
+    TARGET_KEPLERIAN,
+    TARGET_RADIUS_SPEED_ANGLE_PLANE,
+)
 from ares_models.orbits import Elements
 from ares_vehicle_sim.arrays import (
     CUTOFF,
@@ -203,6 +212,51 @@ def test_any_place_on_a_keplerian_target_is_good(anomaly):
     assert abs(errors["semi_major_axis_m"]) < 1e-1
     for name in ("flight_path_angle_deg", "ascending_node_deg", "argument_of_perigee_deg"):
         assert abs(errors[name]) < 1e-6
+
+
+def by_elements():
+    target = np.zeros(1, TARGET)[0]
+    target["kind"] = TARGET_ELEMENTS
+    target["named"] = NAMES_PERIGEE | NAMES_APOGEE | NAMES_INCLINATION | NAMES_ARGUMENT_OF_PERIGEE
+    target["perigee_radius"], target["apogee_radius"] = 6_563_140.0, 42_164_140.0
+    target["inclination"] = INCLINATION
+    target["argument_of_perigee"] = math.radians(130.5)
+    return MissionFacts("gto", "To a transfer orbit", MU, target)
+
+
+def transfer(perigee=6_563_140.0, apogee=42_164_140.0, argument=130.5, anomaly=0.2):
+    a, e = 0.5 * (perigee + apogee), (apogee - perigee) / (apogee + perigee)
+    orbit = Elements(a, e, INCLINATION, 1.0, math.radians(argument), anomaly)
+    position, velocity = (tuple(vector.tolist()) for vector in orbit.state(MU))
+    summary = FlightSummary(by_elements(), "peg")
+    for kind in (CUTOFF, FLIGHT_COMPLETE):
+        event = made_up_event(kind, 400.0)
+        summary.add_event(replace(event, position=position, velocity=velocity))
+    return summary
+
+
+def test_a_target_by_elements_is_judged_by_what_it_names():
+    summary = transfer()
+    assert summary.outcome is Outcome.TARGET
+    assert summary.insertion_error == pytest.approx(
+        {
+            "perigee_radius_m": 0.0,
+            "apogee_radius_m": 0.0,
+            "inclination_deg": 0.0,
+            "argument_of_perigee_deg": 0.0,
+        },
+        abs=1e-3,
+    )
+    # 0.1 m/s at perigee are 6 km of apogee
+    assert transfer(apogee=42_164_140.0 + 5e3).outcome is Outcome.TARGET
+    high = transfer(apogee=42_164_140.0 + 2e4)
+    assert high.outcome is Outcome.TARGET_MISSED
+    assert high.misses() == [text for text in high.misses() if text.startswith("apogee_radius_m")]
+    assert transfer(perigee=6_564_140.0).outcome is Outcome.TARGET_MISSED
+    assert transfer(argument=130.6).outcome is Outcome.TARGET_MISSED
+    told = summary.to_json()["insertion_error"]
+    assert told["radius_m"] is None
+    assert told["perigee_radius_m"] == pytest.approx(0.0, abs=1e-3)
 
 
 def test_a_keplerian_target_is_met_at_the_nearest_place(facts):

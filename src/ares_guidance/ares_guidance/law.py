@@ -159,6 +159,7 @@ class LawKind:
         needs_trajectory: it cannot start from the navigation state alone.
         plans_arcs: it finds the ends of free arcs before the last by itself, without a plan.
         holds_attitude: it aims burns in held attitude.
+        meets_place: it flies to a place on an orbit whose perigee is named too.
     """
 
     name: str
@@ -168,6 +169,7 @@ class LawKind:
     needs_trajectory: bool = False
     plans_arcs: bool = False
     holds_attitude: bool = False
+    meets_place: bool = False
 
 
 #: The law of the shared cycle as it stands.

@@ -9,8 +9,12 @@ from ares_guidance.arrays import ERROR_NOT_CONVERGED, STEEPEST
 from ares_guidance.guess import ArcPlan
 from ares_guidance.law import Law, LawKind, LawSettings
 from ares_guidance.registry import law_names, registered_laws
-from ares_models.arrays import MissionArrays
+from ares_models.arrays import NAMES_ARGUMENT_OF_PERIGEE, NAMES_TRUE_ANOMALY, MissionArrays
+from ares_models.kernels.targets import names
 from ares_models.orbits import Insertion
+
+#: What together leaves no place to choose.
+_PLACE = NAMES_ARGUMENT_OF_PERIGEE | NAMES_TRUE_ANOMALY
 
 
 @cache
@@ -60,9 +64,15 @@ def check_law(
         plan: of the free arcs before the last.
 
     Raises:
-        ValueError: it needs a plan that is not there, or finds no way to the target from there.
+        ValueError: the target is none for it, it needs a plan that is not there, or it finds no
+            way there.
     """
     law = make_law(name, arrays)
+    if names(arrays.target[0], _PLACE) and not law.kind.meets_place:
+        raise ValueError(
+            f"law is {name!r}; expected one that flies to a place on an orbit whose argument of "
+            "perigee is named: this one needs the place or the argument free"
+        )
     if plan is not None:
         law.follow_arcs(plan)
     law.step(start[0])

@@ -10,4 +10,4 @@ _WHOLE = specialised(
     "ares_guidance.kernels.whole", "of_optimal", guidance_step=_CYCLE.guidance_step
 )
 
-LAW = LawKind("optimal", LAW_OPTIMAL, _WHOLE.step_whole)
+LAW = LawKind("optimal", LAW_OPTIMAL, _WHOLE.step_whole, meets_place=True)

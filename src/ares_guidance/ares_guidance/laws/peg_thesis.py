@@ -15,7 +15,14 @@ from ares_guidance.arrays import (
 from ares_guidance.guess import JettisonPlan, OfflineTrajectory
 from ares_guidance.kernels.peg_thesis import step_by_modes
 from ares_guidance.law import Law, LawKind, LawSettings, name_free_arcs, needs_plan
-from ares_models.arrays import BURN, HEATING_LIMIT, MissionArrays
+from ares_models.arrays import (
+    BURN,
+    HEATING_LIMIT,
+    NAMES_INCLINATION,
+    TARGET_ELEMENTS,
+    MissionArrays,
+)
+from ares_models.kernels.targets import names
 
 #: Planes that modes 1 and 2 can hold.
 PLANES = {"mode": PLANE_OF_MODE, "flight": PLANE_OF_FLIGHT, "free": PLANE_FREE}
@@ -66,8 +73,8 @@ class ThesisPeg(Law):
             pins: what holds; default all.
 
         Raises:
-            ValueError: not two stages with one heating jettison in the second, and nothing
-                free but the last burn.
+            ValueError: not two stages with one heating jettison in the second, nothing free but
+                the last burn, or a target without an inclination.
         """
         if needs_plan(LAW, arrays):
             raise ValueError(
@@ -88,6 +95,11 @@ class ThesisPeg(Law):
             raise ValueError(
                 f"the mission has {stages} stages and {len(jettisons)} jettisons, {heating} by "
                 "heating; law peg_thesis flies two stages with one heating jettison in the second"
+            )
+        target = arrays.target[0]
+        if target["kind"] == TARGET_ELEMENTS and not names(target, NAMES_INCLINATION):
+            raise ValueError(
+                "the mission's target leaves the inclination free; law peg_thesis holds one"
             )
         self._early, self._late = _rules(settings or LawSettings())
         self._pins = pins or Pins()

@@ -17,9 +17,23 @@ RESULT = np.dtype(
         ("radius_error", np.float64),  # m
         ("speed_error", np.float64),  # m/s
         ("flight_path_angle_error", np.float64),  # rad
-        ("inclination_error", np.float64),  # rad
+        ("inclination_error", np.float64),  # rad; so far nan: free, of a target by elements
         ("ascending_node_error", np.float64),  # rad; nan: free
         ("argument_of_perigee_error", np.float64),  # rad; nan: free
+        # of a target by elements; nan: free
+        ("perigee_radius_error", np.float64),  # m
+        ("apogee_radius_error", np.float64),  # m
+        ("semi_major_axis_error", np.float64),  # m
+        ("eccentricity_error", np.float64),
+        ("c3_error", np.float64),  # m2/s2
+        ("true_anomaly_error", np.float64),  # rad
+        # and how much of each is allowed
+        ("perigee_radius_allowed", np.float64),
+        ("apogee_radius_allowed", np.float64),
+        ("semi_major_axis_allowed", np.float64),
+        ("eccentricity_allowed", np.float64),
+        ("c3_allowed", np.float64),
+        ("true_anomaly_allowed", np.float64),
         ("ended", np.int64),  # CUTOFF, DEPLETION, IMPACT or TIME_LIMIT
         ("converged", np.int64),  # 1: guidance had a solution
         ("iterations", np.int64),

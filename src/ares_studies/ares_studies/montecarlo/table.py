@@ -51,6 +51,12 @@ NUMBERS = (
     ("inclination_error_deg", "inclination_error", True),
     ("ascending_node_error_deg", "ascending_node_error", True),
     ("argument_of_perigee_error_deg", "argument_of_perigee_error", True),
+    ("perigee_radius_error_m", "perigee_radius_error", False),
+    ("apogee_radius_error_m", "apogee_radius_error", False),
+    ("semi_major_axis_error_m", "semi_major_axis_error", False),
+    ("eccentricity_error", "eccentricity_error", False),
+    ("c3_error_m2_s2", "c3_error", False),
+    ("true_anomaly_error_deg", "true_anomaly_error", True),
 )
 #: The three that make a success.
 FLAGS = ("terminal_accuracy", "fairing_off", "heating_kept")
@@ -63,6 +69,15 @@ LIMITS = (
     ("inclination_error_deg", ORIENTATION_DEG, 3, "deg"),
     ("ascending_node_error_deg", ORIENTATION_DEG, 3, "deg"),
     ("argument_of_perigee_error_deg", ORIENTATION_DEG, 3, "deg"),
+)
+#: Those of a target by elements, whose limits are the flight's own: column, decimals, unit.
+_ORBIT_LIMITS = (
+    ("perigee_radius_error_m", 0, "m"),
+    ("apogee_radius_error_m", 0, "m"),
+    ("semi_major_axis_error_m", 0, "m"),
+    ("eccentricity_error", 6, ""),
+    ("c3_error_m2_s2", 0, "m2/s2"),
+    ("true_anomaly_error_deg", 4, "deg"),
 )
 _FIELDS = {name: (field, angle) for name, field, angle in NUMBERS}
 
@@ -161,11 +176,18 @@ def explain(result: Any, jettisons: Sequence[str]) -> tuple[Outcome, str]:
 def _misses(result: Any) -> list[str]:
     """The errors that are beyond their limits, in words."""
     misses = []
-    for column, limit, decimals, unit in LIMITS:
+    lost = not math.isfinite(result["c3_allowed"])
+    limits = list(LIMITS)
+    for column, decimals, unit in _ORBIT_LIMITS:
+        field, angle = _FIELDS[column]
+        limit = float(result[field.replace("_error", "_allowed")])
+        limits.append((column, math.degrees(limit) if angle else limit, decimals, unit))
+    for column, limit, decimals, unit in limits:
         field, angle = _FIELDS[column]
         error = math.degrees(result[field]) if angle else float(result[field])
-        wanted = column in ("radius_error_m", "speed_error_m_s") or math.isfinite(error)
+        # what is not a number is free, unless the flight is none
+        wanted = not math.isnan(error) or (lost and column in ("radius_error_m", "speed_error_m_s"))
         if wanted and not abs(error) <= limit:
             name = column[: column.index("_error")].replace("_", " ")
-            misses.append(f"{name} by {error:+.{decimals}f} {unit}")
+            misses.append(f"{name} by {error:+.{decimals}f} {unit}".rstrip())
     return misses
