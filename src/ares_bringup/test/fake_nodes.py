@@ -191,7 +191,7 @@ def is_dead(name: str) -> bool:
         return False
     try:
         status = Path(f"/proc/{pid}/stat").read_text()
-        threads = os.listdir(f"/proc/{pid}/task")
+        threads = list(Path(f"/proc/{pid}/task").iterdir())
     except OSError:
         return True
     # the parent hears of it when the last thread is gone
