@@ -43,7 +43,7 @@ def environment(folder):
 
 def by_fly(mission, bag):
     words = ["fly", "--mission", str(mission), "--pace", PACE, "--bag", str(bag), "--json"]
-    return [sys.executable, "-m", "ares_bringup.commands.cli", *words]
+    return [sys.executable, "-m", "ares_bringup", *words]
 
 
 def by_launch(ros2, mission, bag):

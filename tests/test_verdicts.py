@@ -25,7 +25,7 @@ from ares_vehicle_sim.node import VehicleSimNode
 FLY, IN_PROCESS, LAUNCH = "ares fly", "ares fly --in-process", "ros2 launch"
 EVERY_WAY = (FLY, IN_PROCESS, LAUNCH)
 PROCESSES = (FLY, LAUNCH)
-ARES = (sys.executable, "-m", "ares_bringup.commands.cli")
+ARES = (sys.executable, "-m", "ares_bringup")
 #: Of a flight in processes of its own.
 FIXTURES = ("graph", "ros2", "ros_environment")
 #: A word in the command line of each node's process.
@@ -210,18 +210,6 @@ CAUSES = {
         bag=False,
     ),
 }
-
-
-def command(way, ros2, options):
-    if way == LAUNCH:
-        words = [f"{name}:={value}" for name, value in options.items()]
-        return [*ros2, "launch", "ares_bringup", "flight.launch.py", *words]
-    words = [sys.executable, "-m", "ares_bringup.commands.cli", "fly"]
-    if way == IN_PROCESS:
-        words.append("--in-process")
-    for name, value in options.items():
-        words += [f"--{name.replace('_', '-')}", value]
-    return words
 
 
 @pytest.mark.parametrize(

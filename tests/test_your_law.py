@@ -28,7 +28,7 @@ def installed(tmp_path_factory):
 
 
 def ares(environment, *words):
-    command = [sys.executable, "-m", "ares_bringup.commands.cli", *map(str, words)]
+    command = [sys.executable, "-m", "ares_bringup", *map(str, words)]
     return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
 
 

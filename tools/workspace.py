@@ -391,6 +391,8 @@ class Workspace:
             result["NUMBA_CACHE_DIR"] = str(self.kernels)
         result["ARES_WORKSPACE"] = str(self.root)
         result.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        # matrices are small here, and threads for larger ones cost each Python 0.1 s
+        result.setdefault("OPENBLAS_NUM_THREADS", "1")
         result.setdefault("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp")
         result.setdefault("ROS_LOG_DIR", str(self.root / "log" / "ros"))
         result.setdefault("PYTHONUNBUFFERED", "1")
@@ -935,6 +937,8 @@ def run_tests(workspace: Workspace, environ: Mapping[str, str], arguments: Seque
     is free now and then, and says what it found in the end.
     """
     environment = workspace.environment(environ)
+    # else each of some hundred processes, and each worker, would compile what it imports
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)
 
     def begin(*options: str, stdout: int | None = None) -> subprocess.Popen[str]:
         command = [str(workspace.interpreter), "-m", *options]
@@ -952,7 +956,8 @@ def run_tests(workspace: Workspace, environ: Mapping[str, str], arguments: Seque
         say(f"failed: {', '.join(failed)}; this run fails whatever the tests say")
     say("running the tests, and mypy beside them")
     with begin("mypy", stdout=subprocess.PIPE) as types:
-        status = begin("pytest", "--numprocesses=2", "--dist=worksteal", *arguments).wait()
+        # many a test waits for a flight to go by: three keep two cores busy
+        status = begin("pytest", "--numprocesses=3", "--dist=worksteal", *arguments).wait()
         found, _ = types.communicate()
     say(f"mypy: {found.strip()}")
     return status or types.returncode or (1 if failed else 0)

@@ -24,6 +24,7 @@ setup(
         "mcap-ros2-support>=0.5",
         "numpy>=2.0",
         "PyYAML>=6.0",
+        "zstandard>=0.19",
     ],
     extras_require={"test": ["pytest"]},
     zip_safe=False,

@@ -18,6 +18,7 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
     python_requires=">=3.11",
+    install_requires=["numpy>=2.0"],
     extras_require={"test": ["pytest"]},
     zip_safe=False,
 )

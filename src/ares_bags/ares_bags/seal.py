@@ -12,38 +12,31 @@ import zlib
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from struct import pack
 from typing import Any
 
-from mcap.data_stream import RecordBuilder
-from mcap.opcode import Opcode
 from mcap.records import (
     Chunk,
     ChunkIndex,
     DataEnd,
-    Footer,
     McapRecord,
     Message,
     MessageIndex,
     Metadata,
     MetadataIndex,
-    Statistics,
-    SummaryOffset,
 )
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 
 from ares_bags.contents import Contents
-from ares_bags.metadata import RECORD_NAME, bag_information, record_data, write_metadata_file
+from ares_bags.ending import ChunkEntry, ending
+from ares_bags.metadata import bag_information, record_data, write_metadata_file
 
 
 @dataclass
-class _Span:
-    """One chunk with its message indexes."""
+class _Span(ChunkEntry):
+    """One chunk with its message indexes, its schemas and channels."""
 
-    index: ChunkIndex
-    records: list[McapRecord]  # its schemas and channels
-    counts: dict[int, int] = field(default_factory=dict)
+    records: list[McapRecord] = field(default_factory=list)
 
     @property
     def end(self) -> int:
@@ -67,7 +60,7 @@ def _span(chunk: Chunk, begin: int, end: int) -> _Span:
         compressed_size=len(chunk.data),
         uncompressed_size=chunk.uncompressed_size,
     )
-    span = _Span(index, [])
+    span = _Span(index)
     for record in breakup_chunk(chunk, validate_crc=True):
         if isinstance(record, Message):
             span.counts[record.channel_id] = span.counts.get(record.channel_id, 0) + 1
@@ -102,85 +95,16 @@ def _scan(path: Path) -> tuple[int, list[MetadataIndex], list[_Span]]:
     return start, metadata, spans
 
 
-def _group(builder: RecordBuilder, opcode: Opcode, records: list[Any], base: int) -> SummaryOffset:
-    begin = builder.count
-    for record in records:
-        record.write(builder)
-    return SummaryOffset(
-        group_opcode=opcode, group_start=base + begin, group_length=builder.count - begin
-    )
-
-
-def _ending(
-    begin: int,
-    contents: Contents,
-    spans: list[_Span],
-    metadata: list[MetadataIndex],
-    data: dict[str, str],
-    checksum: int,
-) -> bytes:
-    """Everything after the last chunk: metadata record, end of data, summary, footer.
-
-    The checksum is that of all before it.
-    """
-    builder = RecordBuilder()
-    Metadata(name=RECORD_NAME, metadata=data).write(builder)
-    metadata = [*metadata, MetadataIndex(begin, builder.count, RECORD_NAME)]
-    before = builder.end()
-    DataEnd(data_section_crc=zlib.crc32(before, checksum)).write(builder)
-    before += builder.end()
-
-    counts: dict[int, int] = {}
-    for span in spans:
-        for channel, count in span.counts.items():
-            counts[channel] = counts.get(channel, 0) + count
-    statistics = Statistics(
-        attachment_count=0,
-        channel_count=len(contents.channels),
-        channel_message_counts=counts,
-        chunk_count=len(spans),
-        message_count=sum(counts.values()),
-        message_start_time=min((span.index.message_start_time for span in spans), default=0),
-        message_end_time=max((span.index.message_end_time for span in spans), default=0),
-        metadata_count=len(metadata),
-        schema_count=len(contents.schemas),
-    )
-    base = begin + len(before)
-    groups = [
-        _group(builder, opcode, records, base)
-        for opcode, records in (
-            (Opcode.SCHEMA, list(contents.schemas.values())),
-            (Opcode.CHANNEL, list(contents.channels.values())),
-            (Opcode.STATISTICS, [statistics]),
-            (Opcode.CHUNK_INDEX, [span.index for span in spans]),
-            (Opcode.METADATA_INDEX, metadata),
-        )
-        if records
-    ]
-    offsets_begin = base + builder.count
-    for group in groups:
-        group.write(builder)
-    summary = builder.end()
-    # the checksum runs over the summary and the footer up to the checksum itself
-    footer_head = pack("<BQQQ", Opcode.FOOTER, 8 + 8 + 4, base, offsets_begin)
-    Footer(
-        summary_start=base,
-        summary_offset_start=offsets_begin,
-        summary_crc=zlib.crc32(footer_head, zlib.crc32(summary)),
-    ).write(builder)
-    return bytes(before + summary + builder.end() + MCAP0_MAGIC)
-
-
 def _checksum(path: Path, end: int) -> int:
     with path.open("rb") as stream:
         return zlib.crc32(stream.read(end))
 
 
-def _rewrite_end(path: Path, begin: int, ending: bytes) -> None:
+def _rewrite_end(path: Path, begin: int, end: bytes) -> None:
     with path.open("r+b", buffering=0) as stream:
         os.ftruncate(stream.fileno(), begin)
         stream.seek(begin)
-        view = memoryview(ending)
+        view = memoryview(end)
         while view:
             view = view[stream.write(view) :]
 
@@ -222,8 +146,8 @@ def seal(path: Path, custom_data: dict[str, str]) -> dict[str, Any]:
         begin = spans[-1].end if spans else start
         try:
             checksum = _checksum(path, begin)
-            ending = _ending(begin, contents, spans, metadata, record_data(information), checksum)
-            _rewrite_end(path, begin, ending)
+            end = ending(begin, contents, spans, metadata, record_data(information), checksum)
+            _rewrite_end(path, begin, end)
             write_metadata_file(path.parent, information)
         except OSError:
             if not spans:

@@ -4,9 +4,6 @@ The file reaches the disk in complete chunks, at a bounded interval of time and 
 that a killed process loses at most that interval and a full disk leaves a readable bag.
 """
 
-# mypy: allow-untyped-calls
-# some methods of the MCAP library have no types
-
 import os
 import time
 from collections.abc import Mapping
@@ -15,10 +12,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from mcap.writer import LIBRARY_IDENTIFIER, CompressionType, Writer
+from mcap.records import Channel, Schema
 
+from ares_bags.chunks import ChunkedFile
 from ares_bags.errors import BagError, cause
-from ares_bags.metadata import RECORD_NAME, bag_information, record_data, write_metadata_file
+from ares_bags.metadata import bag_information, record_data, write_metadata_file
 from ares_bags.schema import Topic, qos_text
 from ares_bags.seal import seal
 
@@ -123,16 +121,9 @@ class BagWriter:
             raise BagError(f"bag {self.path} cannot be created: {cause(error)}") from error
         try:
             self._output = _WholeChunks(self.file)
-            self._writer = Writer(
-                self._output,  # type: ignore[arg-type]
-                compression=CompressionType.ZSTD,
-                # bits outside of the chunks are covered by this checksum only
-                enable_data_crcs=True,
-            )
-            self._writer.start(profile="ros2", library=f"{LIBRARY} {LIBRARY_IDENTIFIER}")
             # a killed recorder leaves at least what the bag is about
-            self._writer.add_metadata(RECORD_NAME, record_data(self._information()))
-            self._writer.flush()
+            self._chunks = ChunkedFile(self._output, LIBRARY, record_data(self._information()))
+            self._output.flush()
         except OSError as error:
             with suppress(OSError):
                 self.file.unlink(missing_ok=True)
@@ -159,18 +150,14 @@ class BagWriter:
             return
         schema = self._schemas.get(topic.type_name)
         if schema is None:
-            schema = self._writer.register_schema(
-                topic.type_name, "ros2msg", topic.definition.encode()
-            )
-            self._schemas[topic.type_name] = schema
+            schema = self._schemas[topic.type_name] = len(self._schemas) + 1
+            definition = topic.definition.encode()
+            self._chunks.describe(Schema(schema, definition, "ros2msg", topic.type_name))
         self._topics[topic.name] = topic
         self.counts[topic.name] = 0
-        self._channels[topic.name] = self._writer.register_channel(
-            topic.name,
-            "cdr",
-            schema,
-            {"offered_qos_profiles": qos_text(topic.qos), "topic_type_hash": topic.type_hash},
-        )
+        channel = self._channels[topic.name] = len(self._channels) + 1
+        offered = {"offered_qos_profiles": qos_text(topic.qos), "topic_type_hash": topic.type_hash}
+        self._chunks.describe(Channel(channel, topic.name, "cdr", offered, schema))
 
     def write(
         self, topic: str, log_time_ns: int, data: bytes, publish_time_ns: int | None = None
@@ -192,7 +179,7 @@ class BagWriter:
         if log_time_ns < 0:
             raise ValueError(f"log time is {log_time_ns} ns; expected zero or more")
         publish_time = log_time_ns if publish_time_ns is None else publish_time_ns
-        self._writer.add_message(self._channels[topic], log_time_ns, data, publish_time)
+        self._chunks.add(self._channels[topic], log_time_ns, data, publish_time)
         self.counts[topic] += 1
         if self._first is None or log_time_ns < self._first:
             self._first = log_time_ns
@@ -216,7 +203,8 @@ class BagWriter:
             return
         self._unflushed = 0
         try:
-            self._writer.flush()
+            self._chunks.end_chunk()
+            self._output.flush()
         except OSError as error:
             raise self._fail(error) from error
 
@@ -231,8 +219,7 @@ class BagWriter:
         self.flush()
         information = self._information()
         try:
-            self._writer.add_metadata(RECORD_NAME, record_data(information))
-            self._writer.finish()
+            self._chunks.end(record_data(information))
             self._output.flush()
             self._open = False
             self._output.close()

@@ -155,19 +155,18 @@ def needs_trajectory(law: str) -> bool:
     return _find_law(law).needs_trajectory
 
 
-def needs_plan(law: str, mission: str) -> bool:
-    """Whether a guidance law waits for the optimizer's plan of a mission's free arcs.
+def needs_plan(mission: str) -> bool:
+    """Whether guidance waits for the optimizer's plan of a mission's free arcs.
 
     Raises:
-        CannotStart: no such law, or no such mission; one line.
+        CannotStart: no such mission; one line.
     """
     from ares_models.mission import MissionError, load_mission
 
     try:
-        free = load_mission(mission).plans_arcs
+        return load_mission(mission).plans_arcs
     except MissionError as error:
         raise CannotStart(str(error)) from error
-    return free and not _find_law(law).plans_arcs
 
 
 def check_inputs(flown: Mapping[str, Any], bag: str) -> None:
@@ -235,9 +234,7 @@ def node_parameters(
         if options.heating_source is HeatingSource.MODEL and "dispersions" in simulator:
             guidance["heating_margin"] = _margin(simulator["dispersions"])
     nodes = {SIMULATOR: simulator, GUIDANCE: guidance}
-    if options.initial_guess is InitialGuess.OPTIMIZER or needs_plan(
-        options.guidance, options.mission
-    ):
+    if options.initial_guess is InitialGuess.OPTIMIZER or needs_plan(options.mission):
         nodes[OPTIMIZER] = {"mission": options.mission}
     elif options.initial_guess is InitialGuess.ANALYTIC or needs_trajectory(options.guidance):
         nodes[OPTIMIZER] = {"mission": options.mission, "method": InitialGuess.ANALYTIC.value}

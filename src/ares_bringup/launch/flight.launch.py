@@ -193,7 +193,7 @@ class Flight:
         if (
             flown.get("initial_guess", "none") != "none"
             or needs_trajectory(law)
-            or needs_plan(law, str(flown.get("mission", "ares_v")))
+            or needs_plan(str(flown.get("mission", "ares_v")))
         ):
             started.append(
                 self._node("ares_optimizer", OPTIMIZER, _of(values, "mission"), **self._clock())

@@ -157,7 +157,6 @@ class LawKind:
         step: kernel with the arguments of `kernels.cycle.guidance_step`.
         build: makes the law from arrays and settings; None: it is a plain `Law`.
         needs_trajectory: it cannot start from the navigation state alone.
-        plans_arcs: it finds the ends of free arcs before the last by itself, without a plan.
         holds_attitude: it aims burns in held attitude.
         meets_place: it flies to a place on an orbit whose perigee is named too.
     """
@@ -167,7 +166,6 @@ class LawKind:
     step: Callable[..., None]
     build: "Callable[[MissionArrays, LawSettings | None], Law] | None" = None
     needs_trajectory: bool = False
-    plans_arcs: bool = False
     holds_attitude: bool = False
     meets_place: bool = False
 
@@ -205,9 +203,9 @@ def law_of_pass(name: str, code: int, iterate: Callable[..., tuple[float, float,
     return law_of_seek(name, code, convergence.seek)
 
 
-def needs_plan(kind: LawKind, arrays: MissionArrays) -> bool:
+def needs_plan(arrays: MissionArrays) -> bool:
     """Whether a law flies a mission by a plan alone: arcs before the last are free."""
-    return bool(np.any(np.isinf(arrays.arcs["duration"][:-1]))) and not kind.plans_arcs
+    return bool(np.any(np.isinf(arrays.arcs["duration"][:-1])))
 
 
 def name_free_arcs(arrays: MissionArrays) -> str:
@@ -276,7 +274,7 @@ class Law:
     @property
     def lacks_plan(self) -> bool:
         """Free arcs before the mission's last need a plan, and there is none yet."""
-        return needs_plan(self.kind, self._arrays) and self._arc_plan is None
+        return needs_plan(self._arrays) and self._arc_plan is None
 
     def check_plan(self) -> None:
         """See that there is a plan where one is needed.
@@ -337,7 +335,7 @@ class Law:
             ValueError: the trajectory is no start.
         """
         planned = np.full(len(self._arrays.jettisons), math.inf)
-        if needs_plan(self.kind, self._arrays):
+        if needs_plan(self._arrays):
             self.follow_arcs(trajectory.arc_plan(self._arrays))
             return
         if math.isfinite(trajectory.jettison_time):

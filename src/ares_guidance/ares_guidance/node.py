@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.client import Client
+from rclpy.serialization import deserialize_message
 from rclpy.task import Future
 
 from ares_guidance.guess import OfflineTrajectory
@@ -31,7 +32,8 @@ from ares_node.qos import (
     SOLVE_TRAJECTORY,
     THRUST_COMMAND,
 )
-from ares_node.time import NANOSECONDS, ns_from_stamp
+from ares_node.states import StateMessage
+from ares_node.time import NANOSECONDS, ns_from_stamp, stamp_from_ns
 
 ERROR_TEXTS = {
     GuidanceStatus.NOT_CONVERGED: "no convergence within the iterations allowed",
@@ -109,6 +111,8 @@ class GuidanceNode(FlightNode):
         self._heating_jettisons = int(np.sum(arrays.jettisons["criterion"] == HEATING_LIMIT))
         self._mission_name = mission.name
         self._nav = np.zeros(1, NAVIGATION)
+        self._nav_message = StateMessage(NavState)
+        self._measured = self._nav[list(self._nav_message.fields)]
         with ExitStack() as failed:
             self._membership = Membership(self, Role.GUIDANCE, mission.name, values["flight_id"])
             failed.callback(self._membership.close)
@@ -123,7 +127,9 @@ class GuidanceNode(FlightNode):
             failed.pop_all()
         self._command_out = self.create_publisher(ThrustCommand, THRUST_COMMAND, FLIGHT)
         self._status_out = self.create_publisher(GuidanceStatus, GUIDANCE_STATUS, FLIGHT)
-        self._nav_in = self.create_subscription(NavState, NAV_STATE, self._on_nav_state, FLIGHT)
+        self._nav_in = self.create_subscription(
+            NavState, NAV_STATE, self._on_nav_state, FLIGHT, raw=True
+        )
         needed = self._law.kind.needs_trajectory or self._law.lacks_plan
         self._wants_guess = values["initial_guess"] != "none" or needed
         # a client alone lists the service on the graph
@@ -131,7 +137,7 @@ class GuidanceNode(FlightNode):
         if self._wants_guess:
             self._optimizer = self.create_client(SolveTrajectory, SOLVE_TRAJECTORY)
         self._guess: Future | None = None
-        self._held_back: NavState | None = None
+        self._held_back: bytes | None = None
         self._ask_from = -math.inf
         self._last_ns: int | None = None
         self._heard_at = -math.inf
@@ -218,38 +224,40 @@ class GuidanceNode(FlightNode):
             self._watch.cancel()
 
     def _take_held_back(self) -> None:
-        message = self._held_back
-        if message is not None and self._guiding and self._ready(message):
-            self._held_back = None
-            self._answer(message)
+        data = self._held_back
+        if data is not None and self._guiding:
+            now, _, _, measured = self._nav_message.read(data)
+            if self._ready(now, data):
+                self._held_back = None
+                self._answer(now, measured)
 
-    def _on_nav_state(self, message: NavState) -> None:
-        if not self._membership.belongs(message.flight_id):
+    def _on_nav_state(self, data: bytes) -> None:
+        now, flight_id, _, measured = self._nav_message.read(data)
+        if not self._membership.belongs(flight_id):
             if self._membership.foreign == 1:
-                flight = id_text(message.flight_id)
+                flight = id_text(flight_id)
                 text = f"navigation states of another flight, {flight}: not answered"
-                self.diagnostics.report(Level.WARN, text, ns_from_stamp(message.stamp))
+                self.diagnostics.report(Level.WARN, text, now)
             return
         self._heard_at = time.monotonic()
-        if self._active and self._guiding and self._ready(message):
-            self._answer(message)
+        if self._active and self._guiding and self._ready(now, data):
+            self._answer(now, measured)
         else:
-            self._held_back = message
+            self._held_back = data
 
     # ---- the optimizer's guess
 
-    def _ready(self, message: NavState) -> bool:
+    def _ready(self, now: int, data: bytes) -> bool:
         """Whether the law may start: no guess is wanted, or it is there, or it is late."""
         if not self._wants_guess:
             return True
-        now = ns_from_stamp(message.stamp)
         waited = time.monotonic() - self._asked_at if self._guess else 0.0
         if self._guess is None:
             optimizer = self._optimizer
             if time.monotonic() < self._ask_from:
                 return False
             if optimizer is not None and optimizer.service_is_ready():
-                self._ask(optimizer, message)
+                self._ask(optimizer, data)
                 return False
             if not self._patient():
                 self._without_guess("no such service on the graph", now)
@@ -267,16 +275,17 @@ class GuidanceNode(FlightNode):
             self._looked_since = time.monotonic()
         return time.monotonic() - self._looked_since < self.values["optimizer_timeout_s"]
 
-    def _ask(self, optimizer: Client, message: NavState) -> None:
+    def _ask(self, optimizer: Client, data: bytes) -> None:
+        asked = deserialize_message(data, NavState)
         request = SolveTrajectory.Request(
             mission=self.values["mission"],
             method=ANALYTIC if self._does_with_analytic() else "",
             use_nav_state=True,
-            nav_state=message,
+            nav_state=asked,
             time_limit=self.values["optimizer_timeout_s"],
         )
         self._asked_at = time.monotonic()
-        self._asked_about = message
+        self._asked_about = asked
         self._guess = optimizer.call_async(request)
 
     def _does_with_analytic(self) -> bool:
@@ -313,8 +322,7 @@ class GuidanceNode(FlightNode):
 
     # ---- the flight
 
-    def _answer(self, message: NavState) -> None:
-        now = ns_from_stamp(message.stamp)
+    def _answer(self, now: int, measured: Any) -> None:
         if self._last_ns is not None and now < self._last_ns:
             self.diagnostics.report(
                 Level.WARN, "flight time went back: starting again from nothing", now
@@ -323,20 +331,18 @@ class GuidanceNode(FlightNode):
         self._last_ns = now
         nav = self._nav[0]
         nav["time"] = now / NANOSECONDS
-        for name in ("position", "velocity", "sensed_delta_v"):
-            nav[name] = getattr(message, name)
-        for name in ("mass", "heating_rate", "arc", "arc_start_time", "jettisoned"):
-            nav[name] = getattr(message, name)
+        self._measured[0] = measured
         law = self._law
+        stamp = stamp_from_ns(now)
         due = law.step(nav)
         if law.steered:
             steering = law.steering[0]
             self._command_out.publish(
                 ThrustCommand(
-                    stamp=message.stamp,
+                    stamp=stamp,
                     flight_id=self._membership.flight_id,
                     guidance_id=self._membership.member_id,
-                    nav_stamp=message.stamp,
+                    nav_stamp=stamp,
                     reference_time=float(steering["reference_time"]),
                     direction=steering["direction"],
                     direction_rate=steering["direction_rate"],
@@ -347,7 +353,7 @@ class GuidanceNode(FlightNode):
                 )
             )
         if due:
-            self._status_out.publish(self._status(message))
+            self._status_out.publish(self._status(stamp))
         self._report(now)
 
     def _jettison_after_cutoff(self) -> bool:
@@ -355,13 +361,13 @@ class GuidanceNode(FlightNode):
         aboard = self._heating_jettisons > int(self._nav[0]["jettisoned"]).bit_count()
         return bool(aboard and self._law.converged and self._law.steering[0]["jettison"] < 0)
 
-    def _status(self, message: NavState) -> GuidanceStatus:
+    def _status(self, stamp: Any) -> GuidanceStatus:
         state = self._law.state
         steering = self._law.steering[0]
         now = float(self._nav[0]["time"])
         cutoff_time = float(steering["cutoff_time"])
         return GuidanceStatus(
-            stamp=message.stamp,
+            stamp=stamp,
             flight_id=self._membership.flight_id,
             guidance_id=self._membership.member_id,
             cycle=int(state["cycle"]),

@@ -6,14 +6,17 @@ and what converts Python's arguments, is made only for a kernel that Python call
 """
 
 from collections.abc import Callable
+from functools import cached_property
 from types import FunctionType
 from typing import Any
 
 import llvmlite.binding as llvm
 from numba.core import types
+from numba.core.caching import FunctionCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.registry import CPUDispatcher
+from numba.core.runtime.nrt import rtsys
 
 
 class _LinkedLibrary(JITCodeLibrary):
@@ -55,14 +58,30 @@ class _LinkedDispatcher(CPUDispatcher):
         return super().get_call_template([types.unliteral(kind) for kind in args], named)
 
 
+class _MachineCode(FunctionCache):
+    """What is on disk, loaded without all that numba compiles with: 0.3 s of imports."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """See the base class; whoever compiles after all imports the rest then."""
+        # what kernels that make arrays call
+        rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
+
+
 class Kernel(CPUDispatcher):
     """What Python calls; kernels that call it link :attr:`linked`."""
 
     def __init__(self, function: Callable[..., object], options: dict[str, Any]) -> None:
         assert isinstance(function, FunctionType)
-        options = {**options, "nopython": True, "boundscheck": None, "no_cfunc_wrapper": True}
-        super().__init__(function, targetoptions=options)
-        self.enable_caching()
+        self._options = {**options, "nopython": True, "boundscheck": None, "no_cfunc_wrapper": True}
+        super().__init__(function, targetoptions=self._options)
+        self._cache = _MachineCode(function)
+
+    @cached_property
+    def linked(self) -> Any:
+        """The other form; most processes compile nothing."""
+        function = self.py_func
         copy = FunctionType(
             function.__code__,
             function.__globals__,
@@ -72,12 +91,13 @@ class Kernel(CPUDispatcher):
         )
         # numba names the file of what it caches after it
         copy.__qualname__ = f"{function.__qualname__}.linked"
-        self.linked = _LinkedDispatcher(
+        dispatcher = _LinkedDispatcher(
             copy,
-            targetoptions={**options, "no_cpython_wrapper": True},
+            targetoptions={**self._options, "no_cpython_wrapper": True},
             pipeline_class=_LinkedCompiler,
         )
-        self.linked.enable_caching()
+        dispatcher.enable_caching()
+        return dispatcher
 
     @property
     def _numba_type_(self) -> types.Dispatcher:

@@ -55,6 +55,9 @@ class Membership:
 
     Attributes:
         member_id: the node's own identity.
+        flight_id: the flight; 0 until one is joined. Set by `say`, as are the next two.
+        guidance_id: the guidance that flies this flight, as far as known; else 0.
+        state: the node's own state.
         foreign: messages of other flights that `belongs` has refused.
     """
 
@@ -68,6 +71,9 @@ class Membership:
             flight_id: the flight; 0 joins one that is heard of.
         """
         self.member_id = new_id()
+        self.flight_id = flight_id
+        self.guidance_id = 0
+        self.state = State.PREPARING
         self.foreign = 0
         self._node = node
         self._given = flight_id
@@ -105,21 +111,6 @@ class Membership:
 
     # ---- the own word
 
-    @property
-    def flight_id(self) -> int:
-        """The flight; 0 until one is joined."""
-        return int(self._word.flight_id)
-
-    @property
-    def guidance_id(self) -> int:
-        """The guidance that flies this flight, as far as known; else 0."""
-        return int(self._word.guidance_id)
-
-    @property
-    def state(self) -> State:
-        """The node's own state."""
-        return State(self._word.state)
-
     def say(
         self,
         state: State,
@@ -131,13 +122,15 @@ class Membership:
     ) -> None:
         """Change the own word and tell the others; what is not given stays."""
         word = self._word
-        before = (word.state, word.flight_id, word.guidance_id)
-        word.state = state
-        word.flight_id = self.flight_id if flight_id is None else flight_id
-        word.guidance_id = self.guidance_id if guidance_id is None else guidance_id
+        before = (self.state, self.flight_id, self.guidance_id)
+        self.state = word.state = state
+        if flight_id is not None:
+            self.flight_id = word.flight_id = int(flight_id)
+        if guidance_id is not None:
+            self.guidance_id = word.guidance_id = int(guidance_id)
         word.last_sequence = last_sequence
         word.reason = reason
-        if before != (word.state, word.flight_id, word.guidance_id):
+        if before != (self.state, self.flight_id, self.guidance_id):
             self._out.publish(word)
 
     # ---- the others

@@ -80,7 +80,7 @@ def arc_plan(
         ValueError: the optimizer finds none; one line.
     """
     arrays = mission.arrays(foreseen=True)
-    if not needs_plan(law, arrays):
+    if not needs_plan(arrays):
         return None
     solution = solve(mission, "indirect", state=state, verify=False)
     if solution.status is not Status.CONVERGED:

@@ -32,8 +32,9 @@ from ares_node.qos import (
     VEHICLE_STATE,
 )
 from ares_node.run import EXIT_CANNOT_START, EXIT_OK
+from ares_node.states import StateMessage
 from ares_node.time import NANOSECONDS, ns_from_seconds, ns_from_stamp, stamp_from_ns
-from ares_vehicle_sim.arrays import GUIDANCE_BACK, GUIDANCE_LOST, TRUTH_FIELDS
+from ares_vehicle_sim.arrays import GUIDANCE_BACK, GUIDANCE_LOST
 from ares_vehicle_sim.dispersions import Dispersions, load_dispersions
 from ares_vehicle_sim.simulator import CommandRefused, Simulator, SimulatorOptions
 
@@ -192,6 +193,8 @@ class VehicleSimNode(FlightNode):
         self._command_in = self.create_subscription(
             ThrustCommand, THRUST_COMMAND, self._on_command, FLIGHT
         )
+        self._nav_message = StateMessage(NavState)
+        self._truth_message = StateMessage(VehicleState)
         self._steering = np.zeros(1, STEERING)
         self._flying = False
         self._waiting = False
@@ -389,38 +392,18 @@ class VehicleSimNode(FlightNode):
 
     def _publish(self) -> None:
         simulator = self.simulator
-        stamp = stamp_from_ns(simulator.time_ns)
-        self._clock_out.publish(Clock(clock=stamp))
-        truth = dict(zip(TRUTH_FIELDS, simulator.truth().item(), strict=True))
-        self._truth_out.publish(
-            VehicleState(
-                stamp=stamp, flight_id=self.flight_id, sequence=simulator.sequence, **truth
-            )
-        )
+        head = (simulator.time_ns, self.flight_id, simulator.sequence)
+        self._clock_out.publish(Clock(clock=stamp_from_ns(simulator.time_ns)))
+        self._truth_out.publish(self._truth_message.data(*head, simulator.truth()))
         for event in simulator.new_events():
             self._event_out.publish(self._event_message(event))
         if simulator.complete:
             self._end()
             return
-        nav = simulator.navigation
         self._waiting = True
         self._patience = self.values["command_timeout_s"] * PATIENCE_RATIO**self._lost_in_a_row
         self._answer_deadline = time.monotonic() + self._patience
-        self._nav_out.publish(
-            NavState(
-                stamp=stamp,
-                flight_id=self.flight_id,
-                sequence=simulator.sequence,
-                position=nav["position"],
-                velocity=nav["velocity"],
-                mass=float(nav["mass"]),
-                sensed_delta_v=nav["sensed_delta_v"],
-                heating_rate=float(nav["heating_rate"]),
-                arc=int(nav["arc"]),
-                arc_start_time=float(nav["arc_start_time"]),
-                jettisoned=int(nav["jettisoned"]),
-            )
-        )
+        self._nav_out.publish(self._nav_message.data(*head, simulator.measured))
 
     def _on_command(self, message: ThrustCommand) -> None:
         if not self._membership.belongs(message.flight_id):

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import MissionArrays
+from ares_models.arrays import NAVIGATION, MissionArrays
 from ares_models.mission import Mission
 from ares_vehicle_sim.arrays import OPTIONS, VehicleArrays, blank_vehicle
 from ares_vehicle_sim.dispersions import Dispersions
@@ -17,6 +17,8 @@ from ares_vehicle_sim.kernels.plant import UNIT_TOLERANCE
 from ares_vehicle_sim.kernels.variation import vary
 
 NANOSECONDS = 1_000_000_000
+#: Fields of a navigation state without its time.
+MEASURED_FIELDS = tuple(name for name in NAVIGATION.fields or () if name != "time")
 SHORTEST_PERIOD_S = 1e-3
 
 
@@ -150,6 +152,7 @@ class Simulator:
         self._period_ns = round(options.navigation_period_s * NANOSECONDS)
         self._tick = 0
         self._events_read = 0
+        self._measured = self._vehicle.navigation[list(MEASURED_FIELDS)]
 
     @property
     def plant(self) -> Any:
@@ -160,6 +163,11 @@ class Simulator:
     def navigation(self) -> Any:
         """The present navigation state, record NAVIGATION."""
         return self._vehicle.navigation[0]
+
+    @property
+    def measured(self) -> Any:
+        """The present navigation state in the words of NavState."""
+        return self._measured[0]
 
     @property
     def sequence(self) -> int:

@@ -76,7 +76,7 @@ class ThesisPeg(Law):
             ValueError: not two stages with one heating jettison in the second, nothing free but
                 the last burn, or a target without an inclination.
         """
-        if needs_plan(LAW, arrays):
+        if needs_plan(arrays):
             raise ValueError(
                 f"the mission leaves {name_free_arcs(arrays)} free; law peg_thesis flies missions "
                 "of which only the last arc is free"

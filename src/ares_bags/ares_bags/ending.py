@@ -1,0 +1,114 @@
+"""The end of an MCAP file: metadata record, end of data, summary with the index, footer."""
+
+# mypy: allow-untyped-calls
+# some methods of the MCAP library have no types
+
+import zlib
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from struct import pack
+from typing import Any
+
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Metadata,
+    MetadataIndex,
+    Statistics,
+    SummaryOffset,
+)
+from mcap.writer import MCAP0_MAGIC
+
+from ares_bags.contents import Contents
+from ares_bags.metadata import RECORD_NAME
+
+
+@dataclass
+class ChunkEntry:
+    """What the end of a file says of one chunk.
+
+    Attributes:
+        index: where the chunk and its message indexes are.
+        counts: its messages by channel.
+    """
+
+    index: ChunkIndex
+    counts: dict[int, int] = field(default_factory=dict)
+
+
+def _group(builder: RecordBuilder, opcode: Opcode, records: list[Any], base: int) -> SummaryOffset:
+    begin = builder.count
+    for record in records:
+        record.write(builder)
+    return SummaryOffset(
+        group_opcode=opcode, group_start=base + begin, group_length=builder.count - begin
+    )
+
+
+def ending(
+    begin: int,
+    contents: Contents,
+    chunks: Sequence[ChunkEntry],
+    metadata: Sequence[MetadataIndex],
+    data: Mapping[str, str],
+    checksum: int,
+) -> bytes:
+    """Everything after the last chunk.
+
+    Args:
+        begin: where it goes, bytes from the begin of the file.
+        contents: schemas and channels.
+        chunks: all of them.
+        metadata: the metadata records before the chunks.
+        data: content of the metadata record to come.
+        checksum: CRC-32 of all before `begin`.
+    """
+    builder = RecordBuilder()
+    Metadata(name=RECORD_NAME, metadata=dict(data)).write(builder)
+    metadata = [*metadata, MetadataIndex(begin, builder.count, RECORD_NAME)]
+    before = builder.end()
+    DataEnd(data_section_crc=zlib.crc32(before, checksum)).write(builder)
+    before += builder.end()
+
+    counts: Counter[int] = Counter()
+    for chunk in chunks:
+        counts.update(chunk.counts)
+    statistics = Statistics(
+        attachment_count=0,
+        channel_count=len(contents.channels),
+        channel_message_counts=dict(counts),
+        chunk_count=len(chunks),
+        message_count=counts.total(),
+        message_start_time=min((chunk.index.message_start_time for chunk in chunks), default=0),
+        message_end_time=max((chunk.index.message_end_time for chunk in chunks), default=0),
+        metadata_count=len(metadata),
+        schema_count=len(contents.schemas),
+    )
+    base = begin + len(before)
+    groups = [
+        _group(builder, opcode, records, base)
+        for opcode, records in (
+            (Opcode.SCHEMA, list(contents.schemas.values())),
+            (Opcode.CHANNEL, list(contents.channels.values())),
+            (Opcode.STATISTICS, [statistics]),
+            (Opcode.CHUNK_INDEX, [chunk.index for chunk in chunks]),
+            (Opcode.METADATA_INDEX, metadata),
+        )
+        if records
+    ]
+    offsets_begin = base + builder.count
+    for group in groups:
+        group.write(builder)
+    summary = builder.end()
+    # the checksum runs over the summary and the footer up to the checksum itself
+    footer_head = pack("<BQQQ", Opcode.FOOTER, 8 + 8 + 4, base, offsets_begin)
+    Footer(
+        summary_start=base,
+        summary_offset_start=offsets_begin,
+        summary_crc=zlib.crc32(footer_head, zlib.crc32(summary)),
+    ).write(builder)
+    return bytes(before + summary + builder.end() + MCAP0_MAGIC)

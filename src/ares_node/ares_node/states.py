@@ -1,0 +1,86 @@
+"""States as bytes: what is sent at the full rate is not converted field by field.
+
+NavState and VehicleState have a fixed size. As CDR they are a head and a NumPy record; to make,
+to fill and to convert a message takes longer than all the rest of sending and receiving it.
+"""
+
+from struct import Struct
+from typing import Any
+
+import numpy as np
+
+from ares_node.time import NANOSECONDS
+
+_TYPES: dict[str, np.dtype[Any]] = {"double": np.dtype("<f8"), "uint8": np.dtype("<u1")}
+#: Begin of the message class: seconds, nanoseconds, flight, sequence.
+_HEAD_FIELDS = {
+    "stamp": "builtin_interfaces/Time",
+    "flight_id": "uint64",
+    "sequence": "uint32",
+}
+_HEADS = Struct(">iIQI"), Struct("<iIQI")
+#: Encapsulation header, which comes first: CDR, little endian.
+_LITTLE = b"\x00\x01\x00\x00"
+_BEGIN = len(_LITTLE)
+
+
+class StateMessage:
+    """A message class that begins with stamp, flight_id and sequence, as bytes and back.
+
+    Attributes:
+        fields: names of the other fields, in order: those of the record.
+    """
+
+    def __init__(self, kind: Any) -> None:
+        """Lay out the fields: CDR puts each number at a multiple of its size.
+
+        Raises:
+            TypeError: the class begins otherwise, or a field has no fixed size.
+        """
+        named: dict[str, str] = kind.get_fields_and_field_types()
+        if dict(list(named.items())[:3]) != _HEAD_FIELDS:
+            raise TypeError(f"{kind.__name__} does not begin with {', '.join(_HEAD_FIELDS)}")
+        self.fields = tuple(named)[3:]
+        formats: list[np.dtype[Any]] = []
+        offsets: list[int] = []
+        end = _HEADS[0].size
+        for name in self.fields:
+            base, _, length = named[name].removesuffix("]").partition("[")
+            if base not in _TYPES or not (length or "1").isdigit():
+                raise TypeError(f"{kind.__name__}.{name} is {named[name]}; expected a fixed size")
+            number = _TYPES[base]
+            offsets.append(-(-end // number.itemsize) * number.itemsize)
+            formats.append(np.dtype((number, int(length))) if length else number)
+            end = offsets[-1] + formats[-1].itemsize
+        layout: Any = {"names": self.fields, "formats": formats, "offsets": offsets}
+        layout["itemsize"] = end
+        little: np.dtype[np.void] = np.dtype(layout)
+        self._layouts = little.newbyteorder(">"), little
+        self._buffer = bytearray(_LITTLE) + bytes(little.itemsize)
+        self._record = np.frombuffer(self._buffer, little, offset=_BEGIN)
+
+    def data(self, stamp_ns: int, flight_id: int, sequence: int, record: Any) -> bytes:
+        """What a publisher takes in place of a message.
+
+        Args:
+            stamp_ns: time in ns.
+            flight_id: as in the message; so the next.
+            sequence: number of the state.
+            record: with as many fields as `fields`, in that order.
+        """
+        sec, nanosec = divmod(stamp_ns, NANOSECONDS)
+        _HEADS[1].pack_into(self._buffer, _BEGIN, sec, nanosec, flight_id, sequence)
+        self._record[0] = record
+        return bytes(self._buffer)
+
+    def read(self, data: bytes) -> tuple[int, int, int, Any]:
+        """Stamp in ns, flight_id, sequence and record of what a raw subscription gets.
+
+        Raises:
+            struct.error, ValueError: it is shorter than such a message.
+        """
+        # the second byte is odd for little endian
+        order = data[1] & 1
+        sec, nanosec, flight_id, sequence = _HEADS[order].unpack_from(data, _BEGIN)
+        record = np.frombuffer(data, self._layouts[order], 1, _BEGIN)[0]
+        return sec * NANOSECONDS + nanosec, flight_id, sequence, record
