@@ -219,6 +219,7 @@ LEG = np.dtype(
         ("coasting", np.int64),
         ("cycle_time", np.float64),  # s, of the next cycle in a coast
         ("steering", STEERING),  # its cut-off is the leg's
+        ("begin", np.float64),  # s, of its first burn, or where it was entered
         # a guess for a search that begins, from the plan
         ("time_to_go", np.float64),  # s, to the end of the leg; 0: none
         ("first_direction", np.float64, (3,)),

@@ -1,10 +1,13 @@
 """Missions with free arcs before the last, flown by a plan: leg by leg, each burn cut off."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
+from ares_guidance.arrays import ERROR_TIME_TO_GO_JUMP
 from ares_guidance.guess import ArcPlan
 from ares_guidance.laws import check_law, make_law
 from ares_models.mission import load_mission
@@ -220,3 +223,85 @@ def test_a_last_burn_of_fixed_length_in_held_attitude(restart, tmp_path):
     assert np.linalg.norm(plant["velocity"]) == pytest.approx(7797.3928, abs=0.1)
     with pytest.raises(ValueError, match="law is 'igm', which flies no burn in held attitude"):
         make_law("igm", mission.arrays())
+
+
+def test_a_first_solution_far_from_the_plan_is_not_flown(restart):
+    """There is more than one way to the same end: the plan is steered by instead."""
+    mission, trajectory = restart
+    plan = trajectory.arc_plan(mission.arrays())
+    longer = replace(plan, lengths_s={**plan.lengths_s, 1: 1.6 * BURN})
+    law = make_law("peg", mission.arrays())
+    law.follow_arcs(longer)
+    law.step(mission.start().navigation()[0])
+    assert law.state["error"] == ERROR_TIME_TO_GO_JUMP
+    assert not law.converged
+    steering = law.steering[0]
+    assert math.isnan(steering["cutoff_time"])
+    assert steering["arc_end_times"][1] == pytest.approx(148.102380138703 + 1.6 * BURN)
+    length = steering["arc_end_times"][1]
+    for t, planned in zip((0.0, length), plan.directions[1], strict=True):
+        u = steering["direction"] + (t - steering["reference_time"]) * steering["direction_rate"]
+        assert u / np.linalg.norm(u) == pytest.approx(planned, abs=1e-9)
+
+
+TWO_BURNS = """
+name: two_burns
+title: orbit raise by two burns
+source: Dymos finite_burn_orbit_raise, scaled to Earth
+environment:
+  mu_m3_s2: 3.986004418e14
+  earth:
+    {equatorial_radius_m: 6378137.0, polar_radius_m: 6378137.0, rotation_rate_rad_s: 7.29211585e-5}
+  atmosphere: {model: us76, density_factor: 1.0e-12}
+initial_state:
+  time_s: 0.0
+  position_m: [6678137.0, 0.0, 0.0]
+  velocity_m_s: [0.0, 6690.704624526, 3862.880116039]
+stages:
+  - name: stage
+    ignition_mass_kg: 100000.0
+    propellant_kg: 30000.0
+    arcs:
+      - {thrust_n: 89377.2786685, isp_s: 1181.712444934, burn_time_s: free}
+      - {coast_s: free}
+      - {thrust_n: 89377.2786685, isp_s: 1181.712444934, burn_time_s: free}
+target:
+  radius_m: 20034411.0
+  speed_m_s: 4460.469749684
+  flight_path_angle_deg: 0.0
+  inclination_deg: 30.0
+"""
+
+
+@pytest.mark.parametrize("name", ["peg", "igm"])
+def test_a_burn_through_a_third_of_an_orbit_and_a_long_coast(tmp_path, name):
+    """The optimum takes 3,086.3 m/s; the plan here burns along the velocity at first."""
+    path = tmp_path / "two_burns.yaml"
+    path.write_text(TWO_BURNS)
+    mission = load_mission(path)
+    arcs = mission.arrays().arcs
+    thrust, flow = arcs["thrust"][0], arcs["mass_flow"][0]
+    start = mission.start()
+
+    def rates(t, x):
+        r, v = x[:3], x[3:]
+        pull = 3.986004418e14 / np.linalg.norm(r) ** 3
+        push = thrust / (start.mass_kg - flow * t) / np.linalg.norm(v)
+        return [*v, *(push * v - pull * r)]
+
+    burn = 1931.755592
+    first = [*start.position, *start.velocity]
+    end = solve_ivp(rates, (0.0, burn), first, rtol=1e-10, atol=1e-6).y[:, -1]
+    along = np.array([start.velocity, end[3:]])
+    plan = ArcPlan(
+        {0: burn, 1: 6378.033999, 2: 1099.822},
+        {0: Insertion.from_state(end[:3], end[3:])},
+        {0: along / np.linalg.norm(along, axis=1, keepdims=True)},
+    )
+    law = make_law(name, mission.arrays())
+    law.follow_arcs(plan)
+    flight = fly_compiled(mission, options=CAMPAIGN, law=law)
+    assert flight.plant["inserted"] == 1
+    assert np.linalg.norm(flight.plant["position"]) == pytest.approx(20034411.0, abs=1.0)
+    assert np.linalg.norm(flight.plant["velocity"]) == pytest.approx(4460.4697, abs=1e-3)
+    assert 3086.3 < spent(mission, flight) < 3105.0

@@ -57,6 +57,10 @@ from ares_models.kernels.vectors import (
     unit,
 )
 
+#: rad; in a flight by a plan, whose burns may go far round the planet, the coast that shadows the
+#: thrusted path is begun anew after so much of it.
+PIECE = 0.5
+MOST_PIECES = 8
 #: Sine of the inclination below which the node has no meaning.
 EQUATORIAL = 1e-6
 #: Newton steps in one search, and halvings of one of them.
@@ -110,15 +114,24 @@ def predict_end(mission: MissionRecords, onboard: Onboard) -> End:
     t_go = turn.unknowns[6] * turn.time_scale
     horizon = t_go + state.solution.tail_drift
     steering = steering_of(turn)
-    thrust_v, thrust_r = turned_thrust(state, horizon, t_go, steering)
-    gravity_v, gravity_r = gravity_effect(r, v, thrust_v, thrust_r, horizon, mission.environment.mu)
+    pieces = 1
+    if state.leg.count > 0:
+        angle = state.solution.primer_rate * horizon
+        pieces = min(MOST_PIECES, 1 + int(max(0.0, angle) / PIECE))
+    span = horizon / pieces
+    before_v, before_r = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for i in range(pieces):
+        until = horizon if i + 1 == pieces else (i + 1) * span
+        thrust_v, thrust_r = turned_thrust(state, until, t_go, steering)
+        # what the thrust of this piece gives
+        gain_v = sub(thrust_v, before_v)
+        gain_r = sub(thrust_r, axpy(span, before_v, before_r))
+        gravity_v, gravity_r = gravity_effect(r, v, gain_v, gain_r, span, mission.environment.mu)
+        r = add(axpy(span, v, r), add(gravity_r, gain_r))
+        v = add(v, add(gravity_v, gain_v))
+        before_v, before_r = thrust_v, thrust_r
     direction, rate = primer(state.solution, steering, t_go)
-    return (
-        add(axpy(horizon, v, r), add(gravity_r, thrust_r)),
-        add(v, add(gravity_v, thrust_v)),
-        direction,
-        rate,
-    )
+    return r, v, direction, rate
 
 
 @kernel

@@ -11,7 +11,13 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from ares_guidance.arrays import PHASE_CONVERGING, PHASE_IDLE, Onboard
+from ares_guidance.arrays import (
+    ERROR_TIME_TO_GO_JUMP,
+    PHASE_CONVERGING,
+    PHASE_IDLE,
+    PHASE_TRACKING,
+    Onboard,
+)
 from ares_guidance.kernels.cycle import guidance_step, navigation_is_sound
 from ares_guidance.kernels.start import start_guess
 from ares_models.arrays import BURN, COAST, MissionRecords, Record
@@ -19,7 +25,12 @@ from ares_models.jit import inlined, kernel
 from ares_models.kernels.environment import heating_rate
 from ares_models.kernels.kepler import kepler
 from ares_models.kernels.sequence import mass_at_staging
-from ares_models.kernels.vectors import load, store
+from ares_models.kernels.vectors import add, load, norm, scale, store, sub, unit
+
+#: How far the first solution of a leg may be from the plan's end, as a part of the leg.
+ALLOWED_SHARE = 0.1
+#: Length of the mean of two directions below which it says nothing.
+LEAST_MEAN = 0.15
 
 
 @kernel
@@ -186,6 +197,47 @@ def begin_leg(mission: MissionRecords, onboard: Onboard) -> None:
 
 
 @kernel
+def check_first(mission: MissionRecords, onboard: Onboard, last: int) -> None:
+    """Do not fly the first solution of a leg that would end it far from the plan.
+
+    Over a long burn there is more than one way to the same end. Of the last leg, which nothing
+    follows, any is good.
+
+    Args:
+        mission: the leg's.
+        onboard: as the law sees it in the leg. Changed.
+        last: index of the mission's last arc.
+    """
+    state = onboard.state
+    leg = state.leg
+    planned = leg.navigation.time + leg.time_to_go
+    allowed = max(ALLOWED_SHARE * (planned - leg.begin), onboard.settings.time_to_go_jump_limit)
+    if leg.count <= last and abs(onboard.steering.cutoff_time - planned) > allowed:
+        state.error = ERROR_TIME_TO_GO_JUMP
+        state.phase = PHASE_CONVERGING
+        onboard.steering.cutoff_time = math.nan
+        start_guess(mission, onboard)
+
+
+@kernel
+def steer_by_plan(leg: Record) -> None:
+    """Until there is a solution: turn from the plan's first direction to its last.
+
+    Args:
+        leg: record LEG. Its steering is changed.
+    """
+    first, last = load(leg.first_direction), load(leg.last_direction)
+    mean = scale(0.5, add(first, last))
+    length = leg.navigation.time + leg.time_to_go - leg.begin
+    if norm(mean) < LEAST_MEAN or not length > 0.0:
+        return
+    steering = leg.steering
+    steering.reference_time = leg.begin + 0.5 * length
+    store(steering.direction, unit(mean))
+    store(steering.direction_rate, scale(1.0 / (length * norm(mean)), sub(last, first)))
+
+
+@kernel
 def command_flight(mission: MissionRecords, onboard: Onboard) -> None:
     """Command the leg's steering, and from its cut-off on what is planned to the end.
 
@@ -238,7 +290,15 @@ def step_by_legs(mission: MissionRecords, onboard: Onboard) -> None:
     look_ahead(mission, nav, leg)
     guess_end(mission, state)
     if begins:
+        leg.begin = leg.navigation.time
         begin_leg(mission_of_leg(mission, leg), onboard_of_leg(onboard, leg))
     time_cycle(onboard, was_coasting)
+    searching = state.phase <= PHASE_CONVERGING
     guidance_step(mission_of_leg(mission, leg), onboard_of_leg(onboard, leg))
+    if searching and state.phase == PHASE_TRACKING:
+        check_first(
+            mission_of_leg(mission, leg), onboard_of_leg(onboard, leg), mission.arcs.shape[0] - 1
+        )
+    if state.phase == PHASE_CONVERGING and math.isnan(leg.steering.cutoff_time):
+        steer_by_plan(leg)
     command_flight(mission, onboard)
