@@ -34,6 +34,9 @@ MAX_PLANE_CHANGE = math.radians(30.0)
 #: m between perigee and apogee below which an orbit is a circle.
 CIRCLE_M = 1.0
 
+# eccentricity of a hyperbola with twice the escape speed at perigee
+_FASTEST = 7.0
+
 # sine of the inclination below which an orbit has no node
 _FLAT = 1e-6
 
@@ -250,16 +253,12 @@ class TargetOrbit(Part):
             fail((key,), getattr(self, key), f"no apogee, because {escape} is that of an escape")
 
     def _check_equatorial(self) -> None:
-        """Report an argument of perigee that is counted from nothing."""
-        inclination, argument = self.inclination_deg, self.argument_of_perigee_deg
-        if inclination is None or argument is None or self.ascending_node_deg is not None:
+        """Report a node where there is none, and what is counted from it."""
+        if self.inclination_deg is None or self.keplerian:
             return
-        if math.sin(math.radians(inclination)) < _FLAT:
-            fail(
-                ("argument_of_perigee_deg",),
-                argument,
-                "no such key without ascending_node_deg: the orbit lies in the equator",
-            )
+        if math.sin(math.radians(self.inclination_deg)) < _FLAT:
+            for key in self._given(("ascending_node_deg", "argument_of_perigee_deg")):
+                fail((key,), getattr(self, key), "no such key, the orbit lies in the equator")
 
     def sizes(self, mission: "Mission") -> dict[str, float]:
         """Size and shape as far as they are named, by the fields of TARGET, SI."""
@@ -312,6 +311,12 @@ class TargetOrbit(Part):
                 ("target", last),
                 getattr(self, last),
                 f"a perigee {above}; it is {conic.perigee:,.0f} m",
+            )
+        if conic.eccentricity > _FASTEST:
+            fail(
+                ("target", last),
+                getattr(self, last),
+                "an escape that is slower at its perigee than twice the escape speed",
             )
         if len(sizes) == 1 and conic.c3 < -mu / ground:
             fail(("target", last), getattr(self, last), f"a semi-major axis {above}")

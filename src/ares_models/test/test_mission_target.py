@@ -145,6 +145,8 @@ REFUSED = [
     ({"semi_major_axis_m": 7e6, "eccentricity": 1.2}, "eccentricity", "less than 1, of an ellipse"),
     ({"c3_m2_s2": 1e6, "eccentricity": 0.2}, "eccentricity", "more than 1, of an escape"),
     ({"c3_m2_s2": 0.0, "eccentricity": 1.0}, "eccentricity", "no such key beside c3_m2_s2 0"),
+    ({"perigee_altitude_m": 2e5, "c3_m2_s2": 4e8}, "c3_m2_s2", "than twice the escape speed"),
+    ({"perigee_altitude_m": 2e5, "eccentricity": 7.1}, "eccentricity", "an escape that is slower"),
     ({"semi_major_axis_m": 0.0}, "semi_major_axis_m", "more than 0, or less for a hyperbola"),
     (
         {"perigee_altitude_m": 2e5, "argument_of_perigee_deg": 3.0},
@@ -183,9 +185,10 @@ def test_what_makes_no_sense_is_refused_by_its_key(aimed, target, key, words):
     assert words in text
 
 
-def test_an_equatorial_orbit_has_no_perigee_to_count_from_its_node():
+@pytest.mark.parametrize("key", ["ascending_node_deg", "argument_of_perigee_deg"])
+def test_an_equatorial_orbit_has_no_node_to_count_from(key):
     with pytest.raises(ValueError, match="the orbit lies in the equator"):
-        TargetOrbit(perigee_altitude_m=2e5, inclination_deg=0.0, argument_of_perigee_deg=10.0)
+        TargetOrbit(**GTO, inclination_deg=0.0, **{key: 10.0})
 
 
 def test_what_is_aimed_at_lies_on_the_orbit(aimed):
