@@ -97,7 +97,7 @@ class Conic(NamedTuple):
 
     Attributes:
         perigee: radius, m.
-        eccentricity: 0 or more.
+        eccentricity: 0 or more; less where the apogee would be below the perigee.
         c3: twice the energy, m2/s2.
     """
 
@@ -117,8 +117,7 @@ def complete(named: Mapping[str, float], mu: float, start: float) -> Conic:
     """The orbit of one or two of size and shape.
 
     A perigee alone is that of a circle; an apogee or an energy alone goes with the perigee at
-    ``start``, or lower if the orbit lies lower. The eccentricity is negative where the apogee
-    would be below the perigee.
+    ``start``, or lower if the orbit lies lower.
 
     Args:
         named: perigee_radius, apogee_radius, semi_major_axis (m), eccentricity, c3 (m2/s2).
@@ -286,7 +285,7 @@ class TargetOrbit(Part):
         sizes = self.sizes(mission)
         conic = self.conic(mission)
         known = len(sizes) == 2 or "perigee_radius" in sizes
-        return known and conic.apogee - conic.perigee <= CIRCLE_M and not self.keplerian
+        return known and abs(conic.apogee - conic.perigee) <= CIRCLE_M and not self.keplerian
 
     def check(self, mission: "Mission") -> None:
         """Report what is no orbit, or not above the ground."""
@@ -297,14 +296,10 @@ class TargetOrbit(Part):
         for apsis in self._given(("perigee", "apogee")):
             key = self._key(apsis)
             if sizes[f"{apsis}_radius"] <= ground:
-                fail(
-                    ("target", key),
-                    getattr(self, key),
-                    f"an {apsis} {above}".replace("an p", "a p"),
-                )
+                fail(("target", key), getattr(self, key), f"the {apsis} {above}")
         last = self._key(self._given(_SIZES)[-1])
         conic = self.conic(mission)
-        if conic.eccentricity < 0.0:
+        if conic.apogee < conic.perigee - CIRCLE_M:
             fail(("target", last), getattr(self, last), "an apogee that is not below the perigee")
         if len(sizes) == 2 and not conic.perigee > ground:
             fail(
