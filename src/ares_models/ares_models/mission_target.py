@@ -34,6 +34,9 @@ MAX_PLANE_CHANGE = math.radians(30.0)
 #: m between perigee and apogee below which an orbit is a circle.
 CIRCLE_M = 1.0
 
+# eccentricity of a hyperbola with twice the escape speed at perigee
+_FASTEST = 7.0
+
 # sine of the inclination below which an orbit has no node
 _FLAT = 1e-6
 
@@ -94,7 +97,7 @@ class Conic(NamedTuple):
 
     Attributes:
         perigee: radius, m.
-        eccentricity: 0 or more.
+        eccentricity: 0 or more; less where the apogee would be below the perigee.
         c3: twice the energy, m2/s2.
     """
 
@@ -114,8 +117,7 @@ def complete(named: Mapping[str, float], mu: float, start: float) -> Conic:
     """The orbit of one or two of size and shape.
 
     A perigee alone is that of a circle; an apogee or an energy alone goes with the perigee at
-    ``start``, or lower if the orbit lies lower. The eccentricity is negative where the apogee
-    would be below the perigee.
+    ``start``, or lower if the orbit lies lower.
 
     Args:
         named: perigee_radius, apogee_radius, semi_major_axis (m), eccentricity, c3 (m2/s2).
@@ -250,16 +252,12 @@ class TargetOrbit(Part):
             fail((key,), getattr(self, key), f"no apogee, because {escape} is that of an escape")
 
     def _check_equatorial(self) -> None:
-        """Report an argument of perigee that is counted from nothing."""
-        inclination, argument = self.inclination_deg, self.argument_of_perigee_deg
-        if inclination is None or argument is None or self.ascending_node_deg is not None:
+        """Report a node where there is none, and what is counted from it."""
+        if self.inclination_deg is None or self.keplerian:
             return
-        if math.sin(math.radians(inclination)) < _FLAT:
-            fail(
-                ("argument_of_perigee_deg",),
-                argument,
-                "no such key without ascending_node_deg: the orbit lies in the equator",
-            )
+        if math.sin(math.radians(self.inclination_deg)) < _FLAT:
+            for key in self._given(("ascending_node_deg", "argument_of_perigee_deg")):
+                fail((key,), getattr(self, key), "no such key, the orbit lies in the equator")
 
     def sizes(self, mission: "Mission") -> dict[str, float]:
         """Size and shape as far as they are named, by the fields of TARGET, SI."""
@@ -287,7 +285,7 @@ class TargetOrbit(Part):
         sizes = self.sizes(mission)
         conic = self.conic(mission)
         known = len(sizes) == 2 or "perigee_radius" in sizes
-        return known and conic.apogee - conic.perigee <= CIRCLE_M and not self.keplerian
+        return known and abs(conic.apogee - conic.perigee) <= CIRCLE_M and not self.keplerian
 
     def check(self, mission: "Mission") -> None:
         """Report what is no orbit, or not above the ground."""
@@ -298,20 +296,22 @@ class TargetOrbit(Part):
         for apsis in self._given(("perigee", "apogee")):
             key = self._key(apsis)
             if sizes[f"{apsis}_radius"] <= ground:
-                fail(
-                    ("target", key),
-                    getattr(self, key),
-                    f"an {apsis} {above}".replace("an p", "a p"),
-                )
+                fail(("target", key), getattr(self, key), f"the {apsis} {above}")
         last = self._key(self._given(_SIZES)[-1])
         conic = self.conic(mission)
-        if conic.eccentricity < 0.0:
+        if conic.apogee < conic.perigee - CIRCLE_M:
             fail(("target", last), getattr(self, last), "an apogee that is not below the perigee")
         if len(sizes) == 2 and not conic.perigee > ground:
             fail(
                 ("target", last),
                 getattr(self, last),
                 f"a perigee {above}; it is {conic.perigee:,.0f} m",
+            )
+        if conic.eccentricity > _FASTEST:
+            fail(
+                ("target", last),
+                getattr(self, last),
+                "an escape that is slower at its perigee than twice the escape speed",
             )
         if len(sizes) == 1 and conic.c3 < -mu / ground:
             fail(("target", last), getattr(self, last), f"a semi-major axis {above}")

@@ -95,6 +95,9 @@ def test_a_circle_is_a_state(aimed):
         {"perigee_altitude_m": 185e3, "apogee_radius_m": PERIGEE},
         {"perigee_altitude_m": 185e3},
         {"semi_major_axis_m": PERIGEE, "eccentricity": 0.0},
+        {"semi_major_axis_m": PERIGEE, "perigee_altitude_m": 185e3},
+        {"c3_m2_s2": -MU / PERIGEE, "perigee_altitude_m": 185e3},
+        {"perigee_altitude_m": 185e3, "apogee_altitude_m": 184999.5},
     ):
         target = aimed(**circle, inclination_deg=28.5).arrays().target[0]
         assert target["kind"] == layout.TARGET_RADIUS_SPEED_ANGLE_INCLINATION
@@ -132,9 +135,9 @@ REFUSED = [
     ({"at": "perigee"}, "perigee_radius_m", "is missing; expected a size of the orbit"),
     ({"perigee_altitude_m": 4e5, "apogee_altitude_m": 3e5}, "apogee_altitude_m", "not below the"),
     ({"perigee_altitude_m": 4e5, "semi_major_axis_m": 6.5e6}, "semi_major_axis_m", "not below"),
-    ({"perigee_radius_m": 6.3e6}, "perigee_radius_m", "a perigee above the Earth's radius"),
-    ({"apogee_radius_m": 6.3e6}, "apogee_radius_m", "an apogee above the Earth's radius"),
-    ({"perigee_altitude_m": 0.0}, "perigee_altitude_m", "a perigee above the Earth's radius"),
+    ({"perigee_radius_m": 6.3e6}, "perigee_radius_m", "the perigee above the Earth's radius"),
+    ({"apogee_radius_m": 6.3e6}, "apogee_radius_m", "the apogee above the Earth's radius"),
+    ({"perigee_altitude_m": 0.0}, "perigee_altitude_m", "the perigee above the Earth's radius"),
     ({"semi_major_axis_m": 7e6, "eccentricity": 0.2}, "eccentricity", "it is 5,600,000 m"),
     ({"apogee_altitude_m": 3e5, "eccentricity": 0.2}, "eccentricity", "it is 4,452,093 m"),
     ({"semi_major_axis_m": 6e6}, "semi_major_axis_m", "a semi-major axis above the Earth's"),
@@ -145,6 +148,8 @@ REFUSED = [
     ({"semi_major_axis_m": 7e6, "eccentricity": 1.2}, "eccentricity", "less than 1, of an ellipse"),
     ({"c3_m2_s2": 1e6, "eccentricity": 0.2}, "eccentricity", "more than 1, of an escape"),
     ({"c3_m2_s2": 0.0, "eccentricity": 1.0}, "eccentricity", "no such key beside c3_m2_s2 0"),
+    ({"perigee_altitude_m": 2e5, "c3_m2_s2": 4e8}, "c3_m2_s2", "than twice the escape speed"),
+    ({"perigee_altitude_m": 2e5, "eccentricity": 7.1}, "eccentricity", "an escape that is slower"),
     ({"semi_major_axis_m": 0.0}, "semi_major_axis_m", "more than 0, or less for a hyperbola"),
     (
         {"perigee_altitude_m": 2e5, "argument_of_perigee_deg": 3.0},
@@ -183,9 +188,10 @@ def test_what_makes_no_sense_is_refused_by_its_key(aimed, target, key, words):
     assert words in text
 
 
-def test_an_equatorial_orbit_has_no_perigee_to_count_from_its_node():
+@pytest.mark.parametrize("key", ["ascending_node_deg", "argument_of_perigee_deg"])
+def test_an_equatorial_orbit_has_no_node_to_count_from(key):
     with pytest.raises(ValueError, match="the orbit lies in the equator"):
-        TargetOrbit(perigee_altitude_m=2e5, inclination_deg=0.0, argument_of_perigee_deg=10.0)
+        TargetOrbit(**GTO, inclination_deg=0.0, **{key: 10.0})
 
 
 def test_what_is_aimed_at_lies_on_the_orbit(aimed):

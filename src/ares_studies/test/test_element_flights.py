@@ -138,3 +138,37 @@ def test_a_place_beside_a_perigee_is_for_the_optimal_law(law):
         return
     with pytest.raises(ValueError, match=f"law is '{law}'; expected one that flies to a place"):
         check_law(law, arrays, start)
+
+
+def test_a_plane_that_the_flight_hardly_comes_to():
+    # its northmost point is where the flight ends: no plane of the inclination passes beyond
+    mission = aimed(
+        perigee_altitude_m=282137.0,
+        eccentricity=0.00424849,
+        inclination_deg=29.3768,
+        true_anomaly_deg=24.0567,
+    )
+    met, result = judged(mission, fly_compiled(mission).plant)
+    assert met, result
+
+
+@pytest.mark.parametrize("inclination_deg", [0.0, 1.0])
+def test_from_the_equator(inclination_deg):
+    content = load_mission("ares_v").model_dump()
+    content["initial_state"] = {
+        "time_s": 155.9,
+        "latitude_deg": 0.0,
+        "right_ascension_deg": 20.0,
+        "radius_m": 6415384.0,
+        "speed_m_s": 1896.0,
+        "flight_path_angle_deg": 20.0,
+        "azimuth_deg": 90.0,
+    }
+    content["target"] = {**TRANSFER, "inclination_deg": inclination_deg}
+    mission = Mission.model_validate(content)
+    for limit_deg in (0.0, 40.0):
+        settings = LawSettings(small_turn_limit_deg=limit_deg)
+        met, result = judged(mission, fly_compiled(mission, settings).plant)
+        assert met, result
+    solution = solve_indirect(mission.arrays(), mission.start().navigation())
+    assert solution.converged, solution.reason

@@ -172,38 +172,50 @@ def miss_named_plane(mission: MissionRecords, turn: Record, end: End, rows: Reco
 
 @kernel
 def miss_elements(mission: MissionRecords, turn: Record, end: End, rows: Record) -> None:
-    """Residuals of a target by elements: the state aimed at, and what is free of its plane.
+    """Residuals of a target by elements: the state aimed at, and what is named of its plane.
 
     A plane that is not named may turn about the axes that keep what is named of it.
     """
     target = mission.target
     r, v, direction, rate = end
     speed = norm(v)
-    h = cross(r, v)
+    h = unit(cross(r, v))
     c = scale(1.0 / speed, sub(cross(v, direction), cross(r, rate)))
-    normal, _ = plane_normal(target, r, h)
+    scaled = speed / turn.speed_scale
+    # in the plane of the equator there is no node to turn
+    flat = names(target, NAMES_INCLINATION) and math.sin(target.inclination) <= EQUATORIAL
+    held = flat or plane_is_named(target)
+    normal, reachable = plane_normal(target, r, h)
+    if flat:
+        normal = named_plane(target)
+    elif not reachable:
+        normal = h
     radial = project_to_plane(r, normal)
     wanted_r, wanted_v, ahead = desired_state(target, mission.environment.mu, radial, normal)
     miss = scale(1.0 / turn.speed_scale, sub(v, wanted_v))
     rows[0] = (norm(r) - norm(wanted_r)) / turn.length_scale
     rows[1] = dot(miss, radial)
     rows[2] = dot(miss, ahead)
-    rows[3] = dot(miss, normal)
-    if plane_is_named(target):
+    if held:
+        rows[3] = dot(miss, normal)
         rows[4] = dot(r, normal) / turn.length_scale
     elif names(target, NAMES_INCLINATION):
+        rows[3] = dot(miss, normal)
+        if not reachable:
+            rows[3] = (h[2] - math.cos(target.inclination)) * scaled
         rows[4] = c[2]
     elif names(target, NAMES_ASCENDING_NODE):
-        rows[4] = c[0] * math.cos(target.ascending_node) + c[1] * math.sin(target.ascending_node)
+        node = (math.cos(target.ascending_node), math.sin(target.ascending_node), 0.0)
+        rows[3] = dot(miss, normal)
+        rows[4] = dot(c, node)
     else:
         rows[3] = dot(c, radial)
         rows[4] = dot(c, ahead)
-    along = names(target, NAMES_ARGUMENT_OF_PERIGEE) and not names(target, NAMES_TRUE_ANOMALY)
-    if along:
+    if names(target, NAMES_ARGUMENT_OF_PERIGEE) and not names(target, NAMES_TRUE_ANOMALY):
         pull = gravity(r, mission.environment)
         rows[5] = (dot(direction, pull) - dot(rate, v)) * turn.time_scale / turn.speed_scale
     else:
-        rows[5] = dot(c, unit(h))
+        rows[5] = dot(c, h)
 
 
 @kernel
