@@ -1,4 +1,4 @@
-"""States as bytes: what is sent at the full rate is not converted field by field.
+"""States and clock as bytes: what is sent at the full rate is not converted field by field.
 
 NavState and VehicleState have a fixed size. As CDR they are a head and a NumPy record; to make,
 to fill and to convert a message takes longer than all the rest of sending and receiving it.
@@ -19,9 +19,19 @@ _HEAD_FIELDS = {
     "sequence": "uint32",
 }
 _HEADS = Struct(">iIQI"), Struct("<iIQI")
+_TIME = Struct("<iI")
 #: Encapsulation header, which comes first: CDR, little endian.
 _LITTLE = b"\x00\x01\x00\x00"
 _BEGIN = len(_LITTLE)
+
+
+def clock_data(stamp_ns: int) -> bytes:
+    """What a publisher takes in place of a Clock.
+
+    Args:
+        stamp_ns: time in ns.
+    """
+    return _LITTLE + _TIME.pack(*divmod(stamp_ns, NANOSECONDS))
 
 
 class StateMessage:

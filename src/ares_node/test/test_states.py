@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
 from rclpy.serialization import deserialize_message, serialize_message
+from rosgraph_msgs.msg import Clock
 
 from ares_msgs.msg import GuidanceStatus, NavState, ThrustCommand, VehicleState
-from ares_node.states import StateMessage
+from ares_node.states import StateMessage, clock_data
 from ares_node.time import NANOSECONDS
 
 HEAD = {"flight_id": 2**64 - 1, "sequence": 2**32 - 1}
@@ -43,6 +44,12 @@ def test_what_one_writes_the_other_reads(kind):
         np.testing.assert_array_equal(record[name], getattr(message, name))
     back = deserialize_message(state.data(stamp, flight_id, sequence, record), kind)
     assert (back.stamp, plain(back)) == (message.stamp, plain(message))
+
+
+@pytest.mark.parametrize(("sec", "nanosec"), [(0, 0), (155, 900_000_000), (-3, 999_999_999)])
+def test_the_clock(sec, nanosec):
+    read = deserialize_message(clock_data(sec * NANOSECONDS + nanosec), Clock)
+    assert read == Clock(clock=Time(sec=sec, nanosec=nanosec))
 
 
 def test_one_message_does_not_change_the_next():

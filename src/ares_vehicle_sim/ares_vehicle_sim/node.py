@@ -32,7 +32,7 @@ from ares_node.qos import (
     VEHICLE_STATE,
 )
 from ares_node.run import EXIT_CANNOT_START, EXIT_OK
-from ares_node.states import StateMessage
+from ares_node.states import StateMessage, clock_data
 from ares_node.time import NANOSECONDS, ns_from_seconds, ns_from_stamp, stamp_from_ns
 from ares_vehicle_sim.arrays import GUIDANCE_BACK, GUIDANCE_LOST
 from ares_vehicle_sim.dispersions import Dispersions, load_dispersions
@@ -392,8 +392,9 @@ class VehicleSimNode(FlightNode):
 
     def _publish(self) -> None:
         simulator = self.simulator
-        head = (simulator.time_ns, self.flight_id, simulator.sequence)
-        self._clock_out.publish(Clock(clock=stamp_from_ns(simulator.time_ns)))
+        now = simulator.time_ns
+        head = (now, self._membership.flight_id, simulator.sequence)
+        self._clock_out.publish(clock_data(now))
         self._truth_out.publish(self._truth_message.data(*head, simulator.truth()))
         for event in simulator.new_events():
             self._event_out.publish(self._event_message(event))
