@@ -32,7 +32,15 @@ def variant(tmp_path, change, name="ares_v"):
 
 
 def test_shipped_missions():
-    assert list_missions() == ("ares_v", "ares_v_transients", "delta_iii", "saturn_v_as506")
+    assert list_missions() == (
+        "ares_v",
+        "ares_v_transients",
+        "delta_iii",
+        "delta_iii_coast",
+        "geostationary_transfer",
+        "saturn_v_as506",
+        "saturn_v_tli",
+    )
     for name in list_missions():
         mission = load_mission(name)
         assert mission.name == name

@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 #: Trial lengths of coasts as parts of the period of a low orbit, and of burns as parts of
 #: what the propellant allows.
-_COASTS = (0.01, 0.1, 0.03, 0.3, 0.55)
+_COASTS = (0.01, 0.1, 0.03, 0.3, 0.55, 0.8, 0.2, 0.42, 0.68, 0.93)
 _BURNS = (0.5, 0.8, 0.25)
 #: How far a coast may dip below the ground, of the radius there, to be shown and refused by
 #: name; what goes deeper is no flight.
@@ -86,8 +86,10 @@ def trial_lengths(arrays: MissionArrays, start: NDArray[np.void]) -> Iterator[Ar
         free_arcs(arrays, start[0]), *length_bounds(arrays, start[0]), strict=True
     ):
         burn = arrays.arcs[k]["kind"] == BURN
-        whole = high if burn else min(period, 2.0 * high)
-        parts = [part * whole for part in (_BURNS if burn else _COASTS)]
+        if burn:
+            parts = [part * high for part in _BURNS]
+        else:
+            parts = [low + part * min(period, 2.0 * (high - low)) for part in _COASTS]
         choices.append([min(max(part, low), high) for part in parts])
     count = max((len(choice) for choice in choices), default=1)
     seen = set()

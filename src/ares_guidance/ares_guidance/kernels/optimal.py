@@ -19,7 +19,7 @@ from ares_models.jit import inlined, kernel
 from ares_models.kernels.environment import log_heating_gradient
 from ares_models.kernels.linear import back_substitute
 from ares_models.kernels.sequence import aboard, awaits_heating, empty_mass
-from ares_models.kernels.vectors import axpy, dot, load, norm, scale, store, unit
+from ares_models.kernels.vectors import axpy, load, norm, scale, store, unit
 from ares_optimizer.two_point.arrays import (
     AT_ONCE,
     HELD,
@@ -38,6 +38,8 @@ from ares_optimizer.two_point.contract import (
     free_column,
     gravity_terms,
     lengths_inside,
+    next_ignition,
+    primer_along_velocity,
     scaled_length,
     shoot,
     unknown_count,
@@ -171,22 +173,13 @@ def carry_ends(mission: MissionRecords, onboard: Onboard, first: int) -> None:
 
 @kernel
 def planned_guess(believed: MissionRecords, onboard: Onboard) -> None:
-    """Unknowns from the plan: its lengths, and thrust along the velocity, turning with it."""
+    """Unknowns from the plan: its lengths, and thrust along the velocity at the next ignition."""
     nav = onboard.navigation
     state = onboard.state
     memory = state.optimal
     u = memory.unknowns
-    r = load(nav.position)
-    v = load(nav.velocity)
-    speed = norm(v)
-    along = scale(1.0 / speed, v)
-    radius = norm(r)
-    g = scale(-believed.environment.mu / (radius * radius * radius), r)
-    turn = scale(1.0 / speed, axpy(-dot(along, g), along, g))
-    for i in range(3):
-        u[i] = along[i]
-        u[3 + i] = -turn[i]
-    first = free_column(nav, believed.jettisons, memory.options)
+    first_end = free_column(nav, believed.jettisons, memory.options)
+    first = first_end
     end = nav.arc_start_time
     last = believed.arcs.shape[0] - 1
     for k in range(nav.arc, last + 1):
@@ -196,6 +189,11 @@ def planned_guess(believed: MissionRecords, onboard: Onboard) -> None:
             u[first] = end
             first += 1
     u[COLUMN_CUTOFF] = end
+    ignition = next_ignition(nav, believed, u[first_end:])
+    p, q = primer_along_velocity(nav, believed, ignition)
+    for i in range(3):
+        u[i] = p[i]
+        u[3 + i] = -q[i]
     index = COLUMN_JETTISON
     for j in range(believed.jettisons.shape[0]):
         if awaits_heating(believed.jettisons, nav.jettisoned, j):

@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from ares_models.arrays import BURN
+from ares_models.arrays import BURN, COAST
 from ares_optimizer.indirect.solver import Root, TwoPointSolver
 from ares_optimizer.kernels.timetable import COLUMN_CUTOFF, COLUMN_JETTISON
 from ares_optimizer.plan import free_arcs, length_bounds, longest_burn, trial_lengths
 from ares_optimizer.two_point.arrays import LAMBDA_R, NOT_HELD, PRIMER
+from ares_optimizer.two_point.kernels.tangential import next_ignition, primer_along_velocity
 
 Array = NDArray[np.float64]
 
@@ -29,6 +30,9 @@ _LEAST_TRIALS = 8
 #: Of one start, with lengths free and with all held.
 _ITERATIONS = 30
 _ITERATIONS_HELD = 50
+#: First lengths of the last burn, of its longest.
+_BURNT = 0.5
+_NEARLY_BURNT = 0.85
 #: Move of a length that must not save propellant, s, and as part of it.
 _MOVE_S = 1.0
 _MOVE_PART = 0.01
@@ -156,15 +160,14 @@ def unknowns_of(
 
 
 def along_velocity(solver: TwoPointSolver, start: NDArray[np.void], unknowns: Array) -> Array:
-    """The same with the primer along the velocity, turning as gravity turns that."""
-    position, velocity = start["position"][0], start["velocity"][0]
-    mu = float(solver.arrays.environment[0]["mu"])
-    gravity = -mu * position / np.linalg.norm(position) ** 3
-    speed = float(np.linalg.norm(velocity))
-    along = velocity / speed
+    """The same with thrust along the velocity at the next ignition, turning with it."""
+    free = len(free_arcs(solver.arrays, start[0]))
+    records = solver.arrays.records()
+    ignition = next_ignition(start[0], records, unknowns[unknowns.size - free :])
+    primer, rate = primer_along_velocity(start[0], records, ignition)
     out = unknowns.copy()
-    out[PRIMER] = along
-    out[LAMBDA_R] = -(gravity - along * (along @ gravity)) / speed
+    out[PRIMER] = primer
+    out[LAMBDA_R] = [-component for component in rate]
     return out
 
 
@@ -214,8 +217,8 @@ def _as_root(guess: Array, solver: TwoPointSolver, start: NDArray[np.void]) -> R
 def _try(search: _Search, lengths: Array) -> None:
     """From one set of lengths: held first, and along the velocity at once."""
     solver, start = search.solver, search.start
-    last = _last_length(solver)
-    unknowns = unknowns_of(solver, start, lengths, last)
+    longest = _longest_last(solver)
+    unknowns = unknowns_of(solver, start, lengths, _BURNT * longest)
     held = dict(enumerate(lengths))
     if math.isfinite(solver.arrays.arcs[-1]["duration"]):
         # one burn has to pay
@@ -229,8 +232,12 @@ def _try(search: _Search, lengths: Array) -> None:
         if search.beats(root) and not search.vanishes:
             search.descend(root, held)
     solver.hold(start, {})
-    ahead = along_velocity(solver, start, unknowns)
-    search.consider(search.take(solver.solve(start, ahead, restart=False)))
+    # from an orbit most is burnt at the end, in one go
+    orbits = solver.arrays.arcs[int(start["arc"][0])]["kind"] == COAST
+    for part in (_BURNT, _NEARLY_BURNT) if orbits else (_BURNT,):
+        unknowns = unknowns_of(solver, start, lengths, part * longest)
+        ahead = along_velocity(solver, start, unknowns)
+        search.consider(search.take(solver.solve(start, ahead, restart=False)))
 
 
 def _last_free_burn(solver: TwoPointSolver, start: NDArray[np.void]) -> int:
@@ -240,12 +247,12 @@ def _last_free_burn(solver: TwoPointSolver, start: NDArray[np.void]) -> int:
     return max(f for f, k in enumerate(free) if arcs[k]["kind"] == BURN)
 
 
-def _last_length(solver: TwoPointSolver) -> float:
-    """A first length of the last burn, s."""
+def _longest_last(solver: TwoPointSolver) -> float:
+    """Longest length of the last burn, s."""
     last = solver.arrays.arcs[-1]
     if math.isfinite(last["duration"]):
         return float(last["duration"])
-    return 0.5 * longest_burn(solver.arrays, len(solver.arrays.arcs) - 1)
+    return longest_burn(solver.arrays, len(solver.arrays.arcs) - 1)
 
 
 def is_least(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> bool:

@@ -16,6 +16,7 @@ from ares_optimizer.two_point.kernels.free_arcs import lengths_inside
 from ares_optimizer.two_point.kernels.newton import CONVERGED, scaled_length
 from ares_optimizer.two_point.kernels.search import find_optimum
 from ares_optimizer.two_point.kernels.shooting import free_column, shoot, unknown_count
+from ares_optimizer.two_point.kernels.tangential import next_ignition, primer_along_velocity
 
 __all__ = [
     "COLUMN_CUTOFF",
@@ -27,6 +28,8 @@ __all__ = [
     "free_column",
     "gravity_terms",
     "lengths_inside",
+    "next_ignition",
+    "primer_along_velocity",
     "scaled_length",
     "shoot",
     "unknown_count",

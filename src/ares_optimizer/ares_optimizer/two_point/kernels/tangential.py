@@ -1,0 +1,83 @@
+"""A first guess in orbit: at the next ignition thrust along the velocity, turning with it."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models.arrays import COAST, MissionRecords, Record
+from ares_models.jit import kernel
+from ares_models.kernels.kepler import kepler
+from ares_models.kernels.vectors import Vector, axpy, dot, load, norm, scale
+from ares_optimizer.kernels.timetable import ends_by_plan, free_index
+from ares_optimizer.two_point.arrays import INVERSE_SQUARE, Gravity
+from ares_optimizer.two_point.kernels.costates import gravity_terms
+
+_STEP = 60.0  # s
+_MOST_STEPS = 400.0
+
+
+@kernel
+def next_ignition(start: Record, mission: MissionRecords, ends: NDArray[np.float64]) -> float:
+    """When the next burn ignites, s; the start if one runs.
+
+    Args:
+        start: record NAVIGATION.
+        mission: what is flown.
+        ends: s, of the free arcs before the last.
+    """
+    k = start.arc
+    time = start.time
+    begin = start.arc_start_time
+    while mission.arcs[k].kind == COAST and k + 1 < mission.arcs.shape[0]:
+        if ends_by_plan(k, mission.arcs):
+            begin = ends[free_index(start, mission.arcs, k)]
+        else:
+            begin += mission.arcs[k].duration
+        time = max(time, begin)
+        k += 1
+    return time
+
+
+@kernel
+def primer_along_velocity(
+    start: Record, mission: MissionRecords, ignition: float
+) -> tuple[Vector, Vector]:
+    """Primer and its rate at the start that lead to thrust along the velocity at an ignition.
+
+    The coast before it is a conic, along which the primer's equation is linear; it is carried
+    back by Runge and Kutta's rule.
+
+    Args:
+        start: record NAVIGATION.
+        mission: its gravity is read.
+        ignition: s.
+
+    Returns:
+        a primer of length 1, and its rate, 1/s.
+    """
+    gravity = Gravity(mission.environment.mu, 0.0, INVERSE_SQUARE)
+    mu = gravity.mu
+    r0 = load(start.position)
+    v0 = load(start.velocity)
+    coast = ignition - start.time
+    r, v = kepler(r0, v0, coast, mu)
+    speed = norm(v)
+    p = scale(1.0 / speed, v)
+    g, _ = gravity_terms(r, gravity, p)
+    q = scale(1.0 / speed, axpy(-dot(p, g), p, g))
+    steps = int(min(_MOST_STEPS, np.ceil(coast / _STEP)))
+    for i in range(steps):
+        h = -coast / steps
+        after = coast * (steps - i) / steps
+        middle, _ = kepler(r0, v0, after + 0.5 * h, mu)
+        before, _ = kepler(r0, v0, after + h, mu)
+        _, k1 = gravity_terms(r, gravity, p)
+        _, k2 = gravity_terms(middle, gravity, axpy(0.5 * h, q, p))
+        _, k3 = gravity_terms(middle, gravity, axpy(0.5 * h, axpy(0.5 * h, k1, q), p))
+        _, k4 = gravity_terms(before, gravity, axpy(h, axpy(0.5 * h, k2, q), p))
+        rise = axpy(1.0, k1, axpy(1.0, k2, k3))
+        fall = axpy(1.0, k1, axpy(2.0, k2, axpy(2.0, k3, k4)))
+        p = axpy(h, axpy(h / 6.0, rise, q), p)
+        q = axpy(h / 6.0, fall, q)
+        r = before
+    size = 1.0 / norm(p)
+    return scale(size, p), scale(size, q)
