@@ -10,7 +10,7 @@ from rclpy.node import Node
 
 from ares_bringup.summary import ENDS, Diagnostic, Event, FlightSummary, Status
 from ares_msgs.msg import FlightEvent, FlightMember, GuidanceStatus
-from ares_node.diagnostics import hardware_id, of_another_flight
+from ares_node.diagnostics import LONGEST_CYCLE_MS, hardware_id, of_another_flight
 from ares_node.membership import Membership, Role, State
 from ares_node.qos import (
     DIAGNOSTIC,
@@ -142,6 +142,9 @@ class FlightMonitor:
             if of_another_flight(status, self.summary.flight_id):
                 self._is_ours(0)
                 continue
+            for item in status.values:
+                if item.key == LONGEST_CYCLE_MS:
+                    self.summary.longest_cycle_ms = float(item.value)
             level = _LEVELS.get(status.level)
             if level is not None and status.hardware_id == hardware_id(self.summary.flight_id):
                 self.last_heard = time.monotonic()

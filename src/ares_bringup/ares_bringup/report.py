@@ -138,11 +138,13 @@ def facts_of_flight(summary: FlightSummary) -> list[tuple[str, str]]:
             )
         )
     iterations = summary.first_convergence_iterations
+    longest = summary.longest_cycle_ms
     lines.append(
         (
             "guidance",
             f"{summary.guidance_cycles} cycles"
-            + (f", first solution after {iterations} iterations" if iterations else ""),
+            + (f", first solution after {iterations} iterations" if iterations else "")
+            + (f", the longest {longest:.3g} ms" if longest is not None else ""),
         )
     )
     if summary.diagnostic_count:

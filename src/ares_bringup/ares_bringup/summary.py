@@ -368,6 +368,7 @@ class FlightSummary:
         lost_messages: events, status messages and diagnostics that the monitor did not get.
         problems: what went wrong around the flight, one line each.
         interrupted: Ctrl-C or SIGTERM ended it.
+        longest_cycle_ms: wall time of the longest guidance cycle; None if guidance did not say.
         realtime_factor: flight time over wall time, start-up left out; None if not known.
         wall_s: wall time of the whole command, s.
     """
@@ -391,6 +392,7 @@ class FlightSummary:
     problems: list[str] = field(default_factory=list)
     interrupted: bool = False
     realtime_factor: float | None = None
+    longest_cycle_ms: float | None = None
     wall_s: float = math.nan
 
     # ---- collecting
@@ -569,6 +571,7 @@ class FlightSummary:
             "m_f_kg": self.m_f_kg,
             "insertion_error": {**keys, **errors},
             "guidance_cycles": self.guidance_cycles,
+            "longest_cycle_ms": self.longest_cycle_ms,
             "wall_s": self.wall_s,
             "realtime_factor": self.realtime_factor,
             "bag": self.bag,

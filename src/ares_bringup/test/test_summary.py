@@ -145,6 +145,7 @@ def test_json_has_every_key_and_no_nan(facts):
             "m_f_kg",
             "insertion_error",
             "guidance_cycles",
+            "longest_cycle_ms",
             "wall_s",
             "realtime_factor",
             "bag",

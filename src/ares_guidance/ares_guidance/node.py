@@ -20,7 +20,7 @@ from ares_models.arrays import HEATING_LIMIT, NAVIGATION
 from ares_models.mission import load_mission
 from ares_msgs.msg import FlightMember, GuidanceStatus, NavState, ThrustCommand
 from ares_msgs.srv import SolveTrajectory
-from ares_node.diagnostics import Level
+from ares_node.diagnostics import LONGEST_CYCLE, LONGEST_CYCLE_MS, Level
 from ares_node.identity import id_text
 from ares_node.membership import FLIGHT_ID, OPEN, Membership, Role, State
 from ares_node.node import FlightNode
@@ -140,6 +140,8 @@ class GuidanceNode(FlightNode):
         self._held_back: bytes | None = None
         self._ask_from = -math.inf
         self._last_ns: int | None = None
+        self._longest_cycle_s = 0.0
+        self._told_longest_cycle = False
         self._heard_at = -math.inf
         self._told: set[int] = set()
         self._looked_since: float | None = None
@@ -334,7 +336,10 @@ class GuidanceNode(FlightNode):
         self._measured[0] = measured
         law = self._law
         stamp = stamp_from_ns(now)
+        begun = time.perf_counter()
         due = law.step(nav)
+        if due:
+            self._longest_cycle_s = max(self._longest_cycle_s, time.perf_counter() - begun)
         if law.steered:
             steering = law.steering[0]
             self._command_out.publish(
@@ -390,6 +395,12 @@ class GuidanceNode(FlightNode):
         )
 
     def _report(self, now: int) -> None:
+        ending = int(self._law.state["phase"]) >= GuidanceStatus.PHASE_HOLD
+        if ending and not self._told_longest_cycle:
+            # what follows refines the cut-off and solves nothing
+            self._told_longest_cycle = True
+            milliseconds = f"{1e3 * self._longest_cycle_s:.6g}"
+            self.diagnostics.report(Level.OK, LONGEST_CYCLE, now, {LONGEST_CYCLE_MS: milliseconds})
         error = int(self._law.state["error"])
         if error != self._reported:
             self._reported = error

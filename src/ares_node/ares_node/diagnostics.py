@@ -12,6 +12,10 @@ from ares_node.identity import id_text
 from ares_node.qos import DIAGNOSTIC, DIAGNOSTICS, LOG, LOG_QOS
 from ares_node.time import stamp_from_ns
 
+#: What guidance says when its last solution stands: its text, and the key of the figure.
+LONGEST_CYCLE = "longest guidance cycle"
+LONGEST_CYCLE_MS = "longest_cycle_ms"
+
 
 class Level(Enum):
     """Severity of a report, by the constants of diagnostic_msgs/DiagnosticStatus."""
