@@ -293,6 +293,7 @@ def _scalar(node: yaml.ScalarNode) -> object:
 
 _UNITS = {
     "_m3_s2": "m3/s2",
+    "_m2_s2": "m2/s2",
     "_w_m2": "W/m2",
     "_rad_s": "rad/s",
     "_m_s2": "m/s2",

@@ -281,7 +281,7 @@ class TargetOrbit(Part):
         return complete(self.sizes(mission), mission.environment.mu_m3_s2, start)
 
     def circular(self, mission: "Mission") -> bool:
-        """Whether it is a circle that is asked for; a perigee alone asks for the least orbit."""
+        """Whether it is a circle that is asked for; a perigee alone asks for one."""
         sizes = self.sizes(mission)
         conic = self.conic(mission)
         known = len(sizes) == 2 or "perigee_radius" in sizes

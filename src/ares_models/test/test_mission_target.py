@@ -148,6 +148,7 @@ REFUSED = [
     ({"semi_major_axis_m": 7e6, "eccentricity": 1.2}, "eccentricity", "less than 1, of an ellipse"),
     ({"c3_m2_s2": 1e6, "eccentricity": 0.2}, "eccentricity", "more than 1, of an escape"),
     ({"c3_m2_s2": 0.0, "eccentricity": 1.0}, "eccentricity", "no such key beside c3_m2_s2 0"),
+    ({"c3_m2_s2": 1e11}, "c3_m2_s2", "expected a number from -1e10 to 1e10 in m2/s2"),
     ({"perigee_altitude_m": 2e5, "c3_m2_s2": 4e8}, "c3_m2_s2", "than twice the escape speed"),
     ({"perigee_altitude_m": 2e5, "eccentricity": 7.1}, "eccentricity", "an escape that is slower"),
     ({"semi_major_axis_m": 0.0}, "semi_major_axis_m", "more than 0, or less for a hyperbola"),

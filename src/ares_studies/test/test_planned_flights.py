@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from ares_guidance.arrays import ERROR_TIME_TO_GO_JUMP
 from ares_guidance.guess import ArcPlan
 from ares_guidance.law import LawSettings
-from ares_guidance.laws import check_law, make_law
+from ares_guidance.laws import check_law, find_law, make_law
 from ares_guidance.testing import RESTART
 from ares_models.mission import load_mission
 from ares_models.orbits import Insertion

@@ -79,6 +79,7 @@ _LEAST_STEPS = 16  # of a flight, however short
 _FIRST_PART = 0.1
 _MOST_PARTS = 60
 _HIGHEST_LIMIT = 1e4
+_OPEN = 0.1  # eccentricity from which an orbit is no circle
 
 
 _CAUSES = {
@@ -200,7 +201,12 @@ def _find(solver: TwoPointSolver, start: NDArray[np.void], guess: Array | None) 
     else:
         root = solver.solve(start, guess, thorough=True)
     if not root.converged and not planned:
-        for ladder in (_from_linear_gravity, _from_light_drops, _from_high_limits):
+        for ladder in (
+            _from_linear_gravity,
+            _from_light_drops,
+            _from_high_limits,
+            _from_open_orbit,
+        ):
             if solver.deadline.passed:
                 break
             further = ladder(solver, start)
@@ -246,6 +252,8 @@ def _from_linear_gravity(solver: TwoPointSolver, start: NDArray[np.void]) -> Roo
 
 def _from_light_drops(solver: TwoPointSolver, start: NDArray[np.void]) -> Root | None:
     """Solved with light fairings first, whose drop costs little steering."""
+    if solver.drops(start) == 0:
+        return None
     whole = solver.arrays.jettisons["mass"].copy()
 
     def part(fraction: float) -> None:
@@ -256,6 +264,8 @@ def _from_light_drops(solver: TwoPointSolver, start: NDArray[np.void]) -> Root |
 
 def _from_high_limits(solver: TwoPointSolver, start: NDArray[np.void]) -> Root | None:
     """Solved with higher heating limits first."""
+    if solver.drops(start) == 0:
+        return None
     heated = solver.arrays.jettisons["criterion"] == HEATING_LIMIT
     whole = solver.arrays.jettisons["value"].copy()
 
@@ -266,12 +276,32 @@ def _from_high_limits(solver: TwoPointSolver, start: NDArray[np.void]) -> Root |
     return _continue(solver, start, part)
 
 
+def _from_open_orbit(solver: TwoPointSolver, start: NDArray[np.void]) -> Root | None:
+    """Solved for a longer orbit first, where the wanted one is nearly a circle."""
+    target = solver.arrays.target[0]
+    e = float(target["eccentricity"])
+    if target["kind"] != TARGET_ELEMENTS or not 0.0 < e < _OPEN:
+        return None
+    mu = float(solver.arrays.environment[0]["mu"])
+    perigee = float(target["perigee_radius"])
+    whole = target.copy()
+
+    def part(fraction: float) -> None:
+        opened = e**fraction * _OPEN ** (1.0 - fraction)
+        target["eccentricity"] = opened
+        target["apogee_radius"] = perigee * (1.0 + opened) / (1.0 - opened)
+        target["semi_major_axis"] = perigee / (1.0 - opened)
+        target["c3"] = mu * (opened - 1.0) / perigee
+        if fraction == 1.0:
+            solver.arrays.target[0] = whole
+
+    return _continue(solver, start, part)
+
+
 def _continue(
     solver: TwoPointSolver, start: NDArray[np.void], part: Callable[[float], None]
 ) -> Root | None:
     """Solve with little of what makes the problem hard, and with more of it step by step."""
-    if solver.drops(start) == 0:
-        return None
     try:
         done = 0.0
         step = _FIRST_PART

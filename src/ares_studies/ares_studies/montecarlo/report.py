@@ -77,6 +77,12 @@ RESULT_NAMES = {
     "speed_error_m_s": ("speed error", "m/s", 4),
     "flight_path_angle_error_deg": ("flight-path angle error", "deg", 6),
     "inclination_error_deg": ("inclination error", "deg", 6),
+    "perigee_radius_error_m": ("perigee radius error", "m", 1),
+    "apogee_radius_error_m": ("apogee radius error", "m", 1),
+    "semi_major_axis_error_m": ("semi-major axis error", "m", 1),
+    "eccentricity_error": ("eccentricity error", "1", 9),
+    "c3_error_m2_s2": ("C3 error", "m2/s2", 1),
+    "true_anomaly_error_deg": ("true anomaly error", "deg", 6),
 }
 FLAG_NAMES = {
     "succeeded": "success: all three below",
@@ -337,9 +343,20 @@ def _insertion_figures(summary: Summary) -> list[Item]:
         ("inclination_error_deg", "flight_path_angle_error_deg", "Angle against inclination"),
     )
     for x, y, title in pairs:
+        if not {x, y} <= set(summary.histograms):
+            continue
         axes = [Axis(*RESULT_NAMES[name][:2]) for name in (x, y)]
         items.append(_cloud(summary, x, y, title, *axes))
-    names = ("radius_error_m", "flight_path_angle_error_deg")
+    names = (
+        "radius_error_m",
+        "flight_path_angle_error_deg",
+        "perigee_radius_error_m",
+        "apogee_radius_error_m",
+        "semi_major_axis_error_m",
+        "eccentricity_error",
+        "c3_error_m2_s2",
+        "true_anomaly_error_deg",
+    )
     return items + [_histogram(summary, name) for name in names if name in summary.histograms]
 
 

@@ -229,6 +229,12 @@ HISTOGRAMS = (
     "speed_error_m_s",
     "flight_path_angle_error_deg",
     "inclination_error_deg",
+    "perigee_radius_error_m",
+    "apogee_radius_error_m",
+    "semi_major_axis_error_m",
+    "eccentricity_error",
+    "c3_error_m2_s2",
+    "true_anomaly_error_deg",
 )
 #: Results whose sensitivities are told.
 TOLD = ("m_f_kg", "t_plf_s", "t_meco_s")
