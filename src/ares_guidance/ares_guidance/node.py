@@ -370,18 +370,19 @@ class GuidanceNode(FlightNode):
         )
 
     def _report(self, now: int) -> None:
-        error = int(self._law.state["error"])
+        state = self._law.state
+        error = int(state["error"])
         if error != self._reported:
             self._reported = error
             if error == GuidanceStatus.NONE:
                 self.diagnostics.report(Level.OK, "solution good again", now)
             else:
-                stale = int(self._law.state["stale_cycles"])
+                stale = int(state["stale_cycles"])
                 self.diagnostics.report(
                     Level.WARN, ERROR_TEXTS[error], now, {"stale_cycles": stale}
                 )
         kind = self._law.kind
-        solved = int(self._law.state["law"]) in (kind.code, 0)
+        solved = state["law"] in (kind.code, 0)
         if solved == self._fallen_back and not kind.needs_trajectory:
             self._fallen_back = not solved
             level, text = (
