@@ -395,24 +395,24 @@ class GuidanceNode(FlightNode):
         )
 
     def _report(self, now: int) -> None:
-        ending = int(self._law.state["phase"]) >= GuidanceStatus.PHASE_HOLD
-        if ending and not self._told_longest_cycle:
+        state = self._law.state
+        if int(state["phase"]) >= GuidanceStatus.PHASE_HOLD and not self._told_longest_cycle:
             # what follows refines the cut-off and solves nothing
             self._told_longest_cycle = True
             milliseconds = f"{1e3 * self._longest_cycle_s:.6g}"
             self.diagnostics.report(Level.OK, LONGEST_CYCLE, now, {LONGEST_CYCLE_MS: milliseconds})
-        error = int(self._law.state["error"])
+        error = int(state["error"])
         if error != self._reported:
             self._reported = error
             if error == GuidanceStatus.NONE:
                 self.diagnostics.report(Level.OK, "solution good again", now)
             else:
-                stale = int(self._law.state["stale_cycles"])
+                stale = int(state["stale_cycles"])
                 self.diagnostics.report(
                     Level.WARN, ERROR_TEXTS[error], now, {"stale_cycles": stale}
                 )
         kind = self._law.kind
-        solved = int(self._law.state["law"]) in (kind.code, 0)
+        solved = state["law"] in (kind.code, 0)
         if solved == self._fallen_back and not kind.needs_trajectory:
             self._fallen_back = not solved
             level, text = (

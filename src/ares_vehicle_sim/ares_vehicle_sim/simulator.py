@@ -152,6 +152,7 @@ class Simulator:
         self._period_ns = round(options.navigation_period_s * NANOSECONDS)
         self._tick = 0
         self._events_read = 0
+        self._no_events = self.plant["events"][:0].copy()
         self._measured = self._vehicle.navigation[list(MEASURED_FIELDS)]
 
     @property
@@ -177,8 +178,9 @@ class Simulator:
     @property
     def time_ns(self) -> int:
         """Mission elapsed time of the present state, in whole nanoseconds."""
-        if self.complete:
-            return round(float(self.plant["time"]) * NANOSECONDS)
+        plant = self.plant
+        if plant["complete"]:
+            return round(float(plant["time"]) * NANOSECONDS)
         return self._start_ns + self._tick * self._period_ns
 
     @property
@@ -211,8 +213,11 @@ class Simulator:
 
     def new_events(self) -> NDArray[np.void]:
         """Events since the last call, dtype EVENT."""
-        count = int(self.plant["event_count"])
-        events = self.plant["events"][self._events_read : count].copy()
+        plant = self.plant
+        count = int(plant["event_count"])
+        if count == self._events_read:
+            return self._no_events
+        events = plant["events"][self._events_read : count].copy()
         self._events_read = count
         return events
 
