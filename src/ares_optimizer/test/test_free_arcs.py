@@ -328,3 +328,45 @@ def test_held_attitude_is_refused(tmp_path):
     )
     with pytest.raises(UnfitMethod, match="attitude is held"):
         solve(flight, "indirect")
+
+
+class TestOblateness:
+    """J2 in the two-point problem, burns and coasts."""
+
+    @pytest.fixture
+    def oblate(self, tmp_path):
+        def make(name):
+            return edited(tmp_path, name, ("g0_m_s2", "j2: 1.08263e-3\n  g0_m_s2"))
+
+        return make
+
+    @pytest.mark.parametrize("name", ["titan2_circular", "titan2_coast", "two_burn"])
+    def test_flown_again(self, oblate, solved, name):
+        solution = solve(oblate(name), "indirect")
+        assert solution.converged, solution.reason
+        assert solution.verification.position_defect_m < 0.05
+        if name in solved:
+            # it moves the optimum, and not by much
+            change = solution.delta_v_m_s - solved[name].delta_v_m_s
+            assert 0.01 < abs(change) < 30.0
+
+    def test_direct_agrees(self, oblate):
+        flight = oblate("titan2_circular")
+        assert solve(flight, "indirect").m_f_kg == pytest.approx(
+            solve(flight, "direct20").m_f_kg, abs=0.2
+        )
+
+    @pytest.mark.parametrize("name", ["titan2_coast", "two_burn"])
+    def test_jacobian_is_exact(self, oblate, solved, name):
+        flight = oblate(name)
+        start = flight.start().navigation()
+        solver = TwoPointSolver(flight.arrays())
+        base = solved[name].parameters
+        _, jacobian, _ = solver.shoot(start, base)
+        for c, step in enumerate([1e-6] * 3 + [1e-9] * 3 + [1e-3] * (base.size - 6)):
+            move = np.zeros(base.size)
+            move[c] = step
+            ahead, behind = (solver.shoot(start, base + side)[0] for side in (move, -move))
+            size = np.abs(jacobian[:, c]).max()
+            difference = (ahead - behind) / (2.0 * step)
+            np.testing.assert_allclose(difference, jacobian[:, c], atol=2e-6 * size, rtol=2e-5)

@@ -344,7 +344,7 @@ def test_runge_kutta_nystroem_is_of_order_six():
     def end(steps):
         work = np.zeros(1, WORK)
         work["state"] = first
-        integrate_segment(segment[0], steps, Gravity(3.986e14, 0.0, INVERSE_SQUARE), work[0])
+        integrate_segment(segment[0], steps, Gravity(3.986e14, 0.0, INVERSE_SQUARE, 0.0), work[0])
         return work["state"][0].copy()
 
     exact = end(400)
@@ -601,7 +601,7 @@ class TestObstacles:
         arrays, start = ares
         arrays.environment["j2"] = 1.0826e-3
         with pytest.raises(OptimizerError, match=r"environment\.j2 is 0\.0010826"):
-            solve_indirect(arrays, start)
+            solve_indirect(arrays, start, TwoPointOptions(propagator="closed_form"))
         arrays.environment["j2"] = 0.0
         arrays.arcs["kind"][1] = COAST
         with pytest.raises(OptimizerError, match="the last arc is a coast"):

@@ -26,7 +26,6 @@ from ares_optimizer.two_point.arrays import (
     INVERSE_SQUARE,
     RUNGE_KUTTA,
     Effort,
-    Gravity,
 )
 from ares_optimizer.two_point.contract import (
     COLUMN_CUTOFF,
@@ -34,6 +33,7 @@ from ares_optimizer.two_point.contract import (
     CONVERGED,
     HEATING_OPTIMAL,
     MAX_UNKNOWNS,
+    field_of,
     find_optimum,
     free_column,
     gravity_terms,
@@ -214,7 +214,7 @@ def carry(mission: MissionRecords, onboard: Onboard) -> None:
     p = (u[0], u[1], u[2])
     q = (-u[3], -u[4], -u[5])
     dt = nav.time - memory.time
-    _, bend = gravity_terms(r, Gravity(environment.mu, 0.0, INVERSE_SQUARE), p)
+    _, bend = gravity_terms(r, field_of(environment), p)
     p = axpy(dt, axpy(0.5 * dt, bend, q), p)
     q = axpy(dt, bend, q)
     # what has gone since: its jump, and its unknowns

@@ -107,7 +107,7 @@ def thrust_integrals(
     state[0] = 1.0
     state[6:9] = lambda_v
     state[9:] = -np.asarray(lambda_r)
-    field = Gravity(1.0, omega**2, LINEAR)
+    field = Gravity(1.0, omega**2, LINEAR, 0.0)
     closed_form_segment(segment[0], 1, field, options.record()[0], work[0])
     integrals = work["stage"][0, 0]
     return integrals[:3].copy(), integrals[3:].copy()

@@ -299,17 +299,19 @@ class TwoPointSolver:
         Raises:
             OptimizerError: a mission that the method cannot take.
         """
+        options = options or TwoPointOptions()
         j2 = arrays.environment[0]["j2"]
-        if j2 != 0.0:
+        if j2 != 0.0 and (options.in_closed_form or options.gravity == "linear"):
             raise OptimizerError(
-                f"environment.j2 is {j2:g}; the two-point problem takes a spherical Earth, 0"
+                f"environment.j2 is {j2:g}; in closed form and in linear gravity the Earth is a "
+                "sphere, 0"
             )
         if arrays.arcs[-1]["kind"] != BURN:
             raise OptimizerError("the last arc is a coast; the two-point problem ends with a burn")
         self.arrays = arrays
         self._mission = arrays.records()
         self.deadline = deadline or Deadline()
-        self.options = (options or TwoPointOptions()).record()
+        self.options = options.record()
         self.work = np.zeros(1, WORK)
         self.deadline.watch(self.work["stop"])
 

@@ -175,11 +175,13 @@ class Gravity(NamedTuple):
         mu: m3/s2.
         omega_square: 1/s2, of linear gravity; 0 for the other.
         model: INVERSE_SQUARE or LINEAR.
+        oblateness: 1.5 J2 mu R^2, m5/s2, beside inverse-square gravity.
     """
 
     mu: float
     omega_square: float
     model: int
+    oblateness: float
 
 
 class Effort(NamedTuple):

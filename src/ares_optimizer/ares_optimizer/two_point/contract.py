@@ -11,8 +11,8 @@ from ares_optimizer.kernels.timetable import (
     HEATING_OPTIMAL,
     MAX_UNKNOWNS,
 )
-from ares_optimizer.two_point.kernels.costates import gravity_terms
 from ares_optimizer.two_point.kernels.free_arcs import lengths_inside
+from ares_optimizer.two_point.kernels.gravity import field_of, gravity_terms
 from ares_optimizer.two_point.kernels.newton import CONVERGED, scaled_length
 from ares_optimizer.two_point.kernels.search import find_optimum
 from ares_optimizer.two_point.kernels.shooting import free_column, shoot, unknown_count
@@ -24,6 +24,7 @@ __all__ = [
     "CONVERGED",
     "HEATING_OPTIMAL",
     "MAX_UNKNOWNS",
+    "field_of",
     "find_optimum",
     "free_column",
     "gravity_terms",

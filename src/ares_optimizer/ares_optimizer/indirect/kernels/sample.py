@@ -15,7 +15,7 @@ from ares_optimizer.kernels.timetable import (
     segment_thrust,
 )
 from ares_optimizer.two_point.arrays import RUNGE_KUTTA, Gravity
-from ares_optimizer.two_point.kernels.costates import gravity_terms
+from ares_optimizer.two_point.kernels.gravity import gravity_terms
 from ares_optimizer.two_point.kernels.shooting import (
     begin_flight,
     fly_segment,

@@ -34,16 +34,7 @@ from ares_models.kernels.vectors import Vector, axpy, dot, scale
 from ares_optimizer.kernels.nystroem import NODES, STAGES, VELOCITY_WEIGHTS, WEIGHTS
 from ares_optimizer.kernels.timetable import COLUMN_CUTOFF
 from ares_optimizer.two_point.arrays import LINEAR, Gravity
-
-
-@kernel
-def gravity_terms(r: Vector, gravity: Gravity, p: Vector) -> tuple[Vector, Vector]:
-    """Gravity g, m/s2, and its gradient times ``p``."""
-    if gravity.model == LINEAR:
-        return scale(-gravity.omega_square, r), scale(-gravity.omega_square, p)
-    square = dot(r, r)
-    k = gravity.mu / (square * math.sqrt(square))
-    return scale(-k, r), axpy(3.0 * k * dot(r, p) / square, r, scale(-k, p))
+from ares_optimizer.two_point.kernels.gravity import oblate_curvature, oblate_terms
 
 
 @kernel
@@ -219,6 +210,12 @@ def _put_accelerations(at: _Stage, thrust: float, gravity: Gravity, work: Record
     stage_tangent = work.stage_tangent
     moved = work.moved
     _stage_tangents(at, work)
+    oblate = gravity.model != LINEAR and gravity.oblateness != 0.0
+    if oblate:
+        g, bend = oblate_terms(at.r, gravity.oblateness, at.p)
+        for n in range(3):
+            stage[m, n] += g[n]
+            stage[m, 3 + n] += bend[n]
     for c in range(work.columns):
         a0, a1, a2 = moved[c, 0], moved[c, 1], moved[c, 2]
         b0, b1, b2 = moved[c, 3], moved[c, 4], moved[c, 5]
@@ -237,6 +234,14 @@ def _put_accelerations(at: _Stage, thrust: float, gravity: Gravity, work: Record
         stage_tangent[m, c, 3] = w * e0 - k * b0 + x * y3 + z * a0
         stage_tangent[m, c, 4] = w * e1 - k * b1 + x * y4 + z * a1
         stage_tangent[m, c, 5] = w * e2 - k * b2 + x * y5 + z * a2
+        if oblate:
+            dr = (a0, a1, a2)
+            _, by_place = oblate_terms(at.r, gravity.oblateness, dr)
+            _, by_primer = oblate_terms(at.r, gravity.oblateness, (b0, b1, b2))
+            curved = oblate_curvature(at.r, gravity.oblateness, at.p, dr)
+            for n in range(3):
+                stage_tangent[m, c, n] += by_place[n]
+                stage_tangent[m, c, 3 + n] += by_primer[n] + curved[n]
 
 
 @kernel

@@ -32,9 +32,9 @@ from ares_optimizer.two_point.arrays import (
     Gravity,
 )
 from ares_optimizer.two_point.kernels.costates import (
-    gravity_terms,
     thrust_acceleration_tangents,
 )
+from ares_optimizer.two_point.kernels.gravity import gravity_terms
 
 _LENGTH_UNIT = 100.0  # s, of the rows that hold an arc
 

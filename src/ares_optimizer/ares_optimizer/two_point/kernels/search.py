@@ -35,12 +35,10 @@ from ares_optimizer.two_point.arrays import (
     AT_ONCE,
     AT_SHORTEST,
     HELD,
-    INVERSE_SQUARE,
     NOT_HELD,
     Effort,
-    Gravity,
 )
-from ares_optimizer.two_point.kernels.costates import gravity_terms
+from ares_optimizer.two_point.kernels.gravity import field_of, gravity_terms
 from ares_optimizer.two_point.kernels.guess import OwnStart, guess_two_point
 from ares_optimizer.two_point.kernels.newton import (
     AT_BOUND,
@@ -144,7 +142,7 @@ def final_hamiltonian(
     v = (s[3], s[4], s[5])
     p = (s[6], s[7], s[8])
     q = (s[9], s[10], s[11])
-    g, _ = gravity_terms(r, Gravity(mission.environment.mu, 0.0, INVERSE_SQUARE), p)
+    g, _ = gravity_terms(r, field_of(mission.environment), p)
     thrust = segment_thrust(segment, segment.end)
     return -dot(q, v) + dot(p, g) + norm(p) * thrust / segment_mass(segment, segment.end)
 

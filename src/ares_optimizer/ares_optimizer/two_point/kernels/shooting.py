@@ -39,12 +39,12 @@ from ares_optimizer.kernels.timetable import (
 from ares_optimizer.two_point.arrays import AT_ONCE, LINEAR, ROWS, RUNGE_KUTTA, Gravity
 from ares_optimizer.two_point.kernels.closed_form import closed_form_segment
 from ares_optimizer.two_point.kernels.costates import (
-    gravity_terms,
     integrate_segment,
     log_heating_hessian_product,
     thrust_acceleration_tangents,
 )
 from ares_optimizer.two_point.kernels.free_arcs import find_switches, note_segment, switch_rows
+from ares_optimizer.two_point.kernels.gravity import field_of, gravity_terms
 from ares_optimizer.two_point.kernels.terminal import end_rows
 
 
@@ -256,7 +256,7 @@ def begin_flight(
 
     Args:
         start: record NAVIGATION.
-        mission: what is flown; its J2 plays no part.
+        mission: what is flown.
         options: record OPTIONS.
         unknowns: see :func:`shoot`.
         work: record WORK; ``segment_count`` is 0 where the times make no flight.
@@ -281,7 +281,8 @@ def begin_flight(
     if options.gravity == LINEAR:
         # omega0 of the radius at the start (Eq. 3.4; printed without the root)
         omega_square = mu / (square * work.lowest)
-    return Gravity(mu, omega_square, options.gravity)
+    field = field_of(mission.environment)
+    return Gravity(mu, omega_square, options.gravity, field.oblateness)
 
 
 @kernel
@@ -395,7 +396,7 @@ def shoot(
 
     Args:
         start: record NAVIGATION.
-        mission: what is flown; its J2 plays no part.
+        mission: what is flown.
         options: record OPTIONS.
         unknowns: shape (at least n,): lambda_v (3), lambda_r (3, 1/s), cut-off time (s), then
             per heating jettison its time (s) and pi (per unit of log heating), then the end

@@ -8,8 +8,7 @@ from ares_models.jit import kernel
 from ares_models.kernels.kepler import kepler
 from ares_models.kernels.vectors import Vector, axpy, dot, load, norm, scale
 from ares_optimizer.kernels.timetable import ends_by_plan, free_index
-from ares_optimizer.two_point.arrays import INVERSE_SQUARE, Gravity
-from ares_optimizer.two_point.kernels.costates import gravity_terms
+from ares_optimizer.two_point.kernels.gravity import field_of, gravity_terms
 
 _STEP = 60.0  # s
 _MOST_STEPS = 400.0
@@ -54,7 +53,7 @@ def primer_along_velocity(
     Returns:
         a primer of length 1, and its rate, 1/s.
     """
-    gravity = Gravity(mission.environment.mu, 0.0, INVERSE_SQUARE)
+    gravity = field_of(mission.environment)
     mu = gravity.mu
     r0 = load(start.position)
     v0 = load(start.velocity)
