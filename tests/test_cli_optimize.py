@@ -13,8 +13,10 @@ def test_json_is_one_object_with_the_promised_keys(capsys):
     found = json.loads(capsys.readouterr().out)
     assert set(found) == {
         *("method", "converged", "reason", "t_plf_s", "t_meco_s", "m_f_kg"),
-        *("iterations", "solve_ms", "verification"),
+        *("delta_v_m_s", "arcs", "iterations", "solve_ms", "verification"),
     }
+    assert [arc["name"] for arc in found["arcs"]] == ["core", "upper stage"]
+    assert found["arcs"][-1]["end_s"] == found["t_meco_s"]
     assert found["method"] == "direct11"
     assert found["converged"] is True
     assert found["m_f_kg"] == pytest.approx(174_183.1, abs=0.5)

@@ -173,7 +173,7 @@ def check_inputs(flown: Mapping[str, Any], bag: str) -> None:
     """Look at what a flight would be started with, before anything is started.
 
     Args:
-        flown: parameters by name: mission, law, dispersions, as far as given.
+        flown: parameters by name: mission, law, dispersions, pace, as far as given.
         bag: folder of the bag; empty for none.
 
     Raises:
@@ -183,6 +183,8 @@ def check_inputs(flown: Mapping[str, Any], bag: str) -> None:
     _find_law(str(flown.get("law", PEG)))
     if flown.get("dispersions"):
         _margin(str(flown["dispersions"]))
+    if not float(flown.get("pace", 0.0)) >= 0.0:
+        raise CannotStart(f"pace is {flown['pace']}; expected a number of at least 0")
     if bag and os.path.lexists(bag):
         raise CannotStart(f"bag is {bag!r}, which exists; expected a new folder")
 

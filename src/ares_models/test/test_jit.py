@@ -118,6 +118,8 @@ def whole(x):
     path = os.pathsep.join([str(tmp_path), os.environ["PYTHONPATH"]])
     cache = str(tmp_path / "cache")
     environment = {**os.environ, "PYTHONPATH": path, "NUMBA_CACHE_DIR": cache}
+    # an edit within the second is none for Python's own cache
+    environment["PYTHONDONTWRITEBYTECODE"] = "1"
     # twice each, the second time from the cache; an edit is compiled anew
     for name, number, said in (
         ("one", 1.0, "10.0 20.0 True\n200.0\n"),

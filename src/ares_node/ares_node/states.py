@@ -68,6 +68,14 @@ class StateMessage:
         self._layouts = little.newbyteorder(">"), little
         self._buffer = bytearray(_LITTLE) + bytes(little.itemsize)
         self._record = np.frombuffer(self._buffer, little, offset=_BEGIN)
+        ends = [_HEADS[0].size]
+        ends += [at + form.itemsize for at, form in zip(offsets, formats, strict=True)]
+        #: between fields, where NumPy may copy what the record has there
+        self._gaps = [
+            slice(_BEGIN + before, _BEGIN + after)
+            for before, after in zip(ends, offsets, strict=False)
+            if before < after
+        ]
 
     def data(self, stamp_ns: int, flight_id: int, sequence: int, record: Any) -> bytes:
         """What a publisher takes in place of a message.
@@ -81,6 +89,8 @@ class StateMessage:
         sec, nanosec = divmod(stamp_ns, NANOSECONDS)
         _HEADS[1].pack_into(self._buffer, _BEGIN, sec, nanosec, flight_id, sequence)
         self._record[0] = record
+        for gap in self._gaps:
+            self._buffer[gap] = bytes(gap.stop - gap.start)
         return bytes(self._buffer)
 
     def read(self, data: bytes) -> tuple[int, int, int, Any]:
