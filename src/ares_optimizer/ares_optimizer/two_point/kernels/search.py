@@ -10,7 +10,6 @@ from ares_models.arrays import (
     HEATING_LIMIT,
     MAX_JETTISONS,
     MISSION_TIME,
-    TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
     TIME_AFTER_IGNITION,
     MissionRecords,
     Record,
@@ -18,6 +17,7 @@ from ares_models.arrays import (
 from ares_models.jit import allocating, inlined, kernel
 from ares_models.kernels.environment import log_heating_gradient
 from ares_models.kernels.sequence import awaits_heating
+from ares_models.kernels.targets import two_planes
 from ares_models.kernels.vectors import dot, load, norm
 from ares_optimizer.kernels.timetable import (
     COLUMN_CUTOFF,
@@ -430,7 +430,7 @@ def _search_from_guesses(
     if effort.first // len(_OWN_STARTS) % 2 == 1:
         # these have been tried: on with the drops at fixed times
         last = 0
-    one_plane = mission.target.kind != TARGET_RADIUS_SPEED_ANGLE_INCLINATION
+    one_plane = not two_planes(mission.target)
     solved_near = False
     solved_far = False
     for attempt in range(-1 if effort.guessed else 0, last):
