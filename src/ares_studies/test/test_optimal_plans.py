@@ -1,0 +1,60 @@
+"""Law `optimal` on missions with free arcs: the optimum, flown, and around it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ares_optimizer
+from ares_guidance.laws import make_law
+from ares_models.mission import load_mission
+from ares_optimizer.solve import solve
+from ares_studies.closed_loop import fly_compiled, offline_trajectory
+from ares_studies.montecarlo.flights import Range, Settings
+from ares_vehicle_sim.arrays import ARC_ENDED, CUTOFF, IGNITION
+from ares_vehicle_sim.dispersions import load_dispersions
+
+CASES = Path(ares_optimizer.__file__).parents[1] / "test" / "missions"
+OBLATE = ("  g0_m_s2", "  j2: 1.08263e-3\n  g0_m_s2")
+
+
+def mission(name, tmp_path=None, *changes):
+    path = CASES / f"{name}.yaml"
+    if not path.exists():
+        return load_mission(name)
+    if changes:
+        text = path.read_text()
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new, 1)
+        path = tmp_path / f"{name}.yaml"
+        path.write_text(text)
+    return load_mission(path)
+
+
+@pytest.mark.parametrize("name", ["titan2_coast", "two_burn", "geostationary_transfer"])
+def test_the_optimum_is_flown(name):
+    flight = mission(name)
+    optimum = solve(flight, "indirect")
+    law = make_law("optimal", flight.arrays(foreseen=True))
+    law.start_from(offline_trajectory(optimum))
+    flown = fly_compiled(flight, law=law)
+    assert flown.plant["mass"] == pytest.approx(optimum.m_f_kg, abs=0.1)
+    events = flown.events
+    ends = events[np.isin(events["type"], (ARC_ENDED, CUTOFF))]["time"]
+    assert ends == pytest.approx([arc.end_s for arc in optimum.flown], abs=0.1)
+    assert len(events[events["type"] == IGNITION]) >= 2
+    final = optimum.verification
+    assert np.linalg.norm(flown.plant["position"]) == pytest.approx(final.radius_m, abs=10.0)
+    assert np.linalg.norm(flown.plant["velocity"]) == pytest.approx(final.speed_m_s, abs=0.01)
+
+
+@pytest.mark.parametrize("law", ["optimal", "peg", "igm"])
+def test_dispersed_flights_with_oblateness_arrive(law, tmp_path):
+    # the ground out of the way: it begins a kilometre above it
+    lower = [(f"{which}_radius_m: 6370000.0",) * 2 for which in ("equatorial", "polar")]
+    lower = [(old, new.replace("6370000", "6200000")) for old, new in lower]
+    flight = mission("titan2_coast", tmp_path, OBLATE, *lower)
+    flown = Range(Settings(flight, load_dispersions("standard"), seed=3, law=law)).fly(0, 40)
+    assert not flown.errors
+    assert flown.results["terminal_accuracy"].all()
