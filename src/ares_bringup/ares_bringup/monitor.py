@@ -10,7 +10,7 @@ from rclpy.node import Node
 
 from ares_bringup.summary import ENDS, Diagnostic, Event, FlightSummary, Status
 from ares_msgs.msg import FlightEvent, FlightMember, GuidanceStatus
-from ares_node.diagnostics import LONGEST_CYCLE_MS, hardware_id, of_another_flight
+from ares_node.diagnostics import LONGEST_CYCLE_MS, Timing, hardware_id, of_another_flight
 from ares_node.membership import Membership, Role, State
 from ares_node.qos import (
     DIAGNOSTIC,
@@ -19,6 +19,7 @@ from ares_node.qos import (
     FLIGHT,
     FLIGHT_EVENT,
     GUIDANCE_STATUS,
+    TIMING,
 )
 from ares_node.time import seconds_from_stamp
 
@@ -67,6 +68,7 @@ class FlightMonitor:
                 (FlightEvent, FLIGHT_EVENT, self._on_event, EVENTS),
                 (GuidanceStatus, GUIDANCE_STATUS, self._on_status, FLIGHT),
                 (DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, DIAGNOSTIC),
+                (Timing, TIMING, self._on_timing, DIAGNOSTIC),
             )
         ]
         self._membership.listen(self._on_member)
@@ -142,9 +144,6 @@ class FlightMonitor:
             if of_another_flight(status, self.summary.flight_id):
                 self._is_ours(0)
                 continue
-            for item in status.values:
-                if item.key == LONGEST_CYCLE_MS:
-                    self.summary.longest_cycle_ms = float(item.value)
             level = _LEVELS.get(status.level)
             if level is not None and status.hardware_id == hardware_id(self.summary.flight_id):
                 self.last_heard = time.monotonic()
@@ -157,6 +156,13 @@ class FlightMonitor:
                 self.summary.add_diagnostic(line)
                 if not self._said_by_node(line):
                     self._pass_on(str(line))
+
+    def _on_timing(self, status: Timing) -> None:
+        if status.hardware_id != hardware_id(self.summary.flight_id):
+            return
+        for item in status.values:
+            if item.key == LONGEST_CYCLE_MS:
+                self.summary.longest_cycle_ms = float(item.value)
 
     def _pass_on(self, line: str) -> None:
         self._said += 1

@@ -138,15 +138,15 @@ def facts_of_flight(summary: FlightSummary) -> list[tuple[str, str]]:
             )
         )
     iterations = summary.first_convergence_iterations
-    longest = summary.longest_cycle_ms
     lines.append(
         (
             "guidance",
             f"{summary.guidance_cycles} cycles"
-            + (f", first solution after {iterations} iterations" if iterations else "")
-            + (f", the longest {longest:.3g} ms" if longest is not None else ""),
+            + (f", first solution after {iterations} iterations" if iterations else ""),
         )
     )
+    if summary.longest_cycle_ms is not None:
+        lines.append(("longest cycle", f"{summary.longest_cycle_ms:.3g} ms"))
     if summary.diagnostic_count:
         lines.append(("warnings", str(summary.diagnostic_count)))
     if summary.lost_messages:

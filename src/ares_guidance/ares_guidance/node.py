@@ -20,17 +20,19 @@ from ares_models.arrays import HEATING_LIMIT, NAVIGATION
 from ares_models.mission import load_mission
 from ares_msgs.msg import FlightMember, GuidanceStatus, NavState, ThrustCommand
 from ares_msgs.srv import SolveTrajectory
-from ares_node.diagnostics import LONGEST_CYCLE, LONGEST_CYCLE_MS, Level
+from ares_node.diagnostics import LONGEST_CYCLE_MS, Level, Timing, timing
 from ares_node.identity import id_text
 from ares_node.membership import FLIGHT_ID, OPEN, Membership, Role, State
 from ares_node.node import FlightNode
 from ares_node.parameters import Parameter
 from ares_node.qos import (
+    DIAGNOSTIC,
     FLIGHT,
     GUIDANCE_STATUS,
     NAV_STATE,
     SOLVE_TRAJECTORY,
     THRUST_COMMAND,
+    TIMING,
 )
 from ares_node.states import StateMessage
 from ares_node.time import NANOSECONDS, ns_from_stamp, stamp_from_ns
@@ -127,6 +129,7 @@ class GuidanceNode(FlightNode):
             failed.pop_all()
         self._command_out = self.create_publisher(ThrustCommand, THRUST_COMMAND, FLIGHT)
         self._status_out = self.create_publisher(GuidanceStatus, GUIDANCE_STATUS, FLIGHT)
+        self._timing_out = self.create_publisher(Timing, TIMING, DIAGNOSTIC)
         self._nav_in = self.create_subscription(
             NavState, NAV_STATE, self._on_nav_state, FLIGHT, raw=True
         )
@@ -400,7 +403,9 @@ class GuidanceNode(FlightNode):
             # what follows refines the cut-off and solves nothing
             self._told_longest_cycle = True
             milliseconds = f"{1e3 * self._longest_cycle_s:.6g}"
-            self.diagnostics.report(Level.OK, LONGEST_CYCLE, now, {LONGEST_CYCLE_MS: milliseconds})
+            self._timing_out.publish(
+                timing(self, self._membership.flight_id, {LONGEST_CYCLE_MS: milliseconds})
+            )
         error = int(state["error"])
         if error != self._reported:
             self._reported = error

@@ -717,7 +717,8 @@ def test_unknown_name():
     text = message("ares_5")
     assert text == (
         "mission 'ares_5': no such mission; shipped are ares_v, ares_v_transients, delta_iii, "
-        "saturn_v_as506, or give a file's path; did you mean ares_v?"
+        "delta_iii_coast, geostationary_transfer, saturn_v_as506, saturn_v_tli, or give a file's "
+        "path; did you mean ares_v?"
     )
     assert "did you mean" not in message("soyuz")
     assert message("").startswith("mission ''")

@@ -12,8 +12,9 @@ from ares_node.identity import id_text
 from ares_node.qos import DIAGNOSTIC, DIAGNOSTICS, LOG, LOG_QOS
 from ares_node.time import stamp_from_ns
 
-#: What guidance says when its last solution stands: its text, and the key of the figure.
-LONGEST_CYCLE = "longest guidance cycle"
+#: Message of the topic TIMING.
+Timing = DiagnosticStatus
+#: What guidance tells of its timing when its last solution stands.
 LONGEST_CYCLE_MS = "longest_cycle_ms"
 
 
@@ -124,3 +125,18 @@ class Diagnostics:
         """An error on /rosout from a node that ends at once: wait until it has been sent."""
         self.log(Level.ERROR, message)
         self._log.wait_for_all_acked(Duration(seconds=_LAST_WORDS))
+
+
+def timing(node: Node, flight_id: int, values: Mapping[str, object]) -> DiagnosticStatus:
+    """What took how long, for the topic TIMING.
+
+    Args:
+        node: whose.
+        flight_id: that it takes part in.
+        values: facts; each is written with str().
+    """
+    return Timing(
+        name=node.get_name(),
+        hardware_id=hardware_id(flight_id),
+        values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+    )

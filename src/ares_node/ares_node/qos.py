@@ -16,6 +16,8 @@ FLIGHT_EVENT = "flight_event"
 FLIGHT_MEMBER = "flight_member"
 CLOCK = "/clock"
 DIAGNOSTICS = "/diagnostics"
+#: What took how long: in no bag, which says of a flight what is the same on every machine.
+TIMING = "timing"
 LOG = "/rosout"
 SOLVE_TRAJECTORY = "solve_trajectory"
 

@@ -67,7 +67,7 @@ LONGER = 1.02
 MOST_STEPS = 1_500
 #: Steps of the integrator that may go into searches without a result while an arc lasts; then
 #: the law flies PEG until the next arc. It bounds what a hopeless mission costs, to seconds.
-MOST_WASTED = 4_000_000
+MOST_WASTED = 1_000_000
 
 
 @kernel
