@@ -22,7 +22,7 @@ from ares_optimizer.indirect.solve import solve_indirect
 from ares_optimizer.indirect.solver import IndirectGuess, TwoPointOptions
 from ares_optimizer.plan import plans_arcs, with_lengths
 from ares_optimizer.request import DIRECT_METHODS, Heating, Request
-from ares_optimizer.solution import OptimizerError, Solution, Status, UnfitMethod
+from ares_optimizer.solution import Cause, OptimizerError, Solution, Status, UnfitMethod
 
 _SAME_KG = 1.0
 #: For a direct solution beside free arcs, s: over long coasts it often finds none.
@@ -180,7 +180,7 @@ def solve_beside_rival(request: Request) -> Solution:
 
     solution = extremal(guess)
     if plans_arcs(arrays, state[0]):
-        return _beside_planned(request, solution)
+        return _beside_planned(request, options, solution)
     if _is_throttled(request):
         return solution
     if solution.converged and not request.verify and not detour_line(arrays, state, solution):
@@ -194,13 +194,55 @@ def _is_throttled(request: Request) -> bool:
     return bool(((ahead["kind"] == BURN) & np.isfinite(ahead["max_acceleration"])).any())
 
 
-def _beside_planned(request: Request, solution: Solution) -> Solution:
-    """Set an extremal with free arcs beside a direct solution with arcs of the same lengths."""
+def _beside_planned(
+    request: Request, options: TwoPointOptions, solution: Solution, again: bool = True
+) -> Solution:
+    """Set an extremal with free arcs beside a direct solution with arcs of the same lengths.
+
+    Where that is better, the extremal that it leads to is let go in turn.
+
+    Args:
+        request: as the indirect method was asked.
+        options: of the indirect method.
+        solution: what it came to.
+        again: whether a better direct solution is followed up.
+    """
     if not solution.converged or not request.verify or _is_throttled(request):
         return solution
-    planned = with_lengths(request.arrays, request.state[0], np.array(solution.lengths_s))
+    start = request.state
+    planned = with_lengths(request.arrays, start[0], np.array(solution.lengths_s))
     beside = replace(request, arrays=planned, deadline=request.deadline.within(_RIVAL_S))
-    return beside_rival(beside, solution, lambda _guess: solution)
+    followed: list[Solution] = []
+
+    def extremal(guess: Any) -> Solution:
+        followed.append(
+            solve_indirect(planned, start, options, guess=guess, deadline=request.deadline)
+        )
+        return followed[-1]
+
+    judged = beside_rival(beside, solution, extremal)
+    if not followed:
+        return judged
+    there = followed[-1].parameters
+    if not (again and followed[-1].converged) or there is None or solution.parameters is None:
+        return judged if judged.lengths_s else replace(solution, **_beaten(judged)._asdict())
+    ends = solution.parameters[-len(solution.lengths_s) :]
+    found = solve_indirect(
+        request.arrays,
+        start,
+        options,
+        guess=np.concatenate([there, ends]),
+        deadline=request.deadline,
+    )
+    return _beside_planned(request, options, found, again=False)
+
+
+def _beaten(better: Solution) -> Cause:
+    """Why an extremal is no optimum: with the same lengths another does better."""
+    return Cause(
+        Status.NOT_OPTIMAL,
+        f"no optimum found: with arcs of the same lengths {better.m_f_kg:,.1f} kg can be reached",
+    )
 
 
 def _costates_of(request: Request, solution: Solution) -> IndirectGuess:
