@@ -37,6 +37,18 @@ def plans_arcs(arrays: MissionArrays, start: Record) -> bool:
     return bool(free_arcs(arrays, start)) or math.isfinite(arrays.arcs[-1]["duration"])
 
 
+def throttled_ahead(arrays: MissionArrays, start: Record) -> NDArray[np.bool_]:
+    """Whether each arc from the start on is a throttled burn.
+
+    Args:
+        arrays: the mission.
+        start: record NAVIGATION.
+    """
+    ahead = arrays.arcs[int(start["arc"]) :]
+    throttled: NDArray[np.bool_] = (ahead["kind"] == BURN) & np.isfinite(ahead["max_acceleration"])
+    return throttled
+
+
 def with_lengths(arrays: MissionArrays, start: Record, lengths: Array) -> MissionArrays:
     """The mission with its free arcs as long as planned; the last one is free.
 

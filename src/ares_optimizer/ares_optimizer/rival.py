@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import BURN, HEATING_LIMIT, MissionArrays
+from ares_models.arrays import HEATING_LIMIT, MissionArrays
 from ares_models.kernels.targets import desired_state, plane_normal, project_to_plane
 from ares_models.kernels.vectors import cross, load, norm, sub
 from ares_optimizer.direct.search import Found, find_direct, steering_laws
 from ares_optimizer.indirect.solve import solve_indirect
 from ares_optimizer.indirect.solver import IndirectGuess, TwoPointOptions
-from ares_optimizer.plan import plans_arcs, with_lengths
+from ares_optimizer.plan import plans_arcs, throttled_ahead, with_lengths
 from ares_optimizer.request import DIRECT_METHODS, Heating, Request
 from ares_optimizer.solution import Cause, OptimizerError, Solution, Status, UnfitMethod
 
@@ -181,17 +181,12 @@ def solve_beside_rival(request: Request) -> Solution:
     solution = extremal(guess)
     if plans_arcs(arrays, state[0]):
         return _beside_planned(request, options, solution)
-    if _is_throttled(request):
+    # no direct method flies throttled burns
+    if throttled_ahead(arrays, state[0]).any():
         return solution
     if solution.converged and not request.verify and not detour_line(arrays, state, solution):
         return solution
     return beside_rival(request, solution, extremal)
-
-
-def _is_throttled(request: Request) -> bool:
-    """Whether a burn ahead is throttled: no direct method flies it."""
-    ahead = request.arrays.arcs[int(request.state[0]["arc"]) :]
-    return bool(((ahead["kind"] == BURN) & np.isfinite(ahead["max_acceleration"])).any())
 
 
 def _beside_planned(
@@ -207,9 +202,10 @@ def _beside_planned(
         solution: what it came to.
         again: whether a better direct solution is followed up.
     """
-    if not solution.converged or not request.verify or _is_throttled(request):
-        return solution
     start = request.state
+    throttled = throttled_ahead(request.arrays, start[0]).any()
+    if not solution.converged or not request.verify or throttled:
+        return solution
     planned = with_lengths(request.arrays, start[0], np.array(solution.lengths_s))
     beside = replace(request, arrays=planned, deadline=request.deadline.within(_RIVAL_S))
     followed: list[Solution] = []

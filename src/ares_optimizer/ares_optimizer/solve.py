@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import BURN, MISSION_TIME, MissionArrays
+from ares_models.arrays import MISSION_TIME, MissionArrays
 from ares_models.mission import Mission
 from ares_optimizer.analytic.solve import solve_analytic
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.free_arcs import solve_direct_planned
 from ares_optimizer.direct.solve import solve_direct
-from ares_optimizer.plan import free_arcs, plans_arcs, with_lengths
+from ares_optimizer.plan import free_arcs, plans_arcs, throttled_ahead, with_lengths
 from ares_optimizer.proof.flight import flown_arcs
 from ares_optimizer.request import (
     ANALYTIC_METHOD,
@@ -101,7 +101,7 @@ def _solve(request: Request) -> Solution:
 def _check_arcs(request: Request) -> None:
     """Refuse arcs that no method, or not this one, plans yet."""
     ahead = request.arrays.arcs[int(request.state[0]["arc"]) :]
-    throttled = (ahead["kind"] == BURN) & np.isfinite(ahead["max_acceleration"])
+    throttled = throttled_ahead(request.arrays, request.state[0])
     for what, flags, able in (
         ("attitude is held", ahead["held"] == 1, ()),
         ("thrust is throttled", throttled, ("indirect",)),

@@ -106,6 +106,19 @@ def test_the_multiplier_of_a_bound(tmp_path, solved):
     assert coast.multiplier == pytest.approx(price_of_a_second(tmp_path), rel=1e-3)
 
 
+def assert_jacobian(solver, start, base, rtol, atol):
+    """Each column against central differences; ``atol`` is a part of its greatest entry."""
+    _, jacobian, _ = solver.shoot(start, base)
+    for c, step in enumerate([1e-6] * 3 + [1e-9] * 3 + [1e-3] * (base.size - 6)):
+        move = np.zeros(base.size)
+        move[c] = step
+        ahead, behind = (solver.shoot(start, base + side)[0] for side in (move, -move))
+        column = jacobian[:, c]
+        size = np.abs(column).max()
+        difference = (ahead - behind) / (2.0 * step)
+        np.testing.assert_allclose(difference, column, rtol=rtol, atol=atol * size)
+
+
 @pytest.mark.parametrize(
     ("name", "held"),
     [
@@ -124,15 +137,7 @@ def test_jacobian_is_exact(solved, name, held):
     lengths = np.array(solved[name].lengths_s)
     base = solved[name].parameters.copy()
     solver.hold(start, {f: float(lengths[f]) + 3.0 for f in held})
-    _, jacobian, _ = solver.shoot(start, base)
-    steps = np.array([1e-6] * 3 + [1e-9] * 3 + [1e-3] * (base.size - 6))
-    for c, step in enumerate(steps):
-        move = np.zeros(base.size)
-        move[c] = step
-        ahead, behind = (solver.shoot(start, base + side)[0] for side in (move, -move))
-        column = (ahead - behind) / (2.0 * step)
-        size = np.abs(jacobian[:, c]).max()
-        np.testing.assert_allclose(column, jacobian[:, c], rtol=2e-5, atol=2e-6 * size)
+    assert_jacobian(solver, start, base, rtol=2e-5, atol=2e-6)
 
 
 def test_a_length_is_worth_what_its_change_costs(solved):
@@ -298,14 +303,7 @@ class TestThrottledBurns:
         solver = TwoPointSolver(flight.arrays())
         base = solve(flight, "indirect").parameters.copy()
         base[6:] += np.linspace(0.3, 1.1, base.size - 6)
-        _, jacobian, _ = solver.shoot(start, base)
-        for c, step in enumerate([1e-6] * 3 + [1e-9] * 3 + [1e-3] * (base.size - 6)):
-            move = np.zeros(base.size)
-            move[c] = step
-            ahead, behind = (solver.shoot(start, base + side)[0] for side in (move, -move))
-            size = np.abs(jacobian[:, c]).max()
-            difference = (ahead - behind) / (2.0 * step)
-            np.testing.assert_allclose(difference, jacobian[:, c], atol=1e-7 * size, rtol=1e-6)
+        assert_jacobian(solver, start, base, rtol=1e-6, atol=1e-7)
 
     def test_a_limit_that_is_never_met_costs_nothing(self, tmp_path):
         flight = edited(
@@ -362,11 +360,4 @@ class TestOblateness:
         start = flight.start().navigation()
         solver = TwoPointSolver(flight.arrays())
         base = solved[name].parameters
-        _, jacobian, _ = solver.shoot(start, base)
-        for c, step in enumerate([1e-6] * 3 + [1e-9] * 3 + [1e-3] * (base.size - 6)):
-            move = np.zeros(base.size)
-            move[c] = step
-            ahead, behind = (solver.shoot(start, base + side)[0] for side in (move, -move))
-            size = np.abs(jacobian[:, c]).max()
-            difference = (ahead - behind) / (2.0 * step)
-            np.testing.assert_allclose(difference, jacobian[:, c], atol=2e-6 * size, rtol=2e-5)
+        assert_jacobian(solver, start, base, rtol=2e-5, atol=2e-6)
