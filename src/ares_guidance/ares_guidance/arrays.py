@@ -204,6 +204,8 @@ PLAN = np.dtype(
         ("target", TARGET, (MAX_ARCS,)),  # at the end of a free burn before the last arc
         # of the first and the last thrust in the leg that ends with the arc; 0: not known
         ("direction", np.float64, (MAX_ARCS, 2, 3)),
+        # primer at the ignition of a burn, a unit vector, and its rate, 1/s; nan: not known
+        ("primer", np.float64, (MAX_ARCS, 2, 3)),
         ("jettison_time", np.float64),  # of heating jettisons, MET; nan: not known
     ],
     align=True,

@@ -70,12 +70,15 @@ class ArcPlan:
         ends: state at the end of each free burn that is not the last arc, by the same index.
         directions: of the first and the last thrust since the free burn before, up to there and
             up to the end of the last arc, shape (2, 3), where they are known.
+        primers: at the ignition of each burn, a unit vector, and its rate, 1/s, shape (2, 3);
+            nan: not known.
         jettison_time_s: mission elapsed time; nan: not known, or no jettison waits for heating.
     """
 
     lengths_s: dict[int, float]
     ends: dict[int, Insertion]
     directions: dict[int, Array] = field(default_factory=dict)
+    primers: dict[int, Array] = field(default_factory=dict)
     jettison_time_s: float = math.nan
 
     def record(self, arcs: NDArray[np.void]) -> NDArray[np.void]:
@@ -109,6 +112,9 @@ class ArcPlan:
             target["ascending_node"] = np.nan_to_num(end.ascending_node)
         for index, directions in self.directions.items():
             record["direction"][0, index] = directions
+        record["primer"] = math.nan
+        for index, primer in self.primers.items():
+            record["primer"][0, index] = primer
         record["jettison_time"] = self.jettison_time_s
         return record
 
@@ -128,6 +134,8 @@ class OfflineTrajectory:
         arc_delta_v: m/s.
         steering_reference_time: s.
         steering_direction, steering_direction_rate: shape (n, 3), unit and 1/s.
+        primer_rate: of the primer that is steering_direction at the arc's start, shape (n, 3),
+            1/s; nan: not known.
         sample_time: s; the jettison is one of them.
         sample_position: shape (n, 3), m.
         sample_velocity: shape (n, 3), m/s.
@@ -145,6 +153,7 @@ class OfflineTrajectory:
     steering_reference_time: Array
     steering_direction: Array
     steering_direction_rate: Array
+    primer_rate: Array
     sample_time: Array
     sample_position: Array
     sample_velocity: Array
@@ -161,7 +170,7 @@ class OfflineTrajectory:
             lengths = {
                 item.name: len(getattr(self, item.name))
                 for item in fields(self)
-                if item.name.startswith((kind, "steering") if kind == "arc" else kind)
+                if item.name.startswith((kind, "steering", "primer") if kind == "arc" else kind)
             }
             if len(set(lengths.values())) > 1:
                 found = ", ".join(f"{name} {length}" for name, length in lengths.items())
@@ -206,9 +215,12 @@ class OfflineTrajectory:
         """
         arcs = arrays.arcs
         flown = _Flown(arrays, self.first_arc, self.first_arc_flown)
-        ends = {}
+        ends: dict[int, float] = {}
+        primers = {}
         for i in range(len(self.arc_start_time)):
             flown.add(self._piece(i))
+            if flown.arc not in ends and arcs["kind"][flown.arc] == BURN:
+                primers[flown.arc] = np.array([self.steering_direction[i], self.primer_rate[i]])
             ends[flown.arc] = float(self.arc_end_time[i])
         free = np.isinf(arcs["duration"])
         states, directions = {}, {}
@@ -224,6 +236,7 @@ class OfflineTrajectory:
             {int(k): float(flown.lengths[k]) for k in np.flatnonzero(free)},
             states,
             directions,
+            primers,
             self.jettison_time,
         )
 

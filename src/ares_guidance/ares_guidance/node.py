@@ -465,6 +465,7 @@ def _trajectory(answer: SolveTrajectory.Response, state: NavState) -> OfflineTra
         steering_reference_time=numbers(answer.steering_reference_time),
         steering_direction=vectors(answer.steering_direction),
         steering_direction_rate=vectors(answer.steering_direction_rate),
+        primer_rate=vectors(answer.primer_rate),
         sample_time=numbers(answer.sample_time),
         sample_position=vectors(answer.sample_position),
         sample_velocity=vectors(answer.sample_velocity),

@@ -99,6 +99,7 @@ def trajectory(**changes):
         "steering_reference_time": np.array([0.0, 10.0, math.nan, 25.0, 40.0]),
         "steering_direction": np.array([east, east, [math.nan] * 3, east, east]),
         "steering_direction_rate": np.zeros((5, 3)),
+        "primer_rate": np.full((5, 3), math.nan),
         "sample_time": np.array([0.0, 40.0, 40.0, 90.0]),
         "sample_position": np.array([[7e6, 0.0, 0.0]] * 4),
         "sample_velocity": np.array([[0.0, 7e3, 0.0], [1e3, 7e3, 0.0], [1e3, 7e3, 0.0], 3 * [0.0]]),

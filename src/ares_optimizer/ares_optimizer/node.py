@@ -256,12 +256,16 @@ def _fill(response: Any, solution: Solution) -> None:
     response.arc_end_mass = _doubles([arc.end_mass_kg for arc in arcs])
     response.arc_delta_v = _doubles([arc.delta_v_m_s for arc in arcs])
     steering = np.array(
-        [(arc.reference_time_s, *arc.direction, *arc.direction_rate) for arc in arcs]
-    ).reshape(-1, 7)
+        [
+            (arc.reference_time_s, *arc.direction, *arc.direction_rate, *arc.primer_rate)
+            for arc in arcs
+        ]
+    ).reshape(-1, 10)
     steering[[_coasts(arc) for arc in arcs]] = math.nan
     response.steering_reference_time = _doubles(steering[:, 0])
     response.steering_direction = _doubles(steering[:, 1:4])
     response.steering_direction_rate = _doubles(steering[:, 4:7])
+    response.primer_rate = _doubles(steering[:, 7:10])
     flight = solution.trajectory
     if flight is not None:
         direction = flight.direction.copy()

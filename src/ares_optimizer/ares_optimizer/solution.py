@@ -98,6 +98,8 @@ class SteeringArc:
         start_mass_kg: just after ``start_s``, drops done.
         end_mass_kg: just before ``end_s``, drops not done.
         delta_v_m_s: integral of thrust acceleration.
+        primer_rate: shape (3,), 1/s, of the primer that is ``direction`` at ``start_s``; nan: the
+            method has none.
     """
 
     start_s: float
@@ -108,6 +110,7 @@ class SteeringArc:
     start_mass_kg: float
     end_mass_kg: float
     delta_v_m_s: float
+    primer_rate: tuple[float, float, float] = (math.nan, math.nan, math.nan)
 
 
 @dataclass(frozen=True)

@@ -60,6 +60,7 @@ def offline_trajectory(solution: Solution) -> OfflineTrajectory:
         steering_reference_time=column("reference_time_s"),
         steering_direction=column("direction"),
         steering_direction_rate=column("direction_rate"),
+        primer_rate=column("primer_rate"),
         sample_time=track.time_s,
         sample_position=track.position,
         sample_velocity=track.velocity,

@@ -50,7 +50,7 @@ def predicted_log_heating(
         thrust_v, thrust_r = turned_thrust(state, t, math.inf, steering)
     else:
         thrust_v, thrust_r = steered_thrust(thrust_integrals(state, t, math.inf), steering)
-    gravity_v, gravity_r = gravity_effect(r, v, thrust_v, thrust_r, t, environment.mu)
+    gravity_v, gravity_r = gravity_effect(r, v, thrust_v, thrust_r, t, environment)
     r_t = add(axpy(t, v, r), add(gravity_r, thrust_r))
     v_t = add(v, add(gravity_v, thrust_v))
     acceleration = gravity(r_t, environment)

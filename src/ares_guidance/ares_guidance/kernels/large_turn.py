@@ -126,7 +126,7 @@ def predict_end(mission: MissionRecords, onboard: Onboard) -> End:
         # what the thrust of this piece gives
         gain_v = sub(thrust_v, before_v)
         gain_r = sub(thrust_r, axpy(span, before_v, before_r))
-        gravity_v, gravity_r = gravity_effect(r, v, gain_v, gain_r, span, mission.environment.mu)
+        gravity_v, gravity_r = gravity_effect(r, v, gain_v, gain_r, span, mission.environment)
         r = add(axpy(span, v, r), add(gravity_r, gain_r))
         v = add(v, add(gravity_v, gain_v))
         before_v, before_r = thrust_v, thrust_r

@@ -22,8 +22,8 @@ from ares_guidance.kernels.cycle import guidance_step, navigation_is_sound
 from ares_guidance.kernels.start import start_guess
 from ares_models.arrays import BURN, COAST, MissionRecords, Record
 from ares_models.jit import inlined, kernel
+from ares_models.kernels.coast import coast
 from ares_models.kernels.environment import heating_rate
-from ares_models.kernels.kepler import kepler
 from ares_models.kernels.sequence import mass_at_staging
 from ares_models.kernels.vectors import add, load, norm, scale, store, sub, unit
 
@@ -121,7 +121,7 @@ def look_ahead(mission: MissionRecords, nav: Record, leg: Record) -> None:
     ahead.arc_start_time = max(ahead.arc_start_time, nav.time)
     ahead.time = ahead.arc_start_time
     environment = mission.environment
-    r, v = kepler(load(nav.position), load(nav.velocity), ahead.time - nav.time, environment.mu)
+    r, v = coast(load(nav.position), load(nav.velocity), ahead.time - nav.time, environment)
     # the density is taken to differ there by as much as here
     here = heating_rate(load(nav.position), load(nav.velocity), environment, mission.atmosphere)
     there = heating_rate(r, v, environment, mission.atmosphere)

@@ -19,7 +19,7 @@ from ares_models.jit import inlined, kernel
 from ares_models.kernels.environment import log_heating_gradient
 from ares_models.kernels.linear import back_substitute
 from ares_models.kernels.sequence import aboard, awaits_heating, empty_mass
-from ares_models.kernels.vectors import axpy, load, norm, scale, store, unit
+from ares_models.kernels.vectors import Vector, axpy, load, norm, scale, store, unit
 from ares_optimizer.two_point.arrays import (
     AT_ONCE,
     HELD,
@@ -33,15 +33,16 @@ from ares_optimizer.two_point.contract import (
     CONVERGED,
     HEATING_OPTIMAL,
     MAX_UNKNOWNS,
+    carried_back,
     field_of,
     find_optimum,
     free_column,
     gravity_terms,
     lengths_inside,
     next_ignition,
-    primer_along_velocity,
     scaled_length,
     shoot,
+    tangential_primer,
     unknown_count,
 )
 
@@ -172,8 +173,43 @@ def carry_ends(mission: MissionRecords, onboard: Onboard, first: int) -> None:
 
 
 @kernel
+def primer_later(
+    environment: Record, r: Vector, costates: tuple[Vector, Vector], dt: float
+) -> tuple[Vector, Vector]:
+    """Primer and its rate after ``dt`` s, few enough for the gravity gradient to stay."""
+    p, q = costates
+    _, bend = gravity_terms(r, field_of(environment), p)
+    return axpy(dt, axpy(0.5 * dt, bend, q), p), axpy(dt, bend, q)
+
+
+@kernel
+def planned_primer(
+    believed: MissionRecords, onboard: Onboard, ignition: float
+) -> tuple[Vector, Vector]:
+    """Primer now, and its rate, from the plan's at an ignition; if it has none, along the velocity.
+
+    Args:
+        believed: the mission as believed.
+        onboard: what is on board.
+        ignition: s; that of the burn that runs, or of the next.
+    """
+    nav = onboard.navigation
+    plan = onboard.state.plan
+    k = nav.arc
+    while believed.arcs[k].kind != BURN:
+        k += 1
+    p, q = load(plan.primer[k, 0]), load(plan.primer[k, 1])
+    if not math.isfinite(norm(p) + norm(q)):
+        p, q = tangential_primer(nav, believed, ignition)
+    elif k == nav.arc:
+        burnt = nav.time - nav.arc_start_time
+        return primer_later(believed.environment, load(nav.position), (p, q), burnt)
+    return carried_back(nav, believed, ignition, (p, q))
+
+
+@kernel
 def planned_guess(believed: MissionRecords, onboard: Onboard) -> None:
-    """Unknowns from the plan: its lengths, and thrust along the velocity at the next ignition."""
+    """Unknowns from the plan."""
     nav = onboard.navigation
     state = onboard.state
     memory = state.optimal
@@ -190,7 +226,7 @@ def planned_guess(believed: MissionRecords, onboard: Onboard) -> None:
             first += 1
     u[COLUMN_CUTOFF] = end
     ignition = next_ignition(nav, believed, u[first_end:])
-    p, q = primer_along_velocity(nav, believed, ignition)
+    p, q = planned_primer(believed, onboard, ignition)
     for i in range(3):
         u[i] = p[i]
         u[3 + i] = -q[i]
@@ -213,10 +249,7 @@ def carry(mission: MissionRecords, onboard: Onboard) -> None:
     r = load(nav.position)
     p = (u[0], u[1], u[2])
     q = (-u[3], -u[4], -u[5])
-    dt = nav.time - memory.time
-    _, bend = gravity_terms(r, field_of(environment), p)
-    p = axpy(dt, axpy(0.5 * dt, bend, q), p)
-    q = axpy(dt, bend, q)
+    p, q = primer_later(environment, r, (p, q), nav.time - memory.time)
     # what has gone since: its jump, and its unknowns
     index = 0
     for j in range(mission.jettisons.shape[0]):

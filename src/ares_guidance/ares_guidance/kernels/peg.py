@@ -80,7 +80,7 @@ def iterate(mission: MissionRecords, onboard: Onboard) -> tuple[float, float, bo
 
     # prediction
     thrust_v, thrust_r = steered_thrust(integrals, steering)
-    gravity_v, gravity_r = gravity_effect(r, v, thrust_v, thrust_r, horizon, mu)
+    gravity_v, gravity_r = gravity_effect(r, v, thrust_v, thrust_r, horizon, mission.environment)
     r_p = add(axpy(horizon, v, r), add(gravity_r, thrust_r))
     v_p = add(v, add(gravity_v, thrust_v))
     moved = predict_jettisons(mission, onboard, steering)

@@ -13,7 +13,7 @@ from ares_guidance.kernels.segments import (
 )
 from ares_models.arrays import Record
 from ares_models.jit import kernel
-from ares_models.kernels.kepler import kepler
+from ares_models.kernels.coast import coast
 from ares_models.kernels.vectors import (
     Vector,
     add,
@@ -137,7 +137,7 @@ def turned_thrust(
 
 @kernel
 def gravity_effect(
-    r: Vector, v: Vector, thrust_v: Vector, thrust_r: Vector, until: float, mu: float
+    r: Vector, v: Vector, thrust_v: Vector, thrust_r: Vector, until: float, environment: Record
 ) -> tuple[Vector, Vector]:
     """Velocity and displacement due to gravity, from a coast that shadows the burn.
 
@@ -150,7 +150,7 @@ def gravity_effect(
         thrust_v: velocity gained by thrust, m/s.
         thrust_r: displacement by thrust, m.
         until: s from now.
-        mu: m3/s2.
+        environment: record ENVIRONMENT.
 
     Returns:
         velocity m/s, displacement m.
@@ -159,5 +159,5 @@ def gravity_effect(
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     r_c1 = axpy(-until / 30.0, thrust_v, axpy(-0.1, thrust_r, r))
     v_c1 = axpy(-0.1, thrust_v, axpy(1.2 / until, thrust_r, v))
-    r_c2, v_c2 = kepler(r_c1, v_c1, until, mu)
+    r_c2, v_c2 = coast(r_c1, v_c1, until, environment)
     return sub(v_c2, v_c1), axpy(-until, v_c1, sub(r_c2, r_c1))

@@ -19,7 +19,11 @@ from ares_optimizer.indirect.solver import Root, TwoPointSolver
 from ares_optimizer.kernels.timetable import COLUMN_CUTOFF, COLUMN_JETTISON
 from ares_optimizer.plan import free_arcs, length_bounds, longest_burn, trial_lengths
 from ares_optimizer.two_point.arrays import LAMBDA_R, NOT_HELD, PRIMER
-from ares_optimizer.two_point.kernels.tangential import next_ignition, primer_along_velocity
+from ares_optimizer.two_point.kernels.tangential import (
+    carried_back,
+    next_ignition,
+    tangential_primer,
+)
 
 Array = NDArray[np.float64]
 
@@ -164,7 +168,8 @@ def along_velocity(solver: TwoPointSolver, start: NDArray[np.void], unknowns: Ar
     free = len(free_arcs(solver.arrays, start[0]))
     records = solver.arrays.records()
     ignition = next_ignition(start[0], records, unknowns[unknowns.size - free :])
-    primer, rate = primer_along_velocity(start[0], records, ignition)
+    there = tangential_primer(start[0], records, ignition)
+    primer, rate = carried_back(start[0], records, ignition, there)
     out = unknowns.copy()
     out[PRIMER] = primer
     out[LAMBDA_R] = [-component for component in rate]

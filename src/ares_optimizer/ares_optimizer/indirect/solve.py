@@ -503,6 +503,7 @@ def _steering_arcs(pieces: NDArray[np.void], flight: Array) -> tuple[SteeringArc
             delta_v = float(np.trapezoid(acceleration, rows[:, sample.TIME]))
         direction = primer / size
         rate = change / (size * length)
+        primer_rate = -first[sample.LAMBDA_R : sample.LAMBDA_R + 3] / size
         laws.append(
             SteeringArc(
                 float(piece["start"]),
@@ -513,6 +514,7 @@ def _steering_arcs(pieces: NDArray[np.void], flight: Array) -> tuple[SteeringArc
                 float(first[sample.MASS]),
                 float(last[sample.MASS]),
                 delta_v,
+                (float(primer_rate[0]), float(primer_rate[1]), float(primer_rate[2])),
             )
         )
     return tuple(laws)

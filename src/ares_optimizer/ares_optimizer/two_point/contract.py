@@ -16,7 +16,11 @@ from ares_optimizer.two_point.kernels.gravity import field_of, gravity_terms
 from ares_optimizer.two_point.kernels.newton import CONVERGED, scaled_length
 from ares_optimizer.two_point.kernels.search import find_optimum
 from ares_optimizer.two_point.kernels.shooting import free_column, shoot, unknown_count
-from ares_optimizer.two_point.kernels.tangential import next_ignition, primer_along_velocity
+from ares_optimizer.two_point.kernels.tangential import (
+    carried_back,
+    next_ignition,
+    tangential_primer,
+)
 
 __all__ = [
     "COLUMN_CUTOFF",
@@ -24,14 +28,15 @@ __all__ = [
     "CONVERGED",
     "HEATING_OPTIMAL",
     "MAX_UNKNOWNS",
+    "carried_back",
     "field_of",
     "find_optimum",
     "free_column",
     "gravity_terms",
     "lengths_inside",
     "next_ignition",
-    "primer_along_velocity",
     "scaled_length",
     "shoot",
+    "tangential_primer",
     "unknown_count",
 ]

@@ -1,4 +1,4 @@
-"""A first guess in orbit: at the next ignition thrust along the velocity, turning with it."""
+"""A first guess in orbit, made at the next ignition: thrust along the velocity, or by a plan."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +9,9 @@ from ares_models.kernels.kepler import kepler
 from ares_models.kernels.vectors import Vector, axpy, dot, load, norm, scale
 from ares_optimizer.kernels.timetable import ends_by_plan, free_index
 from ares_optimizer.two_point.kernels.gravity import field_of, gravity_terms
+
+#: Primer and its rate.
+Costates = tuple[Vector, Vector]
 
 _STEP = 60.0  # s
 _MOST_STEPS = 400.0
@@ -37,18 +40,30 @@ def next_ignition(start: Record, mission: MissionRecords, ends: NDArray[np.float
 
 
 @kernel
-def primer_along_velocity(
-    start: Record, mission: MissionRecords, ignition: float
-) -> tuple[Vector, Vector]:
-    """Primer and its rate at the start that lead to thrust along the velocity at an ignition.
+def tangential_primer(start: Record, mission: MissionRecords, ignition: float) -> Costates:
+    """Primer and its rate at an ignition that turn with the velocity; as the next returns them."""
+    mu = mission.environment.mu
+    r, v = kepler(load(start.position), load(start.velocity), ignition - start.time, mu)
+    speed = norm(v)
+    p = scale(1.0 / speed, v)
+    g, _ = gravity_terms(r, field_of(mission.environment), p)
+    return p, scale(1.0 / speed, axpy(-dot(p, g), p, g))
 
-    The coast before it is a conic, along which the primer's equation is linear; it is carried
-    back by Runge and Kutta's rule.
+
+@kernel
+def carried_back(
+    start: Record, mission: MissionRecords, ignition: float, costates: Costates
+) -> Costates:
+    """Primer and its rate at the start from those at an ignition, over the coast before it.
+
+    The coast is a conic, along which the primer's equation is linear; it is integrated by Runge
+    and Kutta's rule.
 
     Args:
         start: record NAVIGATION.
         mission: its gravity is read.
         ignition: s.
+        costates: there.
 
     Returns:
         a primer of length 1, and its rate, 1/s.
@@ -58,11 +73,8 @@ def primer_along_velocity(
     r0 = load(start.position)
     v0 = load(start.velocity)
     coast = ignition - start.time
-    r, v = kepler(r0, v0, coast, mu)
-    speed = norm(v)
-    p = scale(1.0 / speed, v)
-    g, _ = gravity_terms(r, gravity, p)
-    q = scale(1.0 / speed, axpy(-dot(p, g), p, g))
+    r, _ = kepler(r0, v0, coast, mu)
+    p, q = costates
     steps = int(min(_MOST_STEPS, np.ceil(coast / _STEP)))
     for i in range(steps):
         h = -coast / steps
