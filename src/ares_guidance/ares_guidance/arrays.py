@@ -168,6 +168,17 @@ TURN_WORK = np.dtype(
     align=True,
 )
 
+#: The gravity gradient that a primer follows: its axis goes round with the vehicle.
+PRIMER = np.dtype(
+    [
+        ("gradient", np.float64),  # its root, 1/s; 0: the turn is small, the primer a line
+        ("turning", np.float64),  # of the axis, 1/s
+        ("axis", np.float64, (3,)),  # up, now
+        ("normal", np.float64, (3,)),  # which it turns about
+    ],
+    align=True,
+)
+
 #: What an iteration changes: a failed cycle puts it back as it was.
 SOLUTION = np.dtype(
     [
@@ -182,9 +193,7 @@ SOLUTION = np.dtype(
         ("direction_rate", np.float64, (3,)),
         ("reference_time", np.float64),
         ("turn", np.float64),  # rad, the largest from the mean that a pass asked for
-        # of a primer in linear gravity; rate 1/s, 0: the turn is small
-        ("primer_rate", np.float64),
-        ("primer_axis", np.float64, (3,)),
+        ("primer", PRIMER),
         ("miss_speed", np.float64),  # m/s, change of velocity_to_go in the last iteration
         ("tail_gain", np.float64),  # s of full thrust that follow the cut-off command
         ("tail_drift", np.float64),  # s by which the tail outlasts them
@@ -206,6 +215,7 @@ PLAN = np.dtype(
         ("direction", np.float64, (MAX_ARCS, 2, 3)),
         # primer at the ignition of a burn, a unit vector, and its rate, 1/s; nan: not known
         ("primer", np.float64, (MAX_ARCS, 2, 3)),
+        ("position", np.float64, (MAX_ARCS, 3)),  # at the end of that leg, m; 0: not known
         ("jettison_time", np.float64),  # of heating jettisons, MET; nan: not known
     ],
     align=True,
@@ -226,6 +236,7 @@ LEG = np.dtype(
         ("time_to_go", np.float64),  # s, to the end of the leg; 0: none
         ("first_direction", np.float64, (3,)),
         ("last_direction", np.float64, (3,)),
+        ("end_position", np.float64, (3,)),  # m
         ("jettison_time", np.float64),  # of heating jettisons, MET
     ],
     align=True,

@@ -70,6 +70,7 @@ class ArcPlan:
         ends: state at the end of each free burn that is not the last arc, by the same index.
         directions: of the first and the last thrust since the free burn before, up to there and
             up to the end of the last arc, shape (2, 3), where they are known.
+        positions: at the end of each of these, m, shape (3,), where they are known.
         primers: at the ignition of each burn, a unit vector, and its rate, 1/s, shape (2, 3);
             nan: not known.
         jettison_time_s: mission elapsed time; nan: not known, or no jettison waits for heating.
@@ -78,6 +79,7 @@ class ArcPlan:
     lengths_s: dict[int, float]
     ends: dict[int, Insertion]
     directions: dict[int, Array] = field(default_factory=dict)
+    positions: dict[int, Array] = field(default_factory=dict)
     primers: dict[int, Array] = field(default_factory=dict)
     jettison_time_s: float = math.nan
 
@@ -112,6 +114,8 @@ class ArcPlan:
             target["ascending_node"] = np.nan_to_num(end.ascending_node)
         for index, directions in self.directions.items():
             record["direction"][0, index] = directions
+        for index, position in self.positions.items():
+            record["position"][0, index] = position
         record["primer"] = math.nan
         for index, primer in self.primers.items():
             record["primer"][0, index] = primer
@@ -189,11 +193,16 @@ class OfflineTrajectory:
         return velocity
 
     def sample_at(self, t: float, what: str) -> Insertion:
-        """The sample at a time, s.
+        """The state at a time, s.
 
         Raises:
-            ValueError: there is none; ``what`` is there.
+            ValueError: there is no sample; ``what`` is there.
         """
+        k = self._sample(t, what)
+        return Insertion.from_state(self.sample_position[k], self.sample_velocity[k])
+
+    def _sample(self, t: float, what: str) -> int:
+        """Index of the sample at a time, s."""
         if len(self.sample_time) == 0:
             raise ValueError(f"no sample at {what}: there are none")
         nearest = int(np.argmin(np.abs(self.sample_time - t)))
@@ -202,7 +211,7 @@ class OfflineTrajectory:
                 f"no sample at {what}: the nearest to {t:.3f} s is at "
                 f"{self.sample_time[nearest]:.3f} s"
             )
-        return Insertion.from_state(self.sample_position[nearest], self.sample_velocity[nearest])
+        return nearest
 
     def arc_plan(self, arrays: MissionArrays) -> ArcPlan:
         """The plan of a mission's free arcs.
@@ -223,12 +232,13 @@ class OfflineTrajectory:
                 primers[flown.arc] = np.array([self.steering_direction[i], self.primer_rate[i]])
             ends[flown.arc] = float(self.arc_end_time[i])
         free = np.isinf(arcs["duration"])
-        states, directions = {}, {}
+        states, directions, positions = {}, {}, {}
         begin = -math.inf
         for k, end in ends.items():
             last = k + 1 == len(arcs)
             if last or (free[k] and arcs["kind"][k] == BURN):
                 directions[k] = self._directions(begin, end)
+                positions[k] = self.sample_position[self._sample(end, f"the end of burn {k}")]
                 begin = end
                 if not last:
                     states[k] = self.sample_at(end, f"the end of burn {k}")
@@ -236,6 +246,7 @@ class OfflineTrajectory:
             {int(k): float(flown.lengths[k]) for k in np.flatnonzero(free)},
             states,
             directions,
+            positions,
             primers,
             self.jettison_time,
         )

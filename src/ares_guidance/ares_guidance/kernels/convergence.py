@@ -92,7 +92,7 @@ def seek(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bo
     state = onboard.state
     limit = onboard.settings.small_turn_limit
     small_does = False
-    if state.solution.primer_rate == 0.0:
+    if state.solution.primer.gradient == 0.0:
         state.law = LAW
         error, reachable = converge(mission, onboard)
         if math.isinf(limit):
@@ -104,7 +104,7 @@ def seek(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bo
         late = state.solution.time_to_go <= onboard.settings.restart_time
         small = state.solution.turn < STEEPEST or not reachable or late
         small_does = error == ERROR_NONE and small
-        if good or error != ERROR_NONE:
+        if good or error != ERROR_NONE or state.leg.time_to_go > 0.0:
             begin_again(mission, onboard, cold)
     state.law = LAW_PEG
     error = converge_large_turn(mission, onboard)

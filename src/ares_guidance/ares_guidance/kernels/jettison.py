@@ -46,7 +46,7 @@ def predicted_log_heating(
     r = load(nav.position)
     v = load(nav.velocity)
     # what is commanded next must be exact: the expansion is not at either end of the turn
-    if state.solution.primer_rate > 0.0 or t <= onboard.settings.cycle_period:
+    if state.solution.primer.gradient > 0.0 or t <= onboard.settings.cycle_period:
         thrust_v, thrust_r = turned_thrust(state, t, math.inf, steering)
     else:
         thrust_v, thrust_r = steered_thrust(thrust_integrals(state, t, math.inf), steering)

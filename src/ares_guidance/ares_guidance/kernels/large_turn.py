@@ -2,7 +2,7 @@
 
 PEG expands the thrust about its mean direction, other laws their angles; that holds for
 turns below a radian. A vehicle that climbs far at little thrust turns further. Here the thrust
-follows the primer p of a flight in linear gravity, its integrals are quadratures, and the end is
+follows the primer p of a flight in a gravity gradient that turns with it, its integrals are quadratures, and the end is
 met by Newton's method. What the target leaves free is chosen by transversality: with p' its rate
 and g the pull, C = v x p - r x p' has no part along the axis of a rotation that is free (downrange,
 the node), and p . g = p' . v where the place on an orbit is free.
@@ -61,6 +61,8 @@ from ares_models.kernels.vectors import (
 #: thrusted path is begun anew after so much of it.
 PIECE = 0.5
 MOST_PIECES = 8
+#: rad; an end that lies further behind is reached the other way round.
+LEAST_ANGLE = -0.5
 #: Sine of the inclination below which the node has no meaning.
 EQUATORIAL = 1e-6
 #: Newton steps in one search, and halvings of one of them.
@@ -116,7 +118,7 @@ def predict_end(mission: MissionRecords, onboard: Onboard) -> End:
     steering = steering_of(turn)
     pieces = 1
     if state.leg.count > 0:
-        angle = state.solution.primer_rate * horizon
+        angle = state.solution.primer.gradient * horizon
         pieces = min(MOST_PIECES, 1 + int(max(0.0, angle) / PIECE))
     span = horizon / pieces
     before_v, before_r = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
@@ -304,14 +306,36 @@ def newton_step(mission: MissionRecords, onboard: Onboard, merit: float) -> floa
 
 
 @kernel
+def set_gradient(solution: Record, r: Vector, t_go: float, mu: float) -> None:
+    """The gravity gradient between here and the end of the solution on board.
+
+    Args:
+        solution: record SOLUTION. Changed.
+        r: position, m.
+        t_go: s.
+        mu: m3/s2.
+    """
+    field = solution.primer
+    end = load(solution.desired_position)
+    normal = load(solution.plane_normal)
+    axis = unit(axpy(-dot(normal, r), normal, r))
+    angle = math.atan2(dot(cross(normal, axis), end), dot(axis, end))
+    if angle < LEAST_ANGLE:
+        angle += 2.0 * math.pi
+    radius = 0.5 * (norm(r) + norm(end))
+    field.gradient = math.sqrt(mu / radius**3)
+    field.turning = max(angle, 0.0) / t_go
+    store(field.axis, axis)
+    store(field.normal, normal)
+
+
+@kernel
 def begin(mission: MissionRecords, onboard: Onboard) -> None:
     """Unknowns, their scales and the linear gravity, from the solution on board."""
     state = onboard.state
     solution = state.solution
     turn = state.turn
     r = load(onboard.navigation.position)
-    end = load(solution.desired_position)
-    radius = 0.5 * (norm(r) + norm(end))
     t_go = possible_cutoff(state, solution.time_to_go)
     l_sum, j_sum, _, _, _, _ = thrust_integrals(state, t_go, t_go)
     turn.reference = j_sum / l_sum
@@ -323,9 +347,8 @@ def begin(mission: MissionRecords, onboard: Onboard) -> None:
         load(solution.direction_rate),
         solution.reference_time - onboard.navigation.time,
     )
+    set_gradient(solution, r, t_go, mission.environment.mu)
     middle, rate = primer(solution, steering, turn.reference)
-    solution.primer_rate = math.sqrt(mission.environment.mu / radius**3)
-    store(solution.primer_axis, unit(add(unit(r), unit(end))))
     size = norm(middle)
     store(turn.first_direction, scale(1.0 / size, middle))
     store(turn.unknowns, scale(1.0 / size, middle))

@@ -87,6 +87,7 @@ def lay_out(mission: MissionRecords, state: Record, last: int) -> None:
         leg.target = mission.target
     store(leg.first_direction, load(plan.direction[last, 0]))
     store(leg.last_direction, load(plan.direction[last, 1]))
+    store(leg.end_position, load(plan.position[last]))
     leg.jettison_time = plan.jettison_time
 
 

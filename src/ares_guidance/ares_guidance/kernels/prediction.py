@@ -1,5 +1,6 @@
 """What thrust and gravity do to position and velocity over the burn to come."""
 
+import cmath
 import math
 from typing import NamedTuple
 
@@ -18,6 +19,7 @@ from ares_models.kernels.vectors import (
     Vector,
     add,
     axpy,
+    cross,
     dot,
     load,
     scale,
@@ -29,6 +31,14 @@ _nodes, _weights = np.polynomial.legendre.leggauss(6)
 #: Gauss-Legendre on (0, 1).
 NODES = tuple((0.5 * (1.0 + _nodes)).tolist())
 WEIGHTS = tuple((0.5 * _weights).tolist())
+
+
+#: Angle below which a mode is a line, and the least difference of two modes, as a part of w^2.
+NO_CHANGE = 1e-9
+NO_SPREAD = 1e-6
+
+#: A vector in the plane of flight and its rate: up, ahead, up, ahead.
+Plane = tuple[float, float, float, float]
 
 
 class LinearTangent(NamedTuple):
@@ -72,11 +82,58 @@ def steered_thrust(integrals: Integrals, steering: LinearTangent) -> tuple[Vecto
 
 
 @kernel
-def primer(solution: Record, steering: LinearTangent, t: float) -> tuple[Vector, Vector]:
-    """Primer at a time, and its rate: p'' = w^2 (3 (p . axis) axis - p).
+def mode(square: complex, t: float) -> tuple[complex, complex]:
+    """Solutions of x'' = square x that begin as (1, 0) and as (0, 1); time t, s."""
+    root = cmath.sqrt(square)
+    if abs(root * t) < NO_CHANGE:
+        return 1.0 + 0.0j, t + 0.0j
+    return cmath.cosh(root * t), cmath.sinh(root * t) / root
 
-    That is the gradient of an inverse-square field whose direction and strength stay; with
-    w = 0 it is the linear tangent.
+
+@kernel
+def in_plane(w: float, n: float, s: float, x: Plane) -> Plane:
+    """Primer in the plane of flight, in axes up and ahead that turn at ``n``.
+
+    There p'' + 2 n J p' - n^2 p = w^2 (2 p_up, -p_ahead): two modes, of which the squares of the
+    rates are the roots of z^2 + (2 n^2 - w^2) z + (n^2 + 2 w^2)(n^2 - w^2).
+
+    Args:
+        w: root of the gradient, 1/s.
+        n: 1/s.
+        s: s.
+        x: primer up and ahead, and their rates, at s = 0.
+
+    Returns: the same at s.
+    """
+    spread = w * cmath.sqrt(9.0 * w * w - 8.0 * n * n)
+    if abs(spread) < NO_SPREAD * w * w:
+        spread = NO_SPREAD * w * w + 0.0j
+    grows = 0.5 * (w * w - 2.0 * n * n + spread)
+    c1, s1 = mode(grows, s)
+    c2, s2 = mode(grows - spread, s)
+    # exp(A s) by Cayley and Hamilton
+    even, odd = (c1 - c2) / spread, (s1 - s2) / spread
+    terms = (c1 - grows * even).real, (s1 - grows * odd).real, even.real, odd.real
+    up, ahead = n * n + 2.0 * w * w, n * n - w * w
+    total = (0.0, 0.0, 0.0, 0.0)
+    for k in range(4):
+        term = terms[k]
+        total = (
+            total[0] + term * x[0],
+            total[1] + term * x[1],
+            total[2] + term * x[2],
+            total[3] + term * x[3],
+        )
+        x = (x[2], x[3], up * x[0] + 2.0 * n * x[3], ahead * x[1] - 2.0 * n * x[2])
+    return total
+
+
+@kernel
+def primer(solution: Record, steering: LinearTangent, t: float) -> tuple[Vector, Vector]:
+    """Primer at a time, and its rate: p'' = w^2 (3 (p . up) up - p).
+
+    That is the gradient of an inverse-square field of steady strength, whose axis turns steadily;
+    with w = 0 it is the linear tangent.
 
     Args:
         solution: record SOLUTION, with w and the axis.
@@ -85,19 +142,31 @@ def primer(solution: Record, steering: LinearTangent, t: float) -> tuple[Vector,
     """
     direction, rate, reference = steering
     s = t - reference
-    w = solution.primer_rate
+    field = solution.primer
+    w = field.gradient
     if w == 0.0:
         return axpy(s, rate, direction), rate
-    up = load(solution.primer_axis)
-    k = math.sqrt(2.0) * w
-    a, b = dot(direction, up), dot(rate, up)
-    c, sine = math.cos(w * s), math.sin(w * s)
-    ch, sh = math.cosh(k * s), math.sinh(k * s)
-    along = a * (ch - c) + b * (sh / k - sine / w)
-    along_rate = a * (k * sh + w * sine) + b * (ch - c)
+    n = field.turning
+    normal = load(field.normal)
+    axis = load(field.axis)
+    side = cross(normal, axis)
+    c, d = math.cos(n * reference), math.sin(n * reference)
+    up = axpy(d, side, scale(c, axis))
+    ahead = axpy(-d, axis, scale(c, side))
+    # to axes that turn
+    x0, x1 = dot(direction, up), dot(direction, ahead)
+    x2, x3 = dot(rate, up) + n * x1, dot(rate, ahead) - n * x0
+    y0, y1, y2, y3 = in_plane(w, n, s, (x0, x1, x2, x3))
+    y2, y3 = y2 - n * y1, y3 + n * y0
+    c, d = math.cos(n * t), math.sin(n * t)
+    up = axpy(d, side, scale(c, axis))
+    ahead = axpy(-d, axis, scale(c, side))
+    across, across_rate = dot(direction, normal), dot(rate, normal)
+    c, d = math.cos(w * s), math.sin(w * s)
+    out, out_rate = across * c + across_rate * d / w, across_rate * c - across * w * d
     return (
-        axpy(along, up, axpy(sine / w, rate, scale(c, direction))),
-        axpy(along_rate, up, axpy(c, rate, scale(-w * sine, direction))),
+        axpy(out, normal, axpy(y1, ahead, scale(y0, up))),
+        axpy(out_rate, normal, axpy(y3, ahead, scale(y2, up))),
     )
 
 

@@ -36,7 +36,7 @@ def guess_by_plan(onboard: Onboard) -> None:
 
 @kernel
 def turn_by_plan(onboard: Onboard, t_go: float) -> None:
-    """The turn from the first to the last direction of the plan, about their mean.
+    """The primer of the plan, or the turn from its first to its last direction about their mean.
 
     Args:
         onboard: what is on board. Its solution is changed.
@@ -44,10 +44,17 @@ def turn_by_plan(onboard: Onboard, t_go: float) -> None:
     """
     leg = onboard.state.leg
     solution = onboard.state.solution
+    nav = onboard.navigation
+    primer = onboard.state.plan.primer[nav.arc]
+    if math.isfinite(norm(load(primer[0])) + norm(load(primer[1]))):
+        store(solution.direction, load(primer[0]))
+        store(solution.direction_rate, load(primer[1]))
+        solution.reference_time = nav.arc_start_time
+        return
     first, last = load(leg.first_direction), load(leg.last_direction)
     half = max(HALF_TURN, 0.5 * norm(add(first, last)))
     store(solution.direction_rate, scale(1.0 / (half * t_go), sub(last, first)))
-    solution.reference_time = onboard.navigation.time + 0.5 * t_go
+    solution.reference_time = nav.time + 0.5 * t_go
 
 
 @kernel
@@ -64,7 +71,7 @@ def start_guess(mission: MissionRecords, onboard: Onboard) -> None:
     nav = onboard.navigation
     state = onboard.state
     solution = state.solution
-    solution.primer_rate = 0.0
+    solution.primer.gradient = 0.0
     r = load(nav.position)
     v = load(nav.velocity)
     if state.seeded == 1:
@@ -90,6 +97,8 @@ def start_guess(mission: MissionRecords, onboard: Onboard) -> None:
     ahead = axpy(0.5 * t_go, axpy(1.0, v, axpy(1.0, v_go, v)), r)
     normal, _ = plane_normal(target, ahead, cross(ahead, axpy(1.0, v_go, v)))
     position, _, _ = desired_state(target, mu, project_to_plane(ahead, normal), normal)
+    if state.leg.time_to_go > 0.0 and norm(load(state.leg.end_position)) > 0.0:
+        position = load(state.leg.end_position)
     store(solution.desired_position, position)
     store(solution.plane_normal, normal)
     store(solution.direction, unit(v_go))

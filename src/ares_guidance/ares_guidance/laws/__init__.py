@@ -78,7 +78,7 @@ def check_law(
     law.step(start[0])
     solution = law.state["solution"]
     lost = law.state["error"] == ERROR_NOT_CONVERGED
-    past = solution["primer_rate"] == 0.0 and solution["turn"] > STEEPEST
+    past = solution["primer"]["gradient"] == 0.0 and solution["turn"] > STEEPEST
     if (lost or past) and not law.kind.needs_trajectory:
         raise ValueError(
             f"law is {name!r}; expected one that finds a way from the mission's start to its "
