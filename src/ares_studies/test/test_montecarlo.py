@@ -34,6 +34,7 @@ from ares_studies.montecarlo.engines import (
 )
 from ares_studies.montecarlo.flights import Range, Settings
 from ares_studies.montecarlo.kernels import judge_insertion, on_target
+from ares_studies.montecarlo.reach import reaches
 from ares_studies.montecarlo.report import drawn_name, make_report, render
 from ares_studies.montecarlo.statistics import Tally, bound_rank, flights_needed, summarize
 from ares_studies.montecarlo.store import GROUP, Store, StoreError
@@ -638,7 +639,10 @@ def test_the_page_shows_the_campaign(standard, tmp_path):
     _, table = fly(Plan(settings, 200), tmp_path)
     summary = summarize(tmp_path / "flights.parquet", 127_880.0)
     facts = {"flights": "200", "guidance": "peg", "file": "flights.parquet"}
-    report = make_report(settings, summary, facts, "./ares fly --seed 0")
+    failures = summary.worst["failures"]
+    reached = reaches(settings, failures)
+    assert sorted(reached) == [row["flight"] for row in failures]
+    report = make_report(settings, summary, facts, "./ares fly --seed 0", reached)
     json.dumps(report.to_json(), allow_nan=False)
     items = {item.title: item for chapter in report.chapters for item in chapter.items}
     bars = items["Final mass"].content.series[0]
@@ -650,7 +654,11 @@ def test_the_page_shows_the_campaign(standard, tmp_path):
     page = render(report)
     first = report.cases["least final mass"][0]
     assert first.command == f"./ares fly --seed 0 --flight {first.flight}"
-    for words in (first.command, "200 flights, guidance peg", "payload fairing on at cut-off"):
+    for words in (
+        first.command,
+        "200 flights, guidance peg",
+        "payload fairing on at cut-off; within reach: the optimum ends with 1",
+    ):
         assert words in page
     # nothing is loaded from elsewhere
     head = page[: page.index('<script type="application/json"')]

@@ -32,7 +32,16 @@ def mission(name, tmp_path=None, *changes):
     return load_mission(path)
 
 
-@pytest.mark.parametrize("name", ["titan2_coast", "two_burn", "geostationary_transfer"])
+MISSIONS = (
+    "titan2_coast",
+    "two_burn",
+    "delta_iii_coast",
+    "geostationary_transfer",
+    "saturn_v_tli",
+)
+
+
+@pytest.mark.parametrize("name", MISSIONS)
 def test_the_optimum_is_flown(name):
     flight = mission(name)
     optimum = solve(flight, "indirect")
@@ -43,18 +52,35 @@ def test_the_optimum_is_flown(name):
     events = flown.events
     ends = events[np.isin(events["type"], (ARC_ENDED, CUTOFF))]["time"]
     assert ends == pytest.approx([arc.end_s for arc in optimum.flown], abs=0.1)
-    assert len(events[events["type"] == IGNITION]) >= 2
+    thrust = flight.arrays().arcs["thrust"]
+    burns = sum(thrust[arc.arc] > 0.0 for arc in optimum.flown)
+    assert np.sum(events["type"] == IGNITION) == burns
     final = optimum.verification
     assert np.linalg.norm(flown.plant["position"]) == pytest.approx(final.radius_m, abs=10.0)
     assert np.linalg.norm(flown.plant["velocity"]) == pytest.approx(final.speed_m_s, abs=0.01)
 
 
+@pytest.mark.parametrize("name", MISSIONS)
+def test_peg_on_a_plan_loses_little(name):
+    flight = mission(name)
+    optimum = solve(flight, "indirect")
+    law = make_law("peg", flight.arrays(foreseen=True))
+    law.start_from(offline_trajectory(optimum))
+    flown = fly_compiled(flight, law=law).plant
+    assert flown["inserted"] == 1
+    arcs = flight.arrays().arcs
+    lost = arcs["exhaust_velocity"][-1] * np.log(optimum.m_f_kg / flown["mass"])
+    # two_burn: 0.05 %, delta_iii_coast: 0.1 %
+    assert -1e-6 < lost / optimum.delta_v_m_s < 0.002
+
+
+@pytest.mark.parametrize("name", ["titan2_coast", "titan2_restart"])
 @pytest.mark.parametrize("law", ["optimal", "peg", "igm"])
-def test_dispersed_flights_with_oblateness_arrive(law, tmp_path):
-    # the ground out of the way: it begins a kilometre above it
+def test_dispersed_flights_with_oblateness_arrive(law, name, tmp_path):
+    # the ground out of the way: one begins a kilometre above it, the other dips below
     lower = [(f"{which}_radius_m: 6370000.0",) * 2 for which in ("equatorial", "polar")]
     lower = [(old, new.replace("6370000", "6200000")) for old, new in lower]
-    flight = mission("titan2_coast", tmp_path, OBLATE, *lower)
+    flight = mission(name, tmp_path, OBLATE, *lower)
     flown = Range(Settings(flight, load_dispersions("standard"), seed=3, law=law)).fly(0, 40)
     assert not flown.errors
     assert flown.results["terminal_accuracy"].all()

@@ -4,7 +4,7 @@ import json
 import math
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,8 +38,9 @@ from ares_studies.closed_loop import arc_plan
 from ares_studies.montecarlo.campaign import Plan, fly_campaign
 from ares_studies.montecarlo.engines import EngineError, choose
 from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.reach import Reach, reaches
 from ares_studies.montecarlo.report import make_report, render
-from ares_studies.montecarlo.statistics import Summary, Tally, summarize
+from ares_studies.montecarlo.statistics import FAILURES, Summary, Tally, summarize
 from ares_studies.montecarlo.store import Store, StoreError
 from ares_studies.montecarlo.table import FLAGS, make_table
 from ares_vehicle_sim.dispersions import STANDARD, Dispersions, load_dispersions
@@ -182,8 +183,9 @@ def montecarlo(options: CampaignOptions, begun: float) -> int:
                     _say_interrupted(store, options)
                     return EXIT_INTERRUPTED
             summary = summarize(store.flights, nominal_propellant(settings))
-            report = _write_report(options, settings, summary, store)
-            _report(options, settings, summary, watch, (store.flights, report), begun)
+            reached = reaches(settings, summary.worst[FAILURES])
+            report = _write_report(options, settings, summary, reached, store)
+            _report(options, settings, summary, reached, watch, (store.flights, report), begun)
     return EXIT_DONE
 
 
@@ -284,7 +286,11 @@ class _Watch:
 
 
 def _write_report(
-    options: CampaignOptions, settings: Settings, summary: Summary, store: Store
+    options: CampaignOptions,
+    settings: Settings,
+    summary: Summary,
+    reached: Mapping[int, Reach],
+    store: Store,
 ) -> Path:
     """The page of the campaign, beside its flights."""
     facts = {
@@ -297,7 +303,7 @@ def _write_report(
         "guidance cycle": f"{settings.law_settings.cycle_period_s:g} s",
         "file": str(store.flights.absolute()),
     }
-    page = render(make_report(settings, summary, facts, options.command("fly")))
+    page = render(make_report(settings, summary, facts, options.command("fly"), reached))
     path = store.folder / REPORT
     path.write_text(page, encoding="utf-8")
     return path
@@ -307,6 +313,7 @@ def _report(
     options: CampaignOptions,
     settings: Settings,
     summary: Summary,
+    reached: Mapping[int, Reach],
     watch: _Watch,
     files: tuple[Path, Path],
     begun: float,
@@ -337,14 +344,25 @@ def _report(
             for name, influences in summary.influences.items()
         },
         "failures": [
-            {"flight": row["flight"], "outcome": row["outcome"], "reason": row["failure"]}
-            for row in summary.worst["failures"]
+            {
+                "flight": row["flight"],
+                "outcome": row["outcome"],
+                "reason": row["failure"],
+                **_reach(reached.get(row["flight"])),
+            }
+            for row in summary.worst[FAILURES]
         ],
     }
     if options.as_json:
         print(json.dumps(_plain(said), indent=2, allow_nan=False))
     else:
         _print(options, settings, summary, said, console())
+
+
+def _reach(found: Reach | None) -> dict[str, Any]:
+    if found is None:
+        return {"within_reach": None, "optimum": None}
+    return {"within_reach": found.within, "optimum": str(found)}
 
 
 def _verdict(tally: Tally) -> dict[str, Any]:
@@ -400,7 +418,8 @@ def _print(
         if strongest:
             out.print(f"{name} follows {strongest}")
     for failure in said["failures"]:
-        out.print(f"flight {failure['flight']}: {failure['reason']}")
+        optimum = f"; {failure['optimum']}" if failure["optimum"] else ""
+        out.print(f"flight {failure['flight']}: {failure['reason']}{optimum}")
     missing = tally.n - tally.counts["succeeded"] - len(said["failures"])
     if missing:
         out.print(f"and {missing:,} more failures")

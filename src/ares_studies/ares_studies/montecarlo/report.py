@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_studies.montecarlo.flights import Settings
+from ares_studies.montecarlo.reach import Reach
 from ares_studies.montecarlo.statistics import (
     CONFIDENCE,
     FAILURES,
@@ -137,7 +138,11 @@ def render(report: CampaignReport) -> str:
 
 
 def make_report(
-    settings: Settings, summary: Summary, facts: Mapping[str, str], command: str
+    settings: Settings,
+    summary: Summary,
+    facts: Mapping[str, str],
+    command: str,
+    reached: Mapping[int, Reach],
 ) -> CampaignReport:
     """What the page shows.
 
@@ -146,6 +151,7 @@ def make_report(
         summary: what came of it.
         facts: how it was flown, for people.
         command: flies flight k again with ``--flight k`` behind it.
+        reached: what the failures could have done, by flight.
     """
     chapters = (
         Chapter(1, "Results", _results_text(summary), tuple(_result_figures(summary))),
@@ -172,7 +178,7 @@ def make_report(
         headline=_headline(summary),
         masses=_masses(summary),
         chapters=_numbered(chapters),
-        cases=_cases(summary, command),
+        cases=_cases(summary, command, reached),
     )
 
 
@@ -393,14 +399,18 @@ def _influence_items(summary: Summary) -> list[Item]:
     return items
 
 
-def _cases(summary: Summary, command: str) -> dict[str, tuple[Case, ...]]:
+def _cases(
+    summary: Summary, command: str, reached: Mapping[int, Reach]
+) -> dict[str, tuple[Case, ...]]:
     columns = {title: name for title, name, _ in LISTS}
     cases = {}
     for title, rows in summary.worst.items():
         found = []
         for row in rows:
             why = row["failure"]
-            if title != FAILURES:
+            if title == FAILURES and row["flight"] in reached:
+                why = f"{why}; {reached[row['flight']]}"
+            elif title != FAILURES:
                 _, unit, decimals = RESULT_NAMES[columns[title]]
                 why = f"{number(row[columns[title]], decimals).text} {unit}"
             found.append(Case(row["flight"], why, f"{command} --flight {row['flight']}"))

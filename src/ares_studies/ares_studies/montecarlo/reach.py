@@ -1,0 +1,79 @@
+"""Whether a vehicle was able to do what it failed to do: the optimum of what was drawn.
+
+No guidance is asked: the optimizer flies the drawn vehicle in the drawn atmosphere and gravity,
+and knows all of it from the start.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from ares_optimizer.solution import Status
+from ares_optimizer.solve import solve
+from ares_studies.montecarlo.flights import Settings
+from ares_studies.montecarlo.table import Outcome
+from ares_vehicle_sim.simulator import true_vehicle
+
+#: Wall time for one flight, s; an optimum takes some 10 ms.
+TIME_LIMIT = 5.0
+
+
+@dataclass(frozen=True)
+class Reach:
+    """What the optimizer says of a flight.
+
+    Attributes:
+        within: True: it flies to the target; False: something stands in the way; None: it found
+            no flight, and nothing that does.
+        m_f_kg: mass after that flight; nan without one.
+        reason: why not; empty if it flies.
+    """
+
+    within: bool | None
+    m_f_kg: float
+    reason: str
+
+    def __str__(self) -> str:
+        """For a person."""
+        if self.within is None:
+            return f"within reach or not: unknown, {self.reason}"
+        if self.within:
+            return f"within reach: the optimum ends with {self.m_f_kg:,.1f} kg"
+        return f"out of reach: {self.reason}"
+
+
+def reach(settings: Settings, flight: int) -> Reach:
+    """What a flight of a campaign could have done.
+
+    Args:
+        settings: of the campaign.
+        flight: its number.
+
+    Raises:
+        DispersionsError: the dispersions do not fit the mission; one line.
+    """
+    mission = settings.mission
+    true, vehicle = true_vehicle(
+        mission, settings.options, settings.dispersions, settings.seed, flight
+    )
+    optimum = solve(
+        true,
+        "indirect",
+        state=vehicle.navigation,
+        heating=mission.heating_limit_holds,
+        time_limit_s=TIME_LIMIT,
+    )
+    if optimum.converged:
+        return Reach(True, optimum.m_f_kg, "")
+    within = False if optimum.status is Status.INFEASIBLE else None
+    return Reach(within, math.nan, optimum.reason)
+
+
+def reaches(settings: Settings, failures: Iterable[dict[str, Any]]) -> dict[int, Reach]:
+    """The same for rows of the table of flights, by flight; not for errors of our own house."""
+    return {
+        row["flight"]: reach(settings, row["flight"])
+        for row in failures
+        if row["outcome"] != Outcome.ERROR
+    }

@@ -1,0 +1,49 @@
+"""What a flight could have done, found without guidance."""
+
+import math
+
+import pytest
+
+from ares_models.mission import load_mission
+from ares_studies.montecarlo import reach as module
+from ares_studies.montecarlo.flights import Settings
+from ares_studies.montecarlo.reach import Reach, reach, reaches
+from ares_vehicle_sim.dispersions import Dispersions
+
+
+def settings(**drawn):
+    return Settings(load_mission("ares_v"), Dispersions(**drawn))
+
+
+def test_what_nothing_disperses_reaches_the_optimum():
+    found = reach(settings(), 0)
+    assert found.within is True
+    assert found.m_f_kg == pytest.approx(174_183.1, abs=0.1)
+    assert str(found) == "within reach: the optimum ends with 174,183.1 kg"
+
+
+def test_weak_engines_do_not_reach_the_orbit():
+    found = reach(settings(thrust={"mean": -0.4}), 0)
+    assert found.within is False
+    assert math.isnan(found.m_f_kg)
+    assert str(found).startswith("out of reach: ")
+
+
+def test_each_flight_is_drawn_as_the_campaign_drew_it():
+    drawn = settings(thrust=0.01, initial_position_m=500.0)
+    masses = [reach(drawn, flight).m_f_kg for flight in (3, 4, 3)]
+    assert masses[0] == masses[2] != masses[1]
+
+
+def test_the_optimizer_may_have_no_answer(monkeypatch):
+    monkeypatch.setattr(module, "TIME_LIMIT", 0.0)
+    found = reach(settings(), 0)
+    assert found.within is None
+    assert str(found).startswith("within reach or not: unknown, ")
+
+
+def test_an_error_of_the_program_is_not_asked_about():
+    rows = [{"flight": 1, "outcome": "error"}, {"flight": 2, "outcome": "target_missed"}]
+    found = reaches(settings(), rows)
+    assert list(found) == [2]
+    assert isinstance(found[2], Reach)
