@@ -23,7 +23,6 @@ def answer_of(mission):
     fields = {
         name: np.ravel(value).tolist() if isinstance(value, np.ndarray) else value
         for name, value in vars(solution).items()
-        if not name.startswith("first_arc")
     }
     return Response(**fields)
 

@@ -213,8 +213,9 @@ PLAN = np.dtype(
         ("target", TARGET, (MAX_ARCS,)),  # at the end of a free burn before the last arc
         # of the first and the last thrust in the leg that ends with the arc; 0: not known
         ("direction", np.float64, (MAX_ARCS, 2, 3)),
-        # primer at the ignition of a burn, a unit vector, and its rate, 1/s; nan: not known
+        # primer at the begin of a burn's thrust, a unit vector, its rate, 1/s; nan: not known
         ("primer", np.float64, (MAX_ARCS, 2, 3)),
+        ("ignition", np.float64, (MAX_ARCS,)),  # when that is, s
         ("position", np.float64, (MAX_ARCS, 3)),  # at the end of that leg, m; 0: not known
         ("jettison_time", np.float64),  # of heating jettisons, MET; nan: not known
     ],

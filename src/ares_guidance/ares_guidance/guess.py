@@ -71,8 +71,9 @@ class ArcPlan:
         directions: of the first and the last thrust since the free burn before, up to there and
             up to the end of the last arc, shape (2, 3), where they are known.
         positions: at the end of each of these, m, shape (3,), where they are known.
-        primers: at the ignition of each burn, a unit vector, and its rate, 1/s, shape (2, 3);
-            nan: not known.
+        primers: at the begin of each burn's thrust, a unit vector, and its rate, 1/s, shape
+            (2, 3); nan: not known.
+        ignitions: when that is, mission elapsed time, s.
         jettison_time_s: mission elapsed time; nan: not known, or no jettison waits for heating.
     """
 
@@ -81,6 +82,7 @@ class ArcPlan:
     directions: dict[int, Array] = field(default_factory=dict)
     positions: dict[int, Array] = field(default_factory=dict)
     primers: dict[int, Array] = field(default_factory=dict)
+    ignitions: dict[int, float] = field(default_factory=dict)
     jettison_time_s: float = math.nan
 
     def record(self, arcs: NDArray[np.void]) -> NDArray[np.void]:
@@ -119,6 +121,7 @@ class ArcPlan:
         record["primer"] = math.nan
         for index, primer in self.primers.items():
             record["primer"][0, index] = primer
+            record["ignition"][0, index] = self.ignitions[index]
         record["jettison_time"] = self.jettison_time_s
         return record
 
@@ -143,8 +146,9 @@ class OfflineTrajectory:
         sample_time: s; the jettison is one of them.
         sample_position: shape (n, 3), m.
         sample_velocity: shape (n, 3), m/s.
-        first_arc: the mission's arc in which it begins,
-        first_arc_flown: and how long that has lasted by then, s.
+        flown_arc: index of each of the mission's arcs from the one that runs on,
+        flown_start_time, flown_end_time: and when it begins and ends, s; a begin in the past for
+            one that runs.
     """
 
     jettison_time: float
@@ -161,8 +165,9 @@ class OfflineTrajectory:
     sample_time: Array
     sample_position: Array
     sample_velocity: Array
-    first_arc: int = 0
-    first_arc_flown: float = 0.0
+    flown_arc: NDArray[np.int64]
+    flown_start_time: Array
+    flown_end_time: Array
 
     def __post_init__(self) -> None:
         """Check the lists.
@@ -170,7 +175,7 @@ class OfflineTrajectory:
         Raises:
             ValueError: one line; lists that belong together differ in length.
         """
-        for kind in ("arc", "sample"):
+        for kind in ("arc", "sample", "flown"):
             lengths = {
                 item.name: len(getattr(self, item.name))
                 for item in fields(self)
@@ -223,33 +228,60 @@ class OfflineTrajectory:
             ValueError: the trajectory is not one of this mission.
         """
         arcs = arrays.arcs
-        flown = _Flown(arrays, self.first_arc, self.first_arc_flown)
-        ends: dict[int, float] = {}
-        primers = {}
-        for i in range(len(self.arc_start_time)):
-            flown.add(self._piece(i))
-            if flown.arc not in ends and arcs["kind"][flown.arc] == BURN:
-                primers[flown.arc] = np.array([self.steering_direction[i], self.primer_rate[i]])
-            ends[flown.arc] = float(self.arc_end_time[i])
-        free = np.isinf(arcs["duration"])
-        states, directions, positions = {}, {}, {}
+        self._check_arcs(arcs)
+        lengths, states, directions, positions = {}, {}, {}, {}
+        primers, ignitions = {}, {}
         begin = -math.inf
-        for k, end in ends.items():
+        for k, start, end in zip(
+            self.flown_arc, self.flown_start_time, self.flown_end_time, strict=True
+        ):
+            burns = arcs["kind"][k] == BURN
+            free = np.isinf(arcs["duration"][k])
             last = k + 1 == len(arcs)
-            if last or (free[k] and arcs["kind"][k] == BURN):
-                directions[k] = self._directions(begin, end)
-                positions[k] = self.sample_position[self._sample(end, f"the end of burn {k}")]
+            if free:
+                lengths[int(k)] = float(end - start)
+            first = self._first_piece(start, end)
+            if burns and first is not None:
+                primers[int(k)] = np.array(
+                    [self.steering_direction[first], self.primer_rate[first]]
+                )
+                ignitions[int(k)] = float(self.arc_start_time[first])
+            if last or (free and burns):
+                directions[int(k)] = self._directions(begin, end)
+                positions[int(k)] = self.sample_position[self._sample(end, f"the end of burn {k}")]
                 begin = end
                 if not last:
-                    states[k] = self.sample_at(end, f"the end of burn {k}")
+                    states[int(k)] = self.sample_at(end, f"the end of burn {k}")
         return ArcPlan(
-            {int(k): float(flown.lengths[k]) for k in np.flatnonzero(free)},
-            states,
-            directions,
-            positions,
-            primers,
-            self.jettison_time,
+            lengths, states, directions, positions, primers, ignitions, self.jettison_time
         )
+
+    def _check_arcs(self, arcs: NDArray[np.void]) -> None:
+        """See that the arcs are those of a mission, from some arc to the last.
+
+        Raises:
+            ValueError: they are not.
+        """
+        lengths = self.flown_end_time - self.flown_start_time
+        wanted = np.arange(len(arcs) - len(self.flown_arc), len(arcs))
+        if len(wanted) == 0 or wanted[0] < 0 or not np.array_equal(self.flown_arc, wanted):
+            raise ValueError(
+                f"the trajectory flies arcs {list(map(int, self.flown_arc))}, which are not those "
+                f"of the mission: it has {len(arcs)}"
+            )
+        fixed = arcs["duration"][wanted]
+        for k in np.flatnonzero(np.isfinite(fixed)):
+            if lengths[k] > fixed[k] + SAME_TIME:
+                raise ValueError(
+                    f"arc {wanted[k]} lasts {lengths[k]:.3f} s in the trajectory and "
+                    f"{fixed[k]:.3f} s in the mission: its arcs are not those of the mission"
+                )
+
+    def _first_piece(self, start: float, end: float) -> int | None:
+        """The first piece with thrust between two times, s; None: there is none."""
+        middle = 0.5 * (self.arc_start_time + self.arc_end_time)
+        inside = (middle > start) & (middle < end) & (self.arc_delta_v > 0.0)
+        return int(np.argmax(inside)) if inside.any() else None
 
     def _directions(self, begin: float, end: float) -> Array:
         """First and last direction of the thrust between two times, s; shape (2, 3)."""
@@ -265,17 +297,6 @@ class OfflineTrajectory:
             for k, t in ((first, self.arc_start_time[first]), (last, self.arc_end_time[last]))
         ]
         return np.array(found) / np.linalg.norm(found, axis=1, keepdims=True)
-
-    def _piece(self, i: int) -> "_Piece":
-        """An arc of this trajectory, and whether it begins with a drop."""
-        gain, mass = float(self.arc_delta_v[i]), float(self.arc_start_mass[i])
-        end_mass = float(self.arc_end_mass[i])
-        return _Piece(
-            length=float(self.arc_end_time[i] - self.arc_start_time[i]),
-            exhaust_velocity=gain / math.log(mass / end_mass) if gain > 0.0 else 0.0,
-            start_mass=mass,
-            dropped=i > 0 and mass < float(self.arc_end_mass[i - 1]) * (1.0 - LEAST_DROP),
-        )
 
     def jettison_plan(self) -> JettisonPlan:
         """State at the jettison and the scalar delta-V of each piece.
@@ -302,78 +323,3 @@ class OfflineTrajectory:
             self.cutoff_time,
             (first, second, third),
         )
-
-
-@dataclass(frozen=True)
-class _Piece:
-    """An arc of a trajectory.
-
-    Attributes:
-        length: s.
-        exhaust_velocity: m/s; 0 for a coast.
-        start_mass: kg.
-        dropped: something was, just before it.
-    """
-
-    length: float
-    exhaust_velocity: float
-    start_mass: float
-    dropped: bool
-
-
-class _Flown:
-    """The arcs of a mission beside the pieces of a trajectory, which do not name them.
-
-    A piece goes on with the arc of the piece before, cut in two by a jettison, or begins a
-    later one: of another kind or engine, of another stage, or because the arc's time is over.
-
-    Attributes:
-        arc: index of the mission's arc that the last piece belongs to.
-        lengths: s, of every arc so far.
-    """
-
-    def __init__(self, arrays: MissionArrays, first: int, flown: float) -> None:
-        """Before the first piece.
-
-        Args:
-            arrays: the mission.
-            first: arc in which the trajectory begins,
-            flown: and how long that has lasted by then, s.
-        """
-        self._arcs = arrays.arcs
-        #: kg; a stage may carry them on
-        self._parts = float(np.sum(arrays.jettisons["mass"]))
-        self.arc = first
-        self.lengths = np.zeros(len(arrays.arcs))
-        self.lengths[first] = flown
-
-    def add(self, piece: _Piece) -> None:
-        """Find the arc of the next piece.
-
-        Raises:
-            ValueError: there is none.
-        """
-        k = self.arc
-        while not self._fits(k, piece):
-            k += 1
-            if k >= len(self._arcs):
-                raise ValueError("the trajectory's arcs are not those of the mission")
-        self.arc = k
-        self.lengths[k] += piece.length
-
-    def _fits(self, k: int, piece: _Piece) -> bool:
-        arc = self._arcs[k]
-        burns = piece.exhaust_velocity > 0.0
-        if (arc["kind"] == BURN) != burns:
-            return False
-        if self.lengths[k] >= arc["duration"] - SAME_TIME:
-            return False
-        if not burns or k + 1 >= len(self._arcs):
-            return True
-        if not math.isclose(piece.exhaust_velocity, arc["exhaust_velocity"], rel_tol=1e-6):
-            return False
-        following = self._arcs[k + 1]
-        staged = following["begins_stage"] == 1 and piece.start_mass <= (
-            following["stack_mass"] * (1.0 + LEAST_DROP) + self._parts
-        )
-        return not (self.lengths[k] > 0.0 and piece.dropped and staged)

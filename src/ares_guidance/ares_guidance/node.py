@@ -35,7 +35,7 @@ from ares_node.qos import (
     TIMING,
 )
 from ares_node.states import StateMessage
-from ares_node.time import NANOSECONDS, ns_from_stamp, stamp_from_ns
+from ares_node.time import NANOSECONDS, stamp_from_ns
 
 ERROR_TEXTS = {
     GuidanceStatus.NOT_CONVERGED: "no convergence within the iterations allowed",
@@ -290,7 +290,6 @@ class GuidanceNode(FlightNode):
             time_limit=self.values["optimizer_timeout_s"],
         )
         self._asked_at = time.monotonic()
-        self._asked_about = asked
         self._guess = optimizer.call_async(request)
 
     def _does_with_analytic(self) -> bool:
@@ -304,7 +303,7 @@ class GuidanceNode(FlightNode):
             self._without_guess(reason or f"error {answer.error_code}", now)
             return
         try:
-            self._law.start_from(_trajectory(answer, self._asked_about))
+            self._law.start_from(_trajectory(answer))
         except ValueError as error:
             self._without_guess(f"unusable answer: {error}", now)
             return
@@ -437,12 +436,11 @@ class GuidanceNode(FlightNode):
                 )
 
 
-def _trajectory(answer: SolveTrajectory.Response, state: NavState) -> OfflineTrajectory:
+def _trajectory(answer: SolveTrajectory.Response) -> OfflineTrajectory:
     """The optimizer's answer without the message.
 
     Args:
         answer: of the optimizer.
-        state: from which it leads.
 
     Raises:
         ValueError: its lists do not belong together.
@@ -469,6 +467,7 @@ def _trajectory(answer: SolveTrajectory.Response, state: NavState) -> OfflineTra
         sample_time=numbers(answer.sample_time),
         sample_position=vectors(answer.sample_position),
         sample_velocity=vectors(answer.sample_velocity),
-        first_arc=state.arc,
-        first_arc_flown=ns_from_stamp(state.stamp) / NANOSECONDS - state.arc_start_time,
+        flown_arc=np.asarray(answer.flown_arc, dtype=np.int64),
+        flown_start_time=numbers(answer.flown_start_time),
+        flown_end_time=numbers(answer.flown_end_time),
     )

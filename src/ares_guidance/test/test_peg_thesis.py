@@ -103,6 +103,9 @@ def trajectory(**changes):
         "sample_time": np.array([0.0, 40.0, 40.0, 90.0]),
         "sample_position": np.array([[7e6, 0.0, 0.0]] * 4),
         "sample_velocity": np.array([[0.0, 7e3, 0.0], [1e3, 7e3, 0.0], [1e3, 7e3, 0.0], 3 * [0.0]]),
+        "flown_arc": np.array([0, 1, 2]),
+        "flown_start_time": np.array([0.0, 20.0, 25.0]),
+        "flown_end_time": np.array([20.0, 25.0, 90.0]),
     }
     return OfflineTrajectory(**{**values, **changes})
 
@@ -122,7 +125,7 @@ def test_the_plan_of_a_trajectory_from_after_staging():
         name: getattr(trajectory(), name)[3:]
         for name in ("arc_start_time", "arc_end_time", "arc_start_mass", "arc_end_mass")
         + ("arc_delta_v", "steering_reference_time")
-        + ("steering_direction", "steering_direction_rate")
+        + ("steering_direction", "steering_direction_rate", "primer_rate")
     }
     assert trajectory(**late).jettison_plan().delta_v_m_s == (0.0, 4.0, 8.0)
 

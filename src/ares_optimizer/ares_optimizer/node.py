@@ -266,6 +266,9 @@ def _fill(response: Any, solution: Solution) -> None:
     response.steering_direction = _doubles(steering[:, 1:4])
     response.steering_direction_rate = _doubles(steering[:, 4:7])
     response.primer_rate = _doubles(steering[:, 7:10])
+    response.flown_arc = [arc.arc for arc in solution.flown]
+    response.flown_start_time = _doubles([arc.start_s for arc in solution.flown])
+    response.flown_end_time = _doubles([arc.end_s for arc in solution.flown])
     flight = solution.trajectory
     if flight is not None:
         direction = flight.direction.copy()

@@ -1,6 +1,6 @@
 """Closed-loop flights without ROS: the nodes' two steps, called in turn."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -64,6 +64,9 @@ def offline_trajectory(solution: Solution) -> OfflineTrajectory:
         sample_time=track.time_s,
         sample_position=track.position,
         sample_velocity=track.velocity,
+        flown_arc=np.array([arc.arc for arc in solution.flown], dtype=np.int64),
+        flown_start_time=np.array([arc.start_s for arc in solution.flown]),
+        flown_end_time=np.array([arc.end_s for arc in solution.flown]),
     )
 
 
@@ -86,12 +89,7 @@ def arc_plan(
     solution = solve(mission, "indirect", state=state, verify=False)
     if solution.status is not Status.CONVERGED:
         raise ValueError(f"law {law.name} needs a plan of the free arcs: {solution.reason}")
-    trajectory = offline_trajectory(solution)
-    if state is not None:
-        flown = float(state["time"][0] - state["arc_start_time"][0])
-        first = int(state["arc"][0])
-        trajectory = replace(trajectory, first_arc=first, first_arc_flown=flown)
-    return trajectory.arc_plan(arrays)
+    return offline_trajectory(solution).arc_plan(arrays)
 
 
 def ready_law(

@@ -174,6 +174,33 @@ def test_a_trajectory_of_another_mission(restart):
     assert mission.plans_arcs
 
 
+def test_a_trajectory_with_another_arc(restart):
+    mission, trajectory = restart
+    arcs = mission.arrays()
+    longer = replace(trajectory, flown_end_time=trajectory.flown_end_time + [2.0, 0.0, 0.0, 0.0])
+    with pytest.raises(
+        ValueError, match=r"arc 0 lasts 150\.102 s in the trajectory and 148\.102 s"
+    ):
+        longer.arc_plan(arcs)
+    lacking = replace(
+        trajectory,
+        **{name: getattr(trajectory, name)[:0] for name in vars(trajectory) if "flown" in name},
+    )
+    with pytest.raises(ValueError, match="the trajectory flies arcs \\[\\], which are not those"):
+        lacking.arc_plan(arcs)
+
+
+def test_the_primers_of_a_plan(restart):
+    mission, trajectory = restart
+    plan = trajectory.arc_plan(mission.arrays())
+    record = plan.record(mission.arrays().arcs)
+    lit = record["ignition"][0]
+    assert lit[[0, 1]] == pytest.approx([0.0, 148.102380138703], abs=1e-6)
+    assert lit[3] - lit[1] == pytest.approx(plan.lengths_s[1] + plan.lengths_s[2], abs=1e-6)
+    assert np.linalg.norm(record["primer"][0, [0, 1, 3], 0], axis=1) == pytest.approx(1.0)
+    assert np.isnan(record["primer"][0, 2]).all()
+
+
 def test_a_last_burn_of_fixed_length_in_held_attitude(restart, tmp_path):
     """A kick ends by the clock; where it points is all that is left to decide."""
     _, trajectory = restart

@@ -2,10 +2,10 @@
 
 PEG expands the thrust about its mean direction, other laws their angles; that holds for
 turns below a radian. A vehicle that climbs far at little thrust turns further. Here the thrust
-follows the primer p of a flight in a gravity gradient that turns with it, its integrals are quadratures, and the end is
-met by Newton's method. What the target leaves free is chosen by transversality: with p' its rate
-and g the pull, C = v x p - r x p' has no part along the axis of a rotation that is free (downrange,
-the node), and p . g = p' . v where the place on an orbit is free.
+follows the primer p of a flight in a gravity gradient that turns with it, its integrals are
+quadratures, and the end is met by Newton's method. What the target leaves free is chosen by
+transversality: with p' its rate and g the pull, C = v x p - r x p' has no part along the axis of a
+rotation that is free (downrange, the node), and p . g = p' . v where the place on an orbit is free.
 """
 
 import math
@@ -61,6 +61,9 @@ from ares_models.kernels.vectors import (
 #: thrusted path is begun anew after so much of it.
 PIECE = 0.5
 MOST_PIECES = 8
+#: rad round the planet in one burn, without a plan to start from: what is found beyond is a detour
+#: that dispersed flights do not find again.
+FARTHEST = 2.75
 #: rad; an end that lies further behind is reached the other way round.
 LEAST_ANGLE = -0.5
 #: Sine of the inclination below which the node has no meaning.
@@ -409,7 +412,8 @@ def converge_large_turn(mission: MissionRecords, onboard: Onboard) -> int:
         steering = LinearTangent(load(solution.direction), load(solution.direction_rate), 0.0)
         moved = predict_jettisons(mission, onboard, steering)
         if merit < MET and moved < onboard.settings.jettison_time_tolerance:
-            return ERROR_NONE
+            angle = solution.primer.gradient * solution.time_to_go
+            return ERROR_NONE if angle < FARTHEST or state.leg.count > 0 else ERROR_NOT_CONVERGED
     return ERROR_NOT_CONVERGED
 
 

@@ -202,8 +202,8 @@ def planned_primer(
     if not math.isfinite(norm(p) + norm(q)):
         p, q = tangential_primer(nav, believed, ignition)
     elif k == nav.arc:
-        burnt = nav.time - nav.arc_start_time
-        return primer_later(believed.environment, load(nav.position), (p, q), burnt)
+        later = nav.time - plan.ignition[k]
+        return primer_later(believed.environment, load(nav.position), (p, q), later)
     return carried_back(nav, believed, ignition, (p, q))
 
 

@@ -49,7 +49,7 @@ def turn_by_plan(onboard: Onboard, t_go: float) -> None:
     if math.isfinite(norm(load(primer[0])) + norm(load(primer[1]))):
         store(solution.direction, load(primer[0]))
         store(solution.direction_rate, load(primer[1]))
-        solution.reference_time = nav.arc_start_time
+        solution.reference_time = onboard.state.plan.ignition[nav.arc]
         return
     first, last = load(leg.first_direction), load(leg.last_direction)
     half = max(HALF_TURN, 0.5 * norm(add(first, last)))

@@ -11,9 +11,9 @@ from ares_models.kernels.environment import gravity
 from ares_models.kernels.kepler import kepler
 from ares_models.kernels.vectors import Vector, axpy, dot
 
-#: Between kicks, s: two metres are left of what J2 does in a revolution of a low orbit, 20 km.
-STEP = 60.0
-_MOST_STEPS = 400.0
+#: Between kicks, s: 2 m are left of what J2 does in a revolution of a low orbit, 100 km.
+STEP = 15.0
+_MOST_STEPS = 1000.0
 
 
 @kernel
