@@ -43,12 +43,38 @@ class _LinkedLibrary(JITCodeLibrary):
         super()._finalize_final_module()
 
 
-class _LinkedCompiler(Compiler):
+class _ClosedLibrary(JITCodeLibrary):
+    """Machine code that nobody links: nobody else calls the kernels in it.
+
+    Said so, they are copied into their callers, or get only the arguments that they read: a
+    sixth of a flight was handing over arrays.
+    """
+
+    def _optimize_final_module(self) -> None:
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.linkage == llvm.Linkage.linkonce_odr:
+                function.linkage = "internal"
+        super()._optimize_final_module()
+
+
+class _Compiler(Compiler):
+    """Compiles into a library of another kind."""
+
+    kind: type[JITCodeLibrary]
+
     def compile_extra(self, func: FunctionType) -> Any:
-        library = _LinkedLibrary(self.state.targetctx.codegen(), func.__qualname__)
+        library = self.kind(self.state.targetctx.codegen(), func.__qualname__)
         library.enable_object_caching()
         self.state.library = library
         return super().compile_extra(func)
+
+
+class _LinkedCompiler(_Compiler):
+    kind = _LinkedLibrary
+
+
+class _ClosedCompiler(_Compiler):
+    kind = _ClosedLibrary
 
 
 class _LinkedDispatcher(CPUDispatcher):
@@ -75,7 +101,7 @@ class Kernel(CPUDispatcher):
     def __init__(self, function: Callable[..., object], options: dict[str, Any]) -> None:
         assert isinstance(function, FunctionType)
         self._options = {**options, "nopython": True, "boundscheck": None, "no_cfunc_wrapper": True}
-        super().__init__(function, targetoptions=self._options)
+        super().__init__(function, targetoptions=self._options, pipeline_class=_ClosedCompiler)
         self._cache = _MachineCode(function)
 
     @cached_property
