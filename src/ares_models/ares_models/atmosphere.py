@@ -99,8 +99,8 @@ def _monotone_slopes(x: Array, y: Array) -> Array:
         first, second = chord[..., near], chord[..., far]
         # of the parabola through three points, but with the sign of the data
         both = width[near] + width[far]
-        steep: Array = ((width[near] + both) * first - width[near] * second) / both
-        steep = np.where(steep * first > 0.0, steep, 0.0)
+        steep = np.asarray(((width[near] + both) * first - width[near] * second) / both)
+        steep[steep * first <= 0.0] = 0.0
         overshoots = (first * second < 0.0) & (np.abs(steep) > 3.0 * np.abs(first))
         slope[..., end] = np.where(overshoots, 3.0 * first, steep)
     return slope
@@ -126,8 +126,7 @@ def _spline_slopes(x: Array, y: Array) -> Array:
         matrix[row, near], matrix[row, far] = width[far], both
         right[row] = (width[near] + 2.0 * both) * width[far] * chord[near]
         right[row] = (right[row] + width[near] ** 2 * chord[far]) / both
-    slopes: Array = np.linalg.solve(matrix, right)
-    return slopes
+    return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
 
 
 def _straight(altitude: ArrayLike, log_density: ArrayLike) -> _Piece:
