@@ -29,13 +29,14 @@ def compute_on_one_thread() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
-def enter(package: str, node: str, name: str) -> int:
+def enter(package: str, node: str, name: str, extra: str = "") -> int:
     """Run one node as a process.
 
     Args:
         package: the package of the node; what it requires is checked first.
         node: where the node's class is, `module:class`.
         name: name of the node, with which error lines begin.
+        extra: of what the package requires, checked too.
 
     Returns:
         The exit status, as of `ares_node.run.run_node`; 2 if something is not installed.
@@ -47,7 +48,7 @@ def enter(package: str, node: str, name: str) -> int:
     gc.disable()
     from ares_node.requirements import unmet
 
-    reason = unmet(package)
+    reason = unmet(package, extra)
     if reason is None:
         module, _, kind = node.partition(":")
         try:
