@@ -397,6 +397,8 @@ class Workspace:
         result.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         # matrices are small here, and threads for larger ones cost each Python 0.1 s
         result.setdefault("OPENBLAS_NUM_THREADS", "1")
+        # pydantic would look for plugins in all that is installed, at each start
+        result.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
         result.setdefault("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp")
         result.setdefault("ROS_LOG_DIR", str(self.root / "log" / "ros"))
         result.setdefault("PYTHONUNBUFFERED", "1")

@@ -5,8 +5,9 @@ kernels are called by kernels alone, with their code copied into the caller's. H
 and what converts Python's arguments, is made only for a kernel that Python calls.
 """
 
+import threading
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, update_wrapper
 from types import FunctionType
 from typing import Any
 
@@ -17,6 +18,8 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.registry import CPUDispatcher
 from numba.core.runtime.nrt import rtsys
+
+_lock = threading.Lock()
 
 
 class _LinkedLibrary(JITCodeLibrary):
@@ -95,14 +98,34 @@ class _MachineCode(FunctionCache):
             return self._load_overload(sig, target_context)
 
 
-class Kernel(CPUDispatcher):
-    """What Python calls; kernels that call it link :attr:`linked`."""
+class Kernel:
+    """What Python calls; kernels that call it link :attr:`linked`.
+
+    It becomes one of numba's functions when it is called: to make that of each of some hundred
+    kernels, of which a process calls a few, takes 0.1 s.
+    """
 
     def __init__(self, function: Callable[..., object], options: dict[str, Any]) -> None:
+        update_wrapper(self, function)
         assert isinstance(function, FunctionType)
+        self.py_func = function
         self._options = {**options, "nopython": True, "boundscheck": None, "no_cfunc_wrapper": True}
-        super().__init__(function, targetoptions=self._options, pipeline_class=_ClosedCompiler)
-        self._cache = _MachineCode(function)
+        self._machine_code: CPUDispatcher | None = None
+
+    def __call__(self, *arguments: object, **named: object) -> Any:
+        return (self._machine_code or self.machine_code)(*arguments, **named)
+
+    @property
+    def machine_code(self) -> CPUDispatcher:
+        """numba's function."""
+        with _lock:
+            if self._machine_code is None:
+                made = CPUDispatcher(
+                    self.py_func, targetoptions=self._options, pipeline_class=_ClosedCompiler
+                )
+                made._cache = _MachineCode(self.py_func)
+                self._machine_code = made
+        return self._machine_code
 
     @cached_property
     def linked(self) -> Any:
