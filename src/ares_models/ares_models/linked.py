@@ -90,12 +90,25 @@ class _LinkedDispatcher(CPUDispatcher):
 class _MachineCode(FunctionCache):
     """What is on disk, loaded without all that numba compiles with: 0.3 s of imports."""
 
+    def __init__(self, function: FunctionType, counts_references: bool) -> None:
+        super().__init__(function)
+        self._counts_references = counts_references
+
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """See the base class; whoever compiles after all imports the rest then."""
-        # what kernels that make arrays call
-        rtsys.initialize(target_context)
+        if self._counts_references:
+            rtsys.initialize(target_context)
         with self._guard_against_spurious_io_errors():
             return self._load_overload(sig, target_context)
+
+
+class _MachineCodeDispatcher(CPUDispatcher):
+    def __init__(self, function: FunctionType, options: dict[str, Any]) -> None:
+        super().__init__(function, targetoptions=options, pipeline_class=_ClosedCompiler)
+        self._cache = _MachineCode(function, options["_nrt"])
+
+    def _compilation_chain_init_hook(self) -> None:
+        """Look for no extensions of numba in all that is installed: 0.02 s."""
 
 
 class Kernel:
@@ -113,6 +126,7 @@ class Kernel:
         self._machine_code: CPUDispatcher | None = None
 
     def __call__(self, *arguments: object, **named: object) -> Any:
+        """As the function that it was made of."""
         return (self._machine_code or self.machine_code)(*arguments, **named)
 
     @property
@@ -120,11 +134,7 @@ class Kernel:
         """numba's function."""
         with _lock:
             if self._machine_code is None:
-                made = CPUDispatcher(
-                    self.py_func, targetoptions=self._options, pipeline_class=_ClosedCompiler
-                )
-                made._cache = _MachineCode(self.py_func)
-                self._machine_code = made
+                self._machine_code = _MachineCodeDispatcher(self.py_func, self._options)
         return self._machine_code
 
     @cached_property
