@@ -24,6 +24,8 @@ boundscheck: ## every test with bounds checks in the kernels; compiles them anew
 		pytest --numprocesses=2 --dist=worksteal --timeout=1800 $(FLAGS)
 
 coverage: ## every test, and which lines none of them runs; twice as slow
+	@./ares exec python -m pip install --quiet --no-deps --require-hashes \
+		--requirement=requirements/locked/coverage.txt
 	@./ares exec pytest --cov --numprocesses=2 --dist=worksteal $(FLAGS)
 
 sweep: ## every input made from the schemas, everything done with each; an hour
@@ -39,7 +41,7 @@ format: ## lay out the code
 	@./ares exec ruff format .
 
 lock: ## write the hashes of requirements/*.txt to requirements/locked
-	@for name in uv ros-jazzy build fly pages dev; do ./ares exec uv pip compile --quiet \
+	@for name in uv ros-jazzy build fly solve pages dev coverage; do ./ares exec uv pip compile --quiet \
 		--no-deps --generate-hashes --universal --python-version 3.11 --no-header --no-annotate \
 		requirements/$$name.txt --output-file requirements/locked/$$name.txt || exit 1; done
 

@@ -157,6 +157,16 @@ def test_the_command_starts_fast_and_without_ros():
     subprocess.run([sys.executable, "-c", program], check=True)
 
 
+def test_a_plain_flight_loads_no_scipy():
+    # as if it were not installed, which it is not before something is solved or drawn
+    program = (
+        "import sys; sys.modules['scipy'] = None;"
+        "from ares_studies.warm_up import fly_once; fly_once('peg'); fly_once('igm');"
+        "import ares_vehicle_sim.node, ares_guidance.node, ares_bags.recorder, ares_bringup.judge"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True)
+
+
 def test_node_becomes_the_node(ros_environment):
     done = subprocess.run(
         [sys.executable, "-m", "ares_bringup", "node", "sim", "--ros-args", "-p", "pace:=fast"],

@@ -159,9 +159,13 @@ def setup_keywords(package: Path, monkeypatch) -> dict:
 
 
 def required(package: Path, monkeypatch) -> list[str]:
-    """What a package asks for, always or for its pages."""
+    """What a package asks for, always or where it solves, draws or makes pages."""
     given = setup_keywords(package, monkeypatch)
-    return given.get("install_requires", []) + given["extras_require"].get("pages", [])
+    extras = given["extras_require"]
+    return [
+        *given.get("install_requires", []),
+        *{*extras.get("solve", []), *extras.get("pages", [])},
+    ]
 
 
 def from_the_index(package: Path) -> set[str]:

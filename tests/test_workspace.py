@@ -36,6 +36,7 @@ def project(tmp_path):
         "requirements/locked/ros-jazzy.txt": "ros-rclpy==7.1.6\n",
         "requirements/locked/build.txt": "colcon-core==0.21.3\n",
         "requirements/locked/fly.txt": "numpy==2.4.6\n",
+        "requirements/locked/solve.txt": "scipy==1.17.1\n",
         "requirements/locked/pages.txt": "plotly==7.1.0\n",
         "requirements/locked/dev.txt": "pytest==9.2.0\n",
         "src/ares_msgs/package.xml": "<package/>",
@@ -380,6 +381,27 @@ def test_what_a_verb_needs_is_added_once(project):
 )
 def test_a_flight_compiles_its_own_law(arguments, kernels):
     assert workspace.kernels_for(arguments) == kernels
+
+
+@pytest.mark.parametrize(
+    ("arguments", "additions"),
+    [
+        ([], ()),
+        (["fly"], ()),
+        (["fly", "--in-process", "--json", "--bag", "flight"], ()),
+        (["fly", "--mission", "delta_iii"], ("solve.txt",)),
+        (["fly", "--guidance=optimal"], ("solve.txt",)),
+        (["fly", "--initial-guess", "optimizer"], ("solve.txt",)),
+        (["fly", "--dispersions", "standard"], ("solve.txt",)),
+        (["fly", "--flight", "3"], ("solve.txt",)),
+        (["missions"], ()),
+        (["optimize"], ("solve.txt",)),
+        (["montecarlo"], ("solve.txt", "pages.txt")),
+        (["test"], ("solve.txt", "pages.txt", "dev.txt")),
+    ],
+)
+def test_a_plain_flight_installs_nothing_that_it_does_not_need(arguments, additions):
+    assert workspace.additions_for(arguments) == additions
 
 
 def test_kernels_that_are_there_are_not_compiled_again(project):

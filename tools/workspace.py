@@ -44,16 +44,20 @@ INSTALLER = "uv.txt"
 ROS_REQUIREMENTS = ("ros-jazzy.txt",)
 REQUIREMENTS = ("build.txt", "fly.txt")
 #: What some verbs need besides, each list with a stamp of its own.
-EVERYTHING = ("pages.txt", "dev.txt")
+EVERYTHING = ("solve.txt", "pages.txt", "dev.txt")
 ALSO = {
     "env": EVERYTHING,
     "exec": EVERYTHING,
-    "montecarlo": ("pages.txt",),
-    "plot": ("pages.txt",),
+    "montecarlo": ("solve.txt", "pages.txt"),
+    "node": ("solve.txt",),
+    "optimize": ("solve.txt",),
+    "plot": ("solve.txt", "pages.txt"),
     "prepare": EVERYTHING,
-    "reproduce": ("pages.txt",),
+    "reproduce": ("solve.txt", "pages.txt"),
     "test": EVERYTHING,
 }
+#: Options of a flight that the optimizer may have to plan, or that is drawn.
+SOLVED_FOR = re.compile(r"--(mission|guidance|initial-guess|dispersions|flight)(=.*)?")
 #: What of the kernels a verb needs; the name of a law: what a flight by it calls.
 ALL_KERNELS = "all"
 NO_KERNELS = ""
@@ -393,6 +397,8 @@ class Workspace:
         result.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         # matrices are small here, and threads for larger ones cost each Python 0.1 s
         result.setdefault("OPENBLAS_NUM_THREADS", "1")
+        # pydantic would look for plugins in all that is installed, at each start
+        result.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
         result.setdefault("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp")
         result.setdefault("ROS_LOG_DIR", str(self.root / "log" / "ros"))
         result.setdefault("PYTHONUNBUFFERED", "1")
@@ -661,7 +667,11 @@ def install(
 
 def add(names: Sequence[str], workspace: Workspace, environ: Mapping[str, str], lock: int) -> None:
     """Install what some verbs need besides."""
-    kinds = {"pages.txt": "what pages need", "dev.txt": "what the tests need"}
+    kinds = {
+        "solve.txt": "what the optimizer needs",
+        "pages.txt": "what pages need",
+        "dev.txt": "what the tests need",
+    }
     say(f"installing {' and '.join(kinds[name] for name in names)} (once, half a minute)")
     for name in names:
         remove(addition_stamp(workspace.root, name))
@@ -824,6 +834,14 @@ def kernels_for(arguments: Sequence[str]) -> str:
     return named[1] if named else FIRST_LAW
 
 
+def additions_for(arguments: Sequence[str]) -> tuple[str, ...]:
+    """Which lists of requirements a call needs besides those of a plain flight."""
+    verb = arguments[0] if arguments else ""
+    if verb == "fly" and any(map(SOLVED_FOR.fullmatch, arguments)):
+        return ("solve.txt",)
+    return ALSO.get(verb, ())
+
+
 def prepare(
     root: Path, environ: Mapping[str, str], kernels: str, also: Sequence[str] = ()
 ) -> Workspace:
@@ -972,7 +990,7 @@ def main(arguments: list[str]) -> int:
         )
     verb, rest = (arguments[0], list(arguments[1:])) if arguments else ("", [])
     environ = without_other_clone(os.environ, ROOT)
-    workspace = prepare(ROOT, environ, kernels_for(arguments), ALSO.get(verb, ()))
+    workspace = prepare(ROOT, environ, kernels_for(arguments), additions_for(arguments))
     if verb == "prepare":
         say("the workspace is prepared")
         return 0

@@ -24,7 +24,6 @@ setup(
         "pydantic>=2.5",
         "pymsis>=0.9",
         "PyYAML>=6.0",
-        "scipy>=1.13",
     ],
     extras_require={"test": ["pytest"]},
     zip_safe=False,

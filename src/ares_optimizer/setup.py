@@ -22,9 +22,12 @@ setup(
         "ares_models",
         "ares_node",
         "numpy>=2.0",
-        "scipy>=1.13",
     ],
-    extras_require={"test": ["pytest"]},
+    extras_require={
+        # what solves and what is drawn; no plain flight needs it
+        "solve": ["scipy>=1.13"],
+        "test": ["pytest"],
+    },
     zip_safe=False,
     entry_points={"console_scripts": ["optimizer = ares_optimizer.__main__:main"]},
 )

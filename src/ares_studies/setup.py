@@ -25,7 +25,6 @@ setup(
         "ares_vehicle_sim",
         "numpy>=2.0",
         "PyYAML>=6.0",
-        "scipy>=1.13",
     ],
     extras_require={
         # campaigns, pages and pictures; no flight needs them
@@ -36,7 +35,9 @@ setup(
             "matplotlib>=3.9",
             "plotly>=5.20",
             "pyarrow>=16.1",
+            "scipy>=1.13",
         ],
+        "solve": ["scipy>=1.13"],
         "test": ["pytest"],
     },
     zip_safe=False,

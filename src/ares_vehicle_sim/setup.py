@@ -23,9 +23,12 @@ setup(
         "ares_node",
         "numpy>=2.0",
         "pydantic>=2.5",
-        "scipy>=1.13",
     ],
-    extras_require={"test": ["pytest"]},
+    extras_require={
+        # what solves and what is drawn; no plain flight needs it
+        "solve": ["scipy>=1.13"],
+        "test": ["pytest"],
+    },
     zip_safe=False,
     entry_points={"console_scripts": ["vehicle_sim = ares_vehicle_sim.__main__:main"]},
 )

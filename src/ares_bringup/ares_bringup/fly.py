@@ -29,6 +29,7 @@ from ares_bringup.summary import (
 from ares_bringup.watch import PATIENCE, START_TIMEOUT, Watch
 from ares_node.domains import claim_domain
 from ares_node.identity import id_text, new_id
+from ares_node.requirements import unmet
 
 if TYPE_CHECKING:
     from rclpy.executors import Executor
@@ -240,6 +241,8 @@ def node_parameters(
         nodes[OPTIMIZER] = {"mission": options.mission}
     elif options.initial_guess is InitialGuess.ANALYTIC or needs_trajectory(options.guidance):
         nodes[OPTIMIZER] = {"mission": options.mission, "method": InitialGuess.ANALYTIC.value}
+    if OPTIMIZER in nodes and (reason := unmet("ares_optimizer", "solve")):
+        raise CannotStart(reason)
     if bag is not None:
         nodes[RECORDER] = {
             "flight_id": flight_id,

@@ -3,6 +3,7 @@
 import pytest
 
 from ares_bringup.discovery import PROFILE, discovery_settings
+from ares_bringup.fly import node_parameters
 from ares_bringup.options import CannotStart, FlyOptions, domain_id
 from ares_bringup.params_file import node_values
 
@@ -61,3 +62,10 @@ def test_what_is_not_a_parameter_file(tmp_path, text, complaint):
     with pytest.raises(ValueError, match=complaint) as caught:
         node_values(path, "guidance")
     assert "\n" not in str(caught.value)
+
+
+def test_a_flight_that_the_optimizer_plans_needs_what_solves(monkeypatch):
+    monkeypatch.setattr("ares_bringup.fly.unmet", lambda *asked: f"{asked}")
+    assert set(node_parameters(FlyOptions(), None, 1)) == {"vehicle_sim", "guidance"}
+    with pytest.raises(CannotStart, match=r"\('ares_optimizer', 'solve'\)"):
+        node_parameters(FlyOptions(guidance="peg_thesis"), None, 1)

@@ -69,13 +69,64 @@ class _Piece:
 
 
 def _pchip(altitude: ArrayLike, density: ArrayLike) -> _Piece:
-    """Layer through data, with the slopes of the monotone cubic (Fritsch-Carlson)."""
-    from scipy.interpolate import PchipInterpolator  # slow to import
-
+    """Layer through data, at least three, by the monotone cubic."""
     h = np.asarray(altitude, dtype=np.float64)
     value = np.log(np.asarray(density, dtype=np.float64))
-    slope = PchipInterpolator(h, value, axis=-1).derivative()(h)
-    return _Piece(h, value, np.asarray(slope, dtype=np.float64))
+    return _Piece(h, value, _monotone_slopes(h, value))
+
+
+# SciPy has both splines, but takes longer to load than all else that flies
+
+
+def _monotone_slopes(x: Array, y: Array) -> Array:
+    """Slopes that let a cubic rise and fall as its data do: Fritsch and Butland (1984).
+
+    Args:
+        x: increasing, shape (n,), n at least 3.
+        y: shape (..., n).
+    """
+    width = np.diff(x)
+    chord = np.diff(y) / width
+    before, after = chord[..., :-1], chord[..., 1:]
+    # the harmonic mean, the nearer chord with the larger weight; none over a turning point
+    one, other = 2.0 * width[1:] + width[:-1], width[1:] + 2.0 * width[:-1]
+    same = before * after > 0.0
+    reciprocal = np.divide(one, before, out=np.zeros_like(before), where=same)
+    reciprocal += np.divide(other, after, out=np.zeros_like(before), where=same)
+    slope = np.zeros_like(y)
+    np.divide(one + other, reciprocal, out=slope[..., 1:-1], where=same)
+    for end, near, far in ((0, 0, 1), (-1, -1, -2)):
+        first, second = chord[..., near], chord[..., far]
+        # of the parabola through three points, but with the sign of the data
+        both = width[near] + width[far]
+        steep = np.asarray(((width[near] + both) * first - width[near] * second) / both)
+        steep[steep * first <= 0.0] = 0.0
+        overshoots = (first * second < 0.0) & (np.abs(steep) > 3.0 * np.abs(first))
+        slope[..., end] = np.where(overshoots, 3.0 * first, steep)
+    return slope
+
+
+def _spline_slopes(x: Array, y: Array) -> Array:
+    """Slopes of the cubic spline without a knot at the last data but one (de Boor, ch. IV).
+
+    Args:
+        x: increasing, shape (n,), n at least 4.
+        y: shape (n,).
+    """
+    width = np.diff(x)
+    chord = np.diff(y) / width
+    matrix = np.zeros((x.size, x.size))
+    right = np.zeros(x.size)
+    for k in range(1, x.size - 1):
+        before, after = width[k - 1], width[k]
+        matrix[k, k - 1 : k + 2] = after, 2.0 * (before + after), before
+        right[k] = 3.0 * (after * chord[k - 1] + before * chord[k])
+    for row, near, far in ((0, 0, 1), (-1, -1, -2)):
+        both = width[near] + width[far]
+        matrix[row, near], matrix[row, far] = width[far], both
+        right[row] = (width[near] + 2.0 * both) * width[far] * chord[near]
+        right[row] = (right[row] + width[near] ** 2 * chord[far]) / both
+    return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
 
 
 def _straight(altitude: ArrayLike, log_density: ArrayLike) -> _Piece:
@@ -184,12 +235,10 @@ def pra63() -> Atmosphere:
     derivatives. Below and above it is :func:`pra63_data`, from which it differs by at most
     1.6 % in between.
     """
-    from scipy.interpolate import CubicSpline  # slow to import
-
     km, density = _read("us62_80_700km.csv", "h_km", "rho_kg_m3")
     bases = np.isin(km, _REFERENCE_KM)
     h, value = 1e3 * km[bases], np.log(density[bases])
-    spline = _Piece(h, value, np.asarray(CubicSpline(h, value)(h, 1)))
+    spline = _Piece(h, value, _spline_slopes(h, value))
     pieces = [*_pra63_to(float(density[bases][0])), spline, *_us62_from(_REFERENCE_KM[-1])]
     return Atmosphere("pra63", _join(pieces, BLEND))
 

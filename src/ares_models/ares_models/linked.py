@@ -5,8 +5,9 @@ kernels are called by kernels alone, with their code copied into the caller's. H
 and what converts Python's arguments, is made only for a kernel that Python calls.
 """
 
+import threading
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, update_wrapper
 from types import FunctionType
 from typing import Any
 
@@ -17,6 +18,8 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.registry import CPUDispatcher
 from numba.core.runtime.nrt import rtsys
+
+_lock = threading.Lock()
 
 
 class _LinkedLibrary(JITCodeLibrary):
@@ -43,12 +46,38 @@ class _LinkedLibrary(JITCodeLibrary):
         super()._finalize_final_module()
 
 
-class _LinkedCompiler(Compiler):
+class _ClosedLibrary(JITCodeLibrary):
+    """Machine code that nobody links: nobody else calls the kernels in it.
+
+    Said so, they are copied into their callers, or get only the arguments that they read: a
+    sixth of a flight was handing over arrays.
+    """
+
+    def _optimize_final_module(self) -> None:
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.linkage == llvm.Linkage.linkonce_odr:
+                function.linkage = "internal"
+        super()._optimize_final_module()
+
+
+class _Compiler(Compiler):
+    """Compiles into a library of another kind."""
+
+    kind: type[JITCodeLibrary]
+
     def compile_extra(self, func: FunctionType) -> Any:
-        library = _LinkedLibrary(self.state.targetctx.codegen(), func.__qualname__)
+        library = self.kind(self.state.targetctx.codegen(), func.__qualname__)
         library.enable_object_caching()
         self.state.library = library
         return super().compile_extra(func)
+
+
+class _LinkedCompiler(_Compiler):
+    kind = _LinkedLibrary
+
+
+class _ClosedCompiler(_Compiler):
+    kind = _ClosedLibrary
 
 
 class _LinkedDispatcher(CPUDispatcher):
@@ -61,22 +90,52 @@ class _LinkedDispatcher(CPUDispatcher):
 class _MachineCode(FunctionCache):
     """What is on disk, loaded without all that numba compiles with: 0.3 s of imports."""
 
+    def __init__(self, function: FunctionType, counts_references: bool) -> None:
+        super().__init__(function)
+        self._counts_references = counts_references
+
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """See the base class; whoever compiles after all imports the rest then."""
-        # what kernels that make arrays call
-        rtsys.initialize(target_context)
+        if self._counts_references:
+            rtsys.initialize(target_context)
         with self._guard_against_spurious_io_errors():
             return self._load_overload(sig, target_context)
 
 
-class Kernel(CPUDispatcher):
-    """What Python calls; kernels that call it link :attr:`linked`."""
+class _MachineCodeDispatcher(CPUDispatcher):
+    def __init__(self, function: FunctionType, options: dict[str, Any]) -> None:
+        super().__init__(function, targetoptions=options, pipeline_class=_ClosedCompiler)
+        self._cache = _MachineCode(function, options["_nrt"])
+
+    def _compilation_chain_init_hook(self) -> None:
+        """Look for no extensions of numba in all that is installed: 0.02 s."""
+
+
+class Kernel:
+    """What Python calls; kernels that call it link :attr:`linked`.
+
+    It becomes one of numba's functions when it is called: to make that of each of some hundred
+    kernels, of which a process calls a few, takes 0.1 s.
+    """
 
     def __init__(self, function: Callable[..., object], options: dict[str, Any]) -> None:
+        update_wrapper(self, function)
         assert isinstance(function, FunctionType)
+        self.py_func = function
         self._options = {**options, "nopython": True, "boundscheck": None, "no_cfunc_wrapper": True}
-        super().__init__(function, targetoptions=self._options)
-        self._cache = _MachineCode(function)
+        self._machine_code: CPUDispatcher | None = None
+
+    def __call__(self, *arguments: object, **named: object) -> Any:
+        """As the function that it was made of."""
+        return (self._machine_code or self.machine_code)(*arguments, **named)
+
+    @property
+    def machine_code(self) -> CPUDispatcher:
+        """numba's function."""
+        with _lock:
+            if self._machine_code is None:
+                self._machine_code = _MachineCodeDispatcher(self.py_func, self._options)
+        return self._machine_code
 
     @cached_property
     def linked(self) -> Any:

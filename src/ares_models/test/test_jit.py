@@ -149,7 +149,7 @@ def whole(x):
     return part(x, 1) + part(x, 2)
 
 
-print(whole(1.0), len(part.linked.signatures), part.signatures)
+print(whole(1.0), len(part.linked.signatures), part.machine_code.signatures)
 print(part(1.0, 3))
 """
 

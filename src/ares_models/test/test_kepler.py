@@ -8,7 +8,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from ares_models.kernels.kepler import kepler, universal_functions
+from ares_models.kernels.kepler import _further, kepler, universal_functions
 from ares_models.orbits import Elements
 
 MU = 3.986e14
@@ -165,3 +165,13 @@ def test_universal_functions_meet_where_series_ends(z):
     below = universal_functions(1.0, z * (1.0 - 1e-9))
     above = universal_functions(1.0, z * (1.0 + 1e-9))
     assert np.allclose(below, above, rtol=3e-9)
+
+
+@given(st.floats(1.0, 50.0), st.floats(-0.01, 0.01), st.floats(-5e-3, 5e-3))
+def test_a_short_step_further_is_as_from_the_beginning(anomaly, alpha, part):
+    step = part * anomaly
+    further = _further(universal_functions(anomaly, alpha), step, alpha)
+    expected = universal_functions(anomaly + step, alpha)
+    # U0 and U1 pass through zero
+    sizes = np.maximum(np.abs(expected), [1.0, anomaly, 0.0, 0.0])
+    assert np.all(np.abs(np.subtract(further, expected)) <= 1e-13 * sizes)

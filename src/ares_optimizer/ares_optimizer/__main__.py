@@ -7,7 +7,7 @@ from ares_node.entry import enter
 
 def main() -> int:
     """Run until the node is done or a signal comes."""
-    return enter("ares_optimizer", "ares_optimizer.node:OptimizerNode", "optimizer")
+    return enter("ares_optimizer", "ares_optimizer.node:OptimizerNode", "optimizer", "solve")
 
 
 if __name__ == "__main__":

@@ -11,7 +11,6 @@ from ares_guidance.law import Law, LawKind, LawSettings, needs_plan
 from ares_guidance.laws import make_law
 from ares_models.mission import Mission
 from ares_optimizer.solution import Solution, Status
-from ares_optimizer.solve import solve
 from ares_studies.arrays import closed_loop
 from ares_studies.loops import flight_loop
 from ares_vehicle_sim.dispersions import Dispersions
@@ -86,6 +85,8 @@ def arc_plan(
     arrays = mission.arrays(foreseen=True)
     if not needs_plan(arrays):
         return None
+    from ares_optimizer.solve import solve  # slow to import
+
     solution = solve(mission, "indirect", state=state, verify=False)
     if solution.status is not Status.CONVERGED:
         raise ValueError(f"law {law.name} needs a plan of the free arcs: {solution.reason}")
@@ -115,6 +116,8 @@ def ready_law(
     """
     law = make_law(name, mission.arrays(foreseen=True), settings)
     if guess is None and law.kind.needs_trajectory:
+        from ares_optimizer.solve import solve
+
         guess = solve(mission, "analytic", state=state)
     if guess is not None:
         law.start_from(offline_trajectory(guess))

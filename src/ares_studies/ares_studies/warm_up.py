@@ -13,7 +13,6 @@ from ares_guidance.law import PEG, Law
 from ares_guidance.laws import find_law
 from ares_guidance.registry import law_names
 from ares_models.mission import load_mission
-from ares_optimizer.solve import solve
 from ares_studies.closed_loop import fly_compiled, fly_stepwise
 from ares_studies.montecarlo.flights import Range, Settings
 from ares_vehicle_sim.dispersions import Dispersions
@@ -38,6 +37,8 @@ def compile_laws(*names: str) -> None:
 
 def compile_solvers() -> None:
     """Solve analytically, and by the direct methods."""
+    from ares_optimizer.solve import solve  # a flight does without
+
     # first: law `peg_thesis` takes its kernels from the cache when its turn comes
     solve(load_mission("ares_v"), "analytic")
     solve(load_mission("ares_v"), "direct11")
@@ -46,6 +47,8 @@ def compile_solvers() -> None:
 
 def compile_flights() -> None:
     """Solve by the indirect methods, whose kernels law `optimal` takes, and fly every law."""
+    from ares_optimizer.solve import solve
+
     # what they are set beside is compiled with the direct ones
     solve(load_mission("ares_v"), "indirect", verify=False)
     solve(load_mission("ares_v"), "closed_form", verify=False)

@@ -10,6 +10,7 @@ or of a Sobol sequence, which is shifted at random by the same streams.
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -155,7 +156,8 @@ class Sampler:
             seed: master seed, not negative.
 
         Raises:
-            DispersionsError: the dispersions do not fit the mission; one line.
+            DispersionsError: the dispersions do not fit the mission, or SciPy is not there; one
+                line.
             AtmosphereError: NRLMSIS is asked for and not there.
         """
         self._dispersions = dispersions
@@ -164,6 +166,9 @@ class Sampler:
         self._axes = _axes(mission, dispersions.initial_frame)
         self._root = dispersions.initial_root()
         self._quantities = _quantities(mission, dispersions)
+        if self._quantities and find_spec("scipy") is None:
+            problem = "they need the Python package scipy, which is not installed"
+            raise DispersionsError("dispersions", [problem])
         _check_starts(mission, dispersions)
         self._sobol = _Sobol(self._quantities, seed) if dispersions.draws == "sobol" else None
         self.columns = tuple(column for q in self._quantities for column in q.columns)

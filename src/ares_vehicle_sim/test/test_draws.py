@@ -311,3 +311,11 @@ def test_the_standard_file_draws_what_it_says(ares_v):
         },
         rel=0.05,
     )
+
+
+def test_without_scipy_nothing_is_drawn_and_a_plain_flight_is_flown(monkeypatch):
+    monkeypatch.setattr("ares_vehicle_sim.draws.find_spec", lambda _name: None)
+    mission = load_mission("ares_v")
+    assert Sampler(mission, Dispersions(), seed=1).columns == ()
+    with pytest.raises(DispersionsError, match="need the Python package scipy, which is not"):
+        Sampler(mission, Dispersions(thrust=0.01), seed=1)

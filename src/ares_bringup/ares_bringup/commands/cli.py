@@ -241,6 +241,7 @@ def optimize(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Find the optimal ascent off line, with its proof. Exit status 1: no optimum."""
+    _needs("solve")
     given = {
         "profile": profile and profile.value,
         "position_integral": position_integral and position_integral.value,
@@ -276,7 +277,7 @@ def reproduce(
     ] = Path("reproduction"),
 ) -> None:
     """Compute every table and figure of the thesis anew: one HTML page, one JSON file."""
-    _needs_pages()
+    _needs("pages")
     from ares_bringup.commands.reproduce import reproduce as reproduce_thesis
 
     reproduce_thesis(out)
@@ -338,7 +339,7 @@ def montecarlo(
     """Fly dispersed flights in compiled code, keep them in Parquet, judge them."""
     if only and out is not None:
         raise BadInput("--only and --out exclude each other: nothing is kept")
-    _needs_pages()
+    _needs("pages")
     from ares_bringup.commands.montecarlo import CampaignOptions
     from ares_bringup.commands.montecarlo import montecarlo as fly_campaign
 
@@ -446,7 +447,7 @@ def plot(
     ] = None,
 ) -> None:
     """Draw a recorded flight."""
-    _needs_pages()
+    _needs("pages")
     from ares_bringup.commands.plot import plot_bag
 
     typer.echo(plot_bag(bag, out))
@@ -478,8 +479,8 @@ def node(
     os.execv(sys.executable, [sys.executable, "-P", "-m", NODES[name], *context.args])
 
 
-def _needs_pages() -> None:
-    reason = unmet("ares_bringup", "pages")
+def _needs(extra: str) -> None:
+    reason = unmet("ares_bringup", extra)
     if reason is not None:
         raise CannotStart(reason)
 

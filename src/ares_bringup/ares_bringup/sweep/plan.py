@@ -56,11 +56,20 @@ def all_inputs(kind: str) -> list[Input]:
 
 
 def each_once(found: list[Input]) -> list[Input]:
-    """Every value of every key once, in one of the files that have the key."""
+    """Every value of every key once, in one of the files that have the key.
+
+    A word, with which everything is done, stands in a file without a free coast if one has the
+    key: each method takes seconds to find its length.
+    """
+    free = '"coast_s": "free"'
+    planned = {name for name, data in bases(MISSION).items() if free in to_yaml(data)}
     alike: dict[object, list[Input]] = {}
     for one in found:
         keys = tuple(key for key in one.path if isinstance(key, str))
         alike.setdefault((keys, to_yaml(one.value)), []).append(one)
+    for key, some in alike.items():
+        if isinstance(some[0].value, str):
+            alike[key] = [one for one in some if one.base not in planned] or some
     return [some[k % len(some)] for k, some in enumerate(alike.values())]
 
 

@@ -35,7 +35,6 @@ from ares_models.kernels.environment import gravity, heating_rate
 from ares_models.kernels.sequence import SAME_TIME, awaits_heating
 from ares_models.kernels.targets import target_speed
 from ares_models.kernels.vectors import (
-    angle_between,
     axpy,
     dot,
     is_finite,
@@ -43,6 +42,7 @@ from ares_models.kernels.vectors import (
     norm,
     store,
     sub,
+    turned_beyond,
     unit,
 )
 
@@ -190,7 +190,8 @@ def gate(onboard: Onboard) -> int:
     solution = onboard.state.solution
     steering = onboard.steering
     ahead = nav.time + settings.cycle_period
-    jump = angle_between(
+    jumped = turned_beyond(
+        settings.steering_jump_limit,
         axpy(
             ahead - solution.reference_time,
             load(solution.direction_rate),
@@ -202,7 +203,7 @@ def gate(onboard: Onboard) -> int:
             load(steering.direction),
         ),
     )
-    if jump > settings.steering_jump_limit:
+    if jumped:
         return ERROR_STEERING_JUMP
     moved = nav.time + solution.time_to_go - solution.tail_gain - steering.cutoff_time
     if abs(moved) > settings.time_to_go_jump_limit:

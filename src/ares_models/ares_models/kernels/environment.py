@@ -148,7 +148,7 @@ def log_heating_gradient(
         slope * up[1] + rate * by_velocity[0],
         slope * up[2],
     )
-    log_rate = math.log(0.5 * environment.density_factor) + value + 1.5 * math.log(square)
+    log_rate = value + math.log(0.5 * environment.density_factor * square * math.sqrt(square))
     return log_rate, by_position, by_velocity
 
 

@@ -12,10 +12,30 @@ from ares_models.kernels.vectors import Vector, axpy, dot, norm, scale
 
 _MAX_ITERATIONS = 80
 _TOLERANCE = 1.0e-6  # of the anomaly; convergence is cubic: after this step it is exact
+#: Of the anomaly; after so short a step the functions are had by their addition theorems.
+_SHORT = 5.0e-3
+_SHORT_Z = 1.0e-4  # alpha step^2, for the series of such a step
+_LAST = 1.0e-9  # of the anomaly; a Newton step that is exact
+
+#: Of the Stumpff functions c2 and c3.
+_C2 = tuple((-1.0) ** k / math.factorial(2 * k + 2) for k in range(9))
+_C3 = tuple((-1.0) ** k / math.factorial(2 * k + 3) for k in range(9))
+
+#: U0 (no unit), U1 (m^0.5), U2 (m), U3 (m^1.5).
+Universal = tuple[float, float, float, float]
 
 
 @kernel
-def universal_functions(anomaly: float, alpha: float) -> tuple[float, float, float, float]:
+def _series(c: tuple[float, ...], z: float) -> float:
+    """Sum of c[k] z^k, k to 8; in pairs, which do not wait for one another."""
+    s = z * z
+    q = s * s
+    low = (c[0] + z * c[1]) + s * (c[2] + z * c[3])
+    return low + q * (((c[4] + z * c[5]) + s * (c[6] + z * c[7])) + q * c[8])
+
+
+@kernel
+def universal_functions(anomaly: float, alpha: float) -> Universal:
     """Universal functions U0..U3 of Battin, Eq. 4.71 onwards.
 
     Args:
@@ -23,33 +43,15 @@ def universal_functions(anomaly: float, alpha: float) -> tuple[float, float, flo
         alpha: reciprocal of the semi-major axis, 1/m; negative on a hyperbola.
 
     Returns:
-        U0 (no unit), U1 (m^0.5), U2 (m), U3 (m^1.5). Overflow gives inf.
+        U0..U3. Overflow gives inf.
     """
-    z = alpha * anomaly * anomaly
+    square = anomaly * anomaly
+    z = alpha * square
     if abs(z) < 1.0:
-        # power series of the Stumpff functions c2 and c3; the parabola lies inside it
-        c2 = 1.0 - z * (1.0 / 306.0)
-        c2 = 1.0 - z * (1.0 / 240.0) * c2
-        c2 = 1.0 - z * (1.0 / 182.0) * c2
-        c2 = 1.0 - z * (1.0 / 132.0) * c2
-        c2 = 1.0 - z * (1.0 / 90.0) * c2
-        c2 = 1.0 - z * (1.0 / 56.0) * c2
-        c2 = 1.0 - z * (1.0 / 30.0) * c2
-        c2 = 0.5 * (1.0 - z * (1.0 / 12.0) * c2)
-        c3 = 1.0 - z * (1.0 / 342.0)
-        c3 = 1.0 - z * (1.0 / 272.0) * c3
-        c3 = 1.0 - z * (1.0 / 210.0) * c3
-        c3 = 1.0 - z * (1.0 / 156.0) * c3
-        c3 = 1.0 - z * (1.0 / 110.0) * c3
-        c3 = 1.0 - z * (1.0 / 72.0) * c3
-        c3 = 1.0 - z * (1.0 / 42.0) * c3
-        c3 = (1.0 - z * (1.0 / 20.0) * c3) / 6.0
-        return (
-            1.0 - z * c2,
-            anomaly * (1.0 - z * c3),
-            anomaly * anomaly * c2,
-            anomaly * anomaly * anomaly * c3,
-        )
+        # the parabola lies inside
+        c2 = _series(_C2, z)
+        c3 = _series(_C3, z)
+        return (1.0 - z * c2, anomaly * (1.0 - z * c3), square * c2, anomaly * square * c3)
     if z > 0.0:
         root = math.sqrt(alpha)
         half = math.sin(0.5 * root * anomaly)
@@ -64,6 +66,30 @@ def universal_functions(anomaly: float, alpha: float) -> tuple[float, float, flo
 
 
 @kernel
+def _further(functions: Universal, step: float, alpha: float) -> Universal:
+    """Universal functions a short step of the anomaly further: their addition theorems."""
+    u0, u1, u2, u3 = functions
+    square = step * step
+    z = alpha * square
+    w3 = step * square * (1.0 / 6.0 - z * (1.0 / 120.0 - z * (1.0 / 5040.0)))
+    w2 = square * (0.5 - z * (1.0 / 24.0 - z * (1.0 / 720.0)))
+    w1 = step - alpha * w3
+    return (
+        u0 - alpha * (u1 * w1 + u0 * w2),
+        u1 + (u0 * w1 - alpha * (u1 * w2)),
+        u2 + (u1 * w1 + u0 * w2),
+        u3 + (step * u2 + (u1 * w2 + u0 * w3)),
+    )
+
+
+@kernel
+def _radius_and_time(functions: Universal, r0: float, sigma: float) -> tuple[float, float]:
+    """Radius, m, and time times the root of mu, m^1.5: Kepler's equation."""
+    u0, u1, u2, u3 = functions
+    return r0 * u0 + sigma * u1 + u2, r0 * u1 + sigma * u2 + u3
+
+
+@kernel
 def first_anomaly(goal: float, r0: float, sigma: float, alpha: float, high: float) -> float:
     """Universal anomaly by reversion of the series in time: good for all that guidance asks.
 
@@ -74,11 +100,12 @@ def first_anomaly(goal: float, r0: float, sigma: float, alpha: float, high: floa
         alpha: reciprocal of the semi-major axis, 1/m.
         high: upper bound, m^0.5; inf: none.
     """
-    y = goal / r0
-    b = 0.5 * sigma / r0
-    c = (1.0 / r0 - alpha) / 6.0
-    d = -alpha * b / 12.0
-    e = -alpha * c / 20.0
+    inverse = 1.0 / r0
+    y = goal * inverse
+    b = 0.5 * sigma * inverse
+    c = (inverse - alpha) * (1.0 / 6.0)
+    d = -alpha * b * (1.0 / 12.0)
+    e = -alpha * c * (1.0 / 20.0)
     bb = b * b
     third = 2.0 * bb - c
     fourth = b * (5.0 * (c - bb)) - d
@@ -116,7 +143,8 @@ def kepler(r: Vector, v: Vector, dt: float, mu: float) -> tuple[Vector, Vector]:
         return r, v
     root_mu = math.sqrt(mu)
     r0 = norm(r)
-    alpha = 2.0 / r0 - dot(v, v) / mu
+    inverse = 1.0 / r0
+    alpha = 2.0 * inverse - dot(v, v) / mu
 
     if not math.isfinite(dt + alpha + r0):
         nowhere = (math.nan, math.nan, math.nan)
@@ -128,53 +156,53 @@ def kepler(r: Vector, v: Vector, dt: float, mu: float) -> tuple[Vector, Vector]:
     time = sign * dt
     low = 0.0
     high = math.inf
-    if alpha > 0.0:
-        revolution = 2.0 * math.pi / (alpha * math.sqrt(alpha) * root_mu)
-        if time > revolution:
-            time -= revolution * math.floor(time / revolution)
-        high = 2.0 * math.pi / math.sqrt(alpha)
     goal = root_mu * time
+    if alpha > 0.0:
+        if goal * goal * (alpha * alpha * alpha) > 4.0 * math.pi * math.pi:
+            revolution = 2.0 * math.pi / (alpha * math.sqrt(alpha) * root_mu)
+            time -= revolution * math.floor(time / revolution)
+            goal = root_mu * time
+        high = 2.0 * math.pi / math.sqrt(alpha)
 
     x = first_anomaly(goal, r0, sigma, alpha, high)
-    u0 = 1.0
-    u1 = 0.0
-    u2 = 0.0
-    u3 = 0.0
+    functions = (1.0, 0.0, 0.0, 0.0)
     for _ in range(_MAX_ITERATIONS):
-        u0, u1, u2, u3 = universal_functions(x, alpha)
-        radius = r0 * u0 + sigma * u1 + u2
-        error = r0 * u1 + sigma * u2 + u3 - goal
+        functions = universal_functions(x, alpha)
+        radius, reached = _radius_and_time(functions, r0, sigma)
+        error = reached - goal
         if error > 0.0 or not math.isfinite(error):
             high = x
         else:
             low = x
-        slope = sigma * u0 + (1.0 - alpha * r0) * u1
+        slope = sigma * functions[0] + (1.0 - alpha * r0) * functions[1]
         # Laguerre-Conway, degree 5
         root = math.sqrt(abs(16.0 * radius * radius - 20.0 * error * slope))
         step = -5.0 * error / (radius + root)
-        trial = x + step
         if abs(step) <= _TOLERANCE * x:
-            # so short a step needs no more than the Taylor series: U(k)' = U(k-1)
-            half = 0.5 * step
-            u3 += step * (u2 + half * u1)
-            u2 += step * (u1 + half * u0)
-            u1, u0 = (
-                u1 + step * (u0 - half * alpha * u1),
-                u0 - step * alpha * (u1 + half * u0),
-            )
+            functions = _further(functions, step, alpha)
             break
+        if abs(step) <= _SHORT * x and abs(alpha) * step * step <= _SHORT_Z:
+            near = _further(functions, step, alpha)
+            radius, reached = _radius_and_time(near, r0, sigma)
+            rest = (goal - reached) / radius
+            if abs(rest) <= _LAST * x:
+                functions = _further(near, rest, alpha)
+                break
+        trial = x + step
         if not low < trial < high:
             trial = 2.0 * x if high == math.inf else 0.5 * (low + high)
             if trial in (low, high):
                 break
         x = trial
-    radius = r0 * u0 + sigma * u1 + u2
+    radius, _ = _radius_and_time(functions, r0, sigma)
+    _, u1, u2, u3 = functions
 
-    f = 1.0 - u2 / r0
+    f = 1.0 - u2 * inverse
     # both forms of g are exact; take the one that does not cancel
     g = (r0 * u1 + sigma * u2) / root_mu if sigma >= 0.0 else time - u3 / root_mu
-    f_dot = -root_mu * u1 / (radius * r0)
-    g_dot = 1.0 - u2 / radius
+    along = 1.0 / radius
+    f_dot = -root_mu * u1 * along * inverse
+    g_dot = 1.0 - u2 * along
     return (
         axpy(sign * g, v, scale(f, r)),
         axpy(g_dot, v, scale(sign * f_dot, r)),

@@ -86,6 +86,15 @@ def angle_between(x: Vector, y: Vector) -> float:
 
 
 @kernel
+def turned_beyond(limit: float, x: Vector, y: Vector) -> bool:
+    """Whether the angle between two vectors is larger than ``limit``, rad.
+
+    An angle is at most its tangent: where that will do, it takes no arc tangent.
+    """
+    return not norm(cross(x, y)) <= limit * dot(x, y) and angle_between(x, y) > limit
+
+
+@kernel
 def is_finite(x: Vector) -> bool:
     """True when no component is nan or infinite."""
     return math.isfinite(x[0]) and math.isfinite(x[1]) and math.isfinite(x[2])
