@@ -9,12 +9,16 @@ import pytest
 from ares_bringup.commands.cli import main
 from ares_models.mission import load_mission
 from ares_optimizer.indirect.solver import TwoPointSolver
+from ares_optimizer.kernels.timetable import MAX_UNKNOWNS
 from ares_optimizer.plan import held_ahead
 from ares_optimizer.proof.flight import fly, steering_of
 from ares_optimizer.proof.held import held_checks, held_obstacle, held_offsets
 from ares_optimizer.request import HELD_METHODS, METHODS
 from ares_optimizer.solution import Check, Status, UnfitMethod
 from ares_optimizer.solve import solve
+from ares_optimizer.two_point.kernels.guess import OwnStart
+from ares_optimizer.two_point.kernels.newton import CONVERGED
+from ares_optimizer.two_point.kernels.search import _solve_timed_first
 
 MISSIONS = Path(__file__).parent / "missions"
 MIDDLE = "solid_middle"
@@ -382,3 +386,85 @@ def test_several_held_burns(edited, solved):
     direct = solve(flight, "direct20")
     assert direct.m_f_kg == pytest.approx(solution.m_f_kg, abs=5e-4)
     assert solution.m_f_kg > solved[MIDDLE].m_f_kg + 0.1
+
+
+def test_a_free_length_of_a_held_burn():
+    """No mission file has one, but the condition is there: H with lambda_v . w is 0 at its end."""
+    flight = mission("two_burn")
+    start = flight.start().navigation()
+    arrays = flight.arrays()
+    arrays.arcs["held"][0] = 1
+    solution = solve(arrays, "indirect", state=start)
+    assert solution.converged, solution.reason
+    solver = TwoPointSolver(arrays)
+
+    def taken(change):
+        solver.hold(start, {0: solution.lengths_s[0] + change})
+        there = solver.solve(start, solution.parameters, restart=False)
+        assert there.converged
+        return there.taken_kg
+
+    least = taken(0.0)
+    # 7.7 kg/s flow; a second off costs 1.5 kg
+    assert abs(taken(0.1) - taken(-0.1)) / 0.2 < 1e-3
+    assert taken(2.0) > least + 1.0
+    assert taken(-2.0) > least + 1.0
+
+
+class TestGuesses:
+    def test_of_either_kind(self, solved):
+        flight = mission(MIDDLE)
+        start = flight.start().navigation()
+        direct = solve(flight, "direct11")
+        for guess in (solved[MIDDLE], solved[MIDDLE].parameters, direct):
+            again = solve(flight, "indirect", state=start, guess=guess)
+            assert again.converged, again.reason
+            assert again.m_f_kg == pytest.approx(solved[MIDDLE].m_f_kg, abs=1e-6)
+        again = solve(flight, "direct14", guess=solved[MIDDLE])
+        assert again.m_f_kg == pytest.approx(solved[MIDDLE].m_f_kg, abs=5e-3)
+
+    def test_without_a_direction_the_solver_aims(self, solved):
+        """Zeros stand for none: the flight of the guess, guided, gives the first one."""
+        flight = mission(MIDDLE)
+        start = flight.start().navigation()
+        solver = TwoPointSolver(flight.arrays())
+        guess = solved[MIDDLE].parameters.copy()
+        guess[-3:] = 0.0
+        root = solver.newton(start, guess)
+        assert root.converged
+        assert root.unknowns == pytest.approx(solved[MIDDLE].parameters, rel=1e-6, abs=1e-9)
+
+    @pytest.mark.parametrize("method", ["indirect", "direct20"])
+    def test_from_a_state_before_the_burn(self, solved, method):
+        track = solved[MIDDLE].trajectory
+        k = int(np.searchsorted(track.time_s, 100.0))
+        start = mission(MIDDLE).start().navigation()
+        start["time"] = track.time_s[k]
+        start["position"] = track.position[k]
+        start["velocity"] = track.velocity[k]
+        start["mass"] = track.mass[k]
+        start["arc_start_time"] = 70.0
+        rest = solve(mission(MIDDLE), method, state=start)
+        assert rest.converged, rest.reason
+        assert rest.m_f_kg == pytest.approx(solved[MIDDLE].m_f_kg, abs=1e-3)
+
+
+def test_drops_at_fixed_times_first_leave_the_other_unknowns(edited, solved):
+    """Where limits come back among the unknowns, ends and directions move out of their way."""
+    flight = edited(KICK, SHROUD[0], (SHROUD[1][0], SHROUD[1][1].replace("100.0", "20.0")))
+    start = flight.start().navigation()
+    solver = TwoPointSolver(flight.arrays())
+    burn, coast = solved[KICK].lengths_s
+    solver.hold(start, {1: coast})
+    unknowns = np.zeros(MAX_UNKNOWNS)
+    unknowns[7:9] = np.cumsum((130.0 + burn, coast))
+    own = OwnStart(6, 30.0, 1.0)
+    _, _, status = _solve_timed_first(
+        start[0], flight.arrays().records(), solver.options[0], own, unknowns, solver.work[0]
+    )
+    assert status == CONVERGED
+    root = unknowns[: solver.size(start)]
+    assert root[7] > 130.0
+    assert root[8] < 0.0
+    assert np.diff(root[solver.ends(start)]) == pytest.approx(coast, abs=1e-6)
+    assert np.linalg.norm(root[-3:]) == pytest.approx(1.0, abs=1e-9)
