@@ -13,7 +13,7 @@ from ares_optimizer.deadline import Deadline
 from ares_optimizer.indirect.kernels import sample
 from ares_optimizer.kernels import timetable
 from ares_optimizer.kernels.timetable import COLUMN_CUTOFF, COLUMN_JETTISON, MAX_UNKNOWNS
-from ares_optimizer.plan import free_arcs, held_ahead, plans_arcs
+from ares_optimizer.plan import free_arcs, plans_arcs
 from ares_optimizer.request import Heating
 from ares_optimizer.solution import OptimizerError
 from ares_optimizer.two_point.arrays import (
@@ -308,6 +308,7 @@ class TwoPointSolver:
             raise OptimizerError("the last arc is a coast; the two-point problem ends with a burn")
         self.arrays = arrays
         self._mission = arrays.records()
+        self._held = np.flatnonzero(arrays.arcs["held"]).tolist()
         self.deadline = deadline or Deadline()
         self.options = options.record()
         self.work = np.zeros(1, WORK)
@@ -329,7 +330,8 @@ class TwoPointSolver:
 
     def size(self, start: NDArray[np.void]) -> int:
         """Number of unknowns."""
-        return self.ends(start).stop + 3 * len(held_ahead(self.arrays, start[0]))
+        present = int(start["arc"][0])
+        return self.ends(start).stop + 3 * sum(k >= present for k in self._held)
 
     def _room(self, start: NDArray[np.void], unknowns: Array | None) -> Array:
         """Unknowns with the room that kernels need."""
