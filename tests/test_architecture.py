@@ -50,7 +50,7 @@ JOINS = {"rival", "solve", "node", "__main__", "__init__"}
 #: What flight software may take from the optimizer.
 ON_BOARD = {"ares_optimizer.two_point.arrays", "ares_optimizer.two_point.contract"}
 #: What may be taken from the proof: it flies and judges, its physics stays inside.
-PROOF = {"ares_optimizer.proof.flight", "ares_optimizer.proof.checks"}
+PROOF = {f"ares_optimizer.proof.{name}" for name in ("flight", "checks", "held")}
 
 MODULES = sorted(SOURCES.glob("ares_*/ares_*/**/*.py"))
 

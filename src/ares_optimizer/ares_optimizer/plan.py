@@ -49,6 +49,16 @@ def throttled_ahead(arrays: MissionArrays, start: Record) -> NDArray[np.bool_]:
     return throttled
 
 
+def held_ahead(arrays: MissionArrays, start: Record) -> list[int]:
+    """Burns in held attitude from the start on.
+
+    Args:
+        arrays: the mission.
+        start: record NAVIGATION.
+    """
+    return [int(k) for k in np.flatnonzero(arrays.arcs["held"]) if k >= int(start["arc"])]
+
+
 def with_lengths(arrays: MissionArrays, start: Record, lengths: Array) -> MissionArrays:
     """The mission with its free arcs as long as planned; the last one is free.
 

@@ -17,6 +17,8 @@ from ares_optimizer.solution import OptimizerError
 DIRECT_METHODS = ("direct11", "direct14", "direct20", "jump")
 INDIRECT_METHODS = ("indirect", "closed_form")
 ANALYTIC_METHOD = "analytic"
+#: Those that plan burns in held attitude.
+HELD_METHODS = ("indirect", "direct11", "direct14", "direct20")
 METHODS = (*DIRECT_METHODS, *INDIRECT_METHODS, ANALYTIC_METHOD)
 
 

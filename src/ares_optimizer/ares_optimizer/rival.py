@@ -20,7 +20,7 @@ from ares_models.kernels.vectors import cross, load, norm, sub
 from ares_optimizer.direct.search import Found, find_direct, steering_laws
 from ares_optimizer.indirect.solve import solve_indirect
 from ares_optimizer.indirect.solver import IndirectGuess, TwoPointOptions
-from ares_optimizer.plan import plans_arcs, throttled_ahead, with_lengths
+from ares_optimizer.plan import held_ahead, plans_arcs, throttled_ahead, with_lengths
 from ares_optimizer.request import DIRECT_METHODS, Heating, Request
 from ares_optimizer.solution import Cause, OptimizerError, Solution, Status, UnfitMethod
 
@@ -222,12 +222,14 @@ def _beside_planned(
     there = followed[-1].parameters
     if not (again and followed[-1].converged) or there is None or solution.parameters is None:
         return judged if judged.lengths_s else replace(solution, **_beaten(judged)._asdict())
-    ends = solution.parameters[-len(solution.lengths_s) :]
+    count = len(solution.lengths_s)
+    first = there.size - 3 * len(held_ahead(request.arrays, start[0]))
+    ends = solution.parameters[first : first + count]
     found = solve_indirect(
         request.arrays,
         start,
         options,
-        guess=np.concatenate([there, ends]),
+        guess=np.concatenate([there[:first], ends, there[first:]]),
         deadline=request.deadline,
     )
     return _beside_planned(request, options, found, again=False)

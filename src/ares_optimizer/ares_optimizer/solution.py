@@ -73,6 +73,8 @@ class Check(StrEnum):
     PROPELLANT = "propellant"
     #: of one free arc each
     ARC_LENGTH = "arc_length"
+    #: of one burn in held attitude each
+    HELD_DIRECTION = "held_direction"
 
 
 class OptimizerError(ValueError):
@@ -225,6 +227,8 @@ class Costates:
             the mass costate's part - lambda_m flow: lambda_m' = lambda_v . u T/m2, zero at
             cut-off and at the end of each stage (the mass of the next stack is given).
         jump_pi: pi of Eqs. 3.44-3.51 per heating jettison, per unit lambda_v and W/m2.
+        held_off_deg: per burn in held attitude, angle between its direction and the integral of
+            lambda_v T/m over it, which the best direction lies along.
     """
 
     time_s: Array
@@ -233,6 +237,7 @@ class Costates:
     hamiltonian: Array
     hamiltonian_spread: tuple[float, ...]
     jump_pi: tuple[float, ...]
+    held_off_deg: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -7,16 +7,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import MISSION_TIME, MissionArrays
+from ares_models.arrays import BURN, MISSION_TIME, MissionArrays
+from ares_models.kernels.sequence import SAME_TIME
 from ares_models.mission import Mission
 from ares_optimizer.analytic.solve import solve_analytic
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.free_arcs import solve_direct_planned
 from ares_optimizer.direct.solve import solve_direct
-from ares_optimizer.plan import free_arcs, plans_arcs, throttled_ahead, with_lengths
+from ares_optimizer.kernels.timetable import MAX_HELD, last_tail
+from ares_optimizer.plan import (
+    free_arcs,
+    held_ahead,
+    plans_arcs,
+    throttled_ahead,
+    with_lengths,
+)
 from ares_optimizer.proof.flight import flown_arcs
 from ares_optimizer.request import (
     ANALYTIC_METHOD,
+    HELD_METHODS,
     INDIRECT_METHODS,
     METHODS,
     Heating,
@@ -100,22 +109,40 @@ def _solve(request: Request) -> Solution:
 
 def _check_arcs(request: Request) -> None:
     """Refuse arcs that no method, or not this one, plans yet."""
-    ahead = request.arrays.arcs[int(request.state[0]["arc"]) :]
     throttled = throttled_ahead(request.arrays, request.state[0])
-    for what, flags, able in (
-        ("attitude is held", ahead["held"] == 1, ()),
-        ("thrust is throttled", throttled, ("indirect",)),
-    ):
-        if flags.any() and request.method not in able:
-            arc = int(request.state[0]["arc"]) + int(np.argmax(flags))
-            by = " or ".join(able) if able else "no method yet"
-            raise UnfitMethod(f"arc {arc}: its {what}, which is planned by {by}")
+    if throttled.any() and request.method != "indirect":
+        arc = int(request.state[0]["arc"]) + int(np.argmax(throttled))
+        raise UnfitMethod(f"arc {arc}: its thrust is throttled, which is planned by indirect")
+    _check_held(request)
     if not plans_arcs(request.arrays, request.state[0]):
         return
     if request.method in (ANALYTIC_METHOD, "closed_form"):
         raise UnfitMethod(f"{request.method} takes missions whose last arc alone is free")
     if (request.arrays.jettisons["criterion"] == MISSION_TIME).any():
         raise UnfitMethod("a jettison is held at a time; free arcs before the last do not take it")
+
+
+def _check_held(request: Request) -> None:
+    """Refuse burns in held attitude that cannot be planned, or not by this method."""
+    arrays, start = request.arrays, request.state[0]
+    present = int(start["arc"])
+    held = held_ahead(arrays, start)
+    if held and request.method not in HELD_METHODS:
+        by = " or ".join(HELD_METHODS)
+        raise UnfitMethod(f"arc {held[0]}: its attitude is held, which is planned by {by}")
+    if len(held) > MAX_HELD:
+        raise UnfitMethod(f"{len(held)} burns are in held attitude; at most {MAX_HELD} are planned")
+    running = present if start["time"] > start["arc_start_time"] + SAME_TIME else -1
+    tail, ended = last_tail(start, arrays.arcs)
+    if tail >= 0 and start["time"] < ended + arrays.arcs[tail]["tail_time"].max() - SAME_TIME:
+        running = tail
+    if running >= 0 and arrays.arcs[running]["held"]:
+        raise UnfitMethod(
+            f"arc {running}: it burns in held attitude already, and no state says in which"
+        )
+    ahead = arrays.arcs[present:]
+    if held and not ((ahead["kind"] == BURN) & (ahead["held"] == 0)).any():
+        raise UnfitMethod(f"arc {held[0]}: its attitude is held, and no burn ahead is guided")
 
 
 def _with_arcs(request: Request, solution: Solution) -> Solution:

@@ -318,16 +318,6 @@ class TestThrottledBurns:
             solve(throttled(tmp_path, "titan2_circular", "40"), "direct11")
 
 
-def test_held_attitude_is_refused(tmp_path):
-    flight = edited(
-        tmp_path,
-        "titan2_circular",
-        ("burn_time_s: 148.102380138703", "burn_time_s: 148.102380138703\n    attitude: held"),
-    )
-    with pytest.raises(UnfitMethod, match="attitude is held"):
-        solve(flight, "indirect")
-
-
 class TestOblateness:
     """J2 in the two-point problem, burns and coasts."""
 

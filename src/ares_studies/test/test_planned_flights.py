@@ -224,6 +224,26 @@ def test_a_last_burn_of_fixed_length_in_held_attitude(restart, tmp_path):
         make_law("igm", mission.arrays())
 
 
+def test_a_held_kick_is_flown_by_a_plan_that_knows_of_it(tmp_path):
+    """Where it points is planned too: what the flight takes is the optimum of the held mission."""
+    text = RESTART.format(burn="free", coast="free")
+    at = text.rindex("burn_time_s: free}")
+    path = tmp_path / "kick.yaml"
+    kick = "burn_time_s: 30.0, attitude: held}"
+    path.write_text(text[:at] + kick + text[at + len("burn_time_s: free}") :])
+    mission = load_mission(path)
+    plan = solve(mission, "indirect")
+    assert plan.converged, plan.reason
+    flight = fly_compiled(mission, law=ready(mission, offline_trajectory(plan)))
+    plant = flight.plant
+    assert plant["inserted"] == 1
+    assert np.linalg.norm(plant["position"]) == pytest.approx(6556000.0, abs=100.0)
+    assert np.linalg.norm(plant["velocity"]) == pytest.approx(7797.3928, abs=0.1)
+    assert spent(mission, flight) == pytest.approx(plan.delta_v_m_s, abs=0.5)
+    track = plan.trajectory
+    assert plant["held_direction"] == pytest.approx(track.direction[-1], abs=5e-3)
+
+
 def test_a_first_solution_far_from_the_plan_is_not_flown(restart):
     """There is more than one way to the same end: the plan is steered by instead."""
     mission, trajectory = restart

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
+from ares_models.arrays import MissionArrays
 from ares_optimizer.direct.solve import solve_direct
 from ares_optimizer.plan import (
     DEEPEST,
@@ -35,6 +36,7 @@ _SCALE_S = 100.0
 _RADIUS = 0.5  # first and last radius of the trust region, in the scale
 _LAST_RADIUS = 1e-5
 _NO_FLIGHT = 1e3  # scaled cost of lengths that lead nowhere, beyond that of the best
+_SPARE = 0.4  # of a last burn of fixed length, in the search
 _SAME_LENGTH = 1e-3  # s, of a last burn of fixed length
 
 
@@ -51,7 +53,8 @@ class _Search:
     def fly(self, lengths: Array, guess: Solution | None = None) -> Solution:
         """The best steering for given lengths."""
         request = self.request
-        planned = with_lengths(request.arrays, request.state[0], lengths)
+        spare = _SPARE * float(request.arrays.arcs[-1]["duration"])
+        planned = _planned(request, lengths, spare)
         solution = solve_direct(replace(request, arrays=planned, guess=guess, verify=False))
         self.iterations += solution.iterations
         self.tried += 1
@@ -86,6 +89,24 @@ class _Search:
         """Propellant of the free burns, kg."""
         arrays, start = self.request.arrays, self.request.state[0]
         return spent(arrays, start, np.array(solution.lengths_s), self.last_length(solution))
+
+
+def _planned(request: Request, lengths: Array, spare_s: float) -> MissionArrays:
+    """The mission with arcs of given lengths.
+
+    Args:
+        request: what is asked.
+        lengths: s, of its free arcs before the last.
+        spare_s: s, that a last burn of fixed length may last longer: its propellant, which may
+            end with it, is no obstacle to a search that comes from both sides.
+    """
+    planned = with_lengths(request.arrays, request.state[0], lengths)
+    last = request.arrays.arcs[-1]
+    if math.isfinite(last["duration"]):
+        planned.arcs["propellant"][planned.arcs["stage"] == last["stage"]] += (
+            spare_s * last["mass_flow"]
+        )
+    return planned
 
 
 def solve_direct_planned(request: Request) -> Solution:
@@ -167,10 +188,10 @@ def _refine(search: _Search, first: Solution) -> Solution:
 def _finished(search: _Search, best: Solution, elapsed: float) -> Solution:
     """The best flight, proven as one with arcs of given lengths."""
     request = search.request
-    arrays, start = request.arrays, request.state[0]
+    arrays = request.arrays
     lengths = np.array(best.lengths_s)
     if request.verify:
-        planned = with_lengths(arrays, start, lengths)
+        planned = _planned(request, lengths, _SAME_LENGTH)
         best = solve_direct(replace(request, arrays=planned, guess=best))
     best = replace(
         best,

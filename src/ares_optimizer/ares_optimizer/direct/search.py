@@ -232,7 +232,7 @@ class Law:
 
 
 def steering_laws(transcription: Transcription, variables: Array) -> list[Law]:
-    """The laws of a solution, in order of time."""
+    """The laws of a solution, in order of time, but for those of held burns."""
     problem = transcription.problem
     laws: list[Law] = []
     times = law_times(problem, variables)
@@ -250,6 +250,15 @@ def steering_laws(transcription: Transcription, variables: Array) -> list[Law]:
             direction, rate = jumps[int(row[L_DROP])]
         laws.append(Law(times[k], direction, rate))
     return laws
+
+
+def _law_in_force(found: Found, laws: list[Law], t: float) -> Law:
+    """The law just after ``t``: that of a held burn, or the last one that has begun."""
+    problem = found.transcription.problem
+    for column, (begin, end) in zip(problem.held, problem.held_time, strict=True):
+        if begin <= t + _SIDE < end:
+            return Law(t, found.variables[column : column + 3], np.zeros(3))
+    return [law for law in laws if law.time <= t + _SIDE][-1]
 
 
 def _jump_laws(problem: Problem, variables: Array) -> dict[int, tuple[Array, Array]]:
@@ -273,6 +282,8 @@ def carry_over(found: Found, transcription: Transcription) -> Array:
     for d, j in enumerate(transcription.heating_jettisons):
         variables[drop_column(problem, d)] = (old[j] - problem.start_time) / TIME_SCALE
     variables[-1] = found.variables[-1]
+    for column, before in zip(problem.held, found.transcription.problem.held, strict=True):
+        variables[column : column + 3] = found.variables[before : before + 3]
     times = law_times(problem, variables)
     size = 1.0
     for k in sorted(range(len(times)), key=lambda k: (times[k], k)):
@@ -639,7 +650,7 @@ def steering_arcs(found: Found) -> tuple[SteeringArc, ...]:
             for row, t in zip(problem.drops, drops, strict=True)
             if t <= begin + _SIDE
         )
-        law = [law for law in laws if law.time <= begin + _SIDE][-1]
+        law = _law_in_force(found, laws, begin)
         vector = law.at(begin)
         size = float(np.linalg.norm(vector))
         thrust, mass = _profile_at(problem, cutoff, begin, True)

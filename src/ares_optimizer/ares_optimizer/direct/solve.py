@@ -32,6 +32,7 @@ from ares_optimizer.direct.search import (
 from ares_optimizer.obstacles import check_obstacle, target_obstacle
 from ares_optimizer.proof.checks import constraint_table, verification
 from ares_optimizer.proof.flight import fly, steering_of
+from ares_optimizer.proof.held import held_checks, held_obstacle, held_offsets
 from ares_optimizer.request import Request
 from ares_optimizer.solution import (
     OPTIMAL,
@@ -58,14 +59,18 @@ def guess_from(solution: Solution) -> Guess:
     """
     if not solution.arcs:
         raise OptimizerError("guess: the solution has no steering arcs")
-    first = solution.arcs[0]
+    # a held burn says nothing of the law that goes on below it
+    guided = [arc for arc in solution.arcs if any(arc.direction_rate)] or solution.arcs
+    first = guided[0]
+    start = solution.arcs[0].start_s
+    back = np.asarray(first.direction_rate) * (first.reference_time_s - start)
     jettison = solution.t_plf_s
     after = None
     if math.isfinite(jettison):
-        later = [arc for arc in solution.arcs if arc.start_s >= jettison - 1e-6]
-        arc = later[0] if later else solution.arcs[-1]
+        later = [arc for arc in guided if arc.start_s >= jettison - 1e-6]
+        arc = later[0] if later else guided[-1]
         # rates hold for unit directions: bring it to the length that B + A t has by then
-        before = [arc for arc in solution.arcs if arc.end_s <= jettison + 1e-6]
+        before = [arc for arc in guided if arc.end_s <= jettison + 1e-6]
         size = 1.0
         for piece in before:
             end = np.asarray(piece.direction) + np.asarray(piece.direction_rate) * (
@@ -73,9 +78,9 @@ def guess_from(solution: Solution) -> Guess:
             )
             size *= float(np.linalg.norm(end))
         after = tuple(size * x for x in arc.direction_rate)
-    begin = jettison if math.isfinite(jettison) else first.start_s
+    begin = jettison if math.isfinite(jettison) else start
     return Guess(
-        first.direction,
+        tuple(np.asarray(first.direction) - back),
         first.direction_rate,
         jettison if math.isfinite(jettison) else None,
         solution.t_meco_s - begin,
@@ -149,12 +154,16 @@ def _prove_direct(request: Request, found: Found, solution: Solution) -> Solutio
     if found.converged:
         checks = _with_prices(checks, prices(found, flight))
         curvature = least_curvature(found)
+        costates = recover_costates(arrays, found, flight, steering)
+        offsets = held_offsets(arrays, flight, steering, costates)
+        directions = held_checks(arrays, flight, offsets)
+        checks = (*checks, *directions)
         solution = replace(
             solution,
-            costates=recover_costates(arrays, found, flight, steering),
+            costates=replace(costates, held_off_deg=offsets),
             notes={**solution.notes, "least_curvature": curvature},
         )
-        cause = infeasible(check_obstacle(checks))
+        cause = infeasible(check_obstacle(checks)) or held_obstacle(directions)
         if cause is None and curvature < _SADDLE:
             cause = Cause(Status.NOT_OPTIMAL, "stationary, but a saddle and not an optimum")
         if cause is not None and solution.converged:

@@ -1,8 +1,8 @@
 """From a mission to the finite problem that the direct methods solve.
 
 One linear-tangent law (Eq. 3.36) per piece of the flight, its rate free or continuous at
-each boundary. For two stages and one heating-limited jettison these are the thesis' 11, 14
-and 20 parameters.
+each boundary; one direction per burn in held attitude, after which the law goes on. For two
+stages and one heating-limited jettison these are the thesis' 11, 14 and 20 parameters.
 """
 
 import math
@@ -209,6 +209,36 @@ def _laws(
     return np.array(rows, np.int64), np.array(times), column
 
 
+def _held(main: NDArray[np.void], column: int) -> tuple[NDArray[np.int64], Array]:
+    """``Problem.held``, from ``column`` on, and ``Problem.held_time``."""
+    times = []
+    for number in range(1, int(main["held"].max()) + 1):
+        pieces = main[main["held"] == number]
+        if len(pieces):
+            end = float(pieces[-1]["end"])
+            times.append((float(pieces[0]["start"]), end if end < _FAR else math.inf))
+    columns = column + 3 * np.arange(len(times), dtype=np.int64)
+    return columns, np.array(times).reshape(len(times), 2)
+
+
+def _guiding(start_time: float, boundaries: list[float], main: NDArray[np.void]) -> list[float]:
+    """Boundaries without those of laws that would steer no thrust, where burns are held."""
+    if not main["held"].any():
+        return boundaries
+    guided = main[(main["held"] == 0) & (main["flow"] + main["flow_slope"] > 0.0)]
+
+    def thrusts(begin: float, end: float) -> bool:
+        return bool(((guided["start"] < end) & (guided["end"] > begin)).any())
+
+    kept: list[float] = []
+    for begin in sorted(boundaries, reverse=True):
+        if thrusts(begin, kept[0] if kept else math.inf):
+            kept.insert(0, begin)
+    while kept and not thrusts(start_time, kept[0]):
+        kept.pop(0)
+    return kept
+
+
 def transcribe(
     arrays: MissionArrays,
     start: Record,
@@ -250,8 +280,9 @@ def transcribe(
     if method in ("direct14", "direct20"):
         wanted += ignitions
     spare = [] if method == "jump" else [time for _, time in fixed]
-    boundaries = _boundaries(now, wanted, spare)
+    boundaries = _guiding(now, _boundaries(now, wanted, spare), main)
     laws, law_times, columns = _laws(method, now, boundaries, len(free))
+    held, held_times = _held(main, columns)
     last_piece = main[-1]
     left = float(last_piece["mass"]) - float(drops[:, 0].sum())
     last_arc = main[main["arc"] == len(arcs) - 1][0]
@@ -274,12 +305,14 @@ def transcribe(
         drops=drops,
         laws=laws,
         law_time=law_times,
+        held=held,
+        held_time=held_times,
         longest_step=longest_step,
         earliest_cutoff=earliest_cutoff,
         latest_cutoff=latest_cutoff,
         heating=HEATING_FROM_JETTISON if heating is Heating.FROM_JETTISON else HEATING_AT_JETTISON,
         objective=MINIMISE_TIME,
-        variables=columns + len(free) + 1,
+        variables=columns + 3 * len(held) + len(free) + 1,
         stop=np.zeros(1, np.int64),
     )
     return Transcription(

@@ -149,25 +149,24 @@ def unknowns_of(
     arcs = solver.arrays.arcs
     free = free_arcs(solver.arrays, start[0])
     unknowns = np.zeros(solver.size(start))
-    first = unknowns.size - len(free)
+    ends = unknowns[solver.ends(start)]
     time = float(start["arc_start_time"][0])
     for k in range(int(start["arc"][0]), len(arcs) - 1):
         if k in free:
             time += float(lengths[free.index(k)])
-            unknowns[first + free.index(k)] = time
+            ends[free.index(k)] = time
         else:
             time += float(arcs[k]["duration"])
     unknowns[COLUMN_CUTOFF] = time + last
-    drops = unknowns[COLUMN_JETTISON:first:2]
+    drops = unknowns[COLUMN_JETTISON : solver.ends(start).start : 2]
     drops[:] = np.linspace(float(start["time"][0]), time, drops.size + 2)[1:-1]
     return unknowns
 
 
 def along_velocity(solver: TwoPointSolver, start: NDArray[np.void], unknowns: Array) -> Array:
     """The same with thrust along the velocity at the next ignition, turning with it."""
-    free = len(free_arcs(solver.arrays, start[0]))
     records = solver.arrays.records()
-    ignition = next_ignition(start[0], records, unknowns[unknowns.size - free :])
+    ignition = next_ignition(start[0], records, unknowns[solver.ends(start)])
     there = tangential_primer(start[0], records, ignition)
     primer, rate = carried_back(start[0], records, ignition, there)
     out = unknowns.copy()
@@ -216,7 +215,9 @@ def find_planned(
 
 def _as_root(guess: Array, solver: TwoPointSolver, start: NDArray[np.void]) -> Root:
     count = len(free_arcs(solver.arrays, start[0]))
-    return Root(guess, 0, math.inf, 0, -1, np.zeros(count), (NOT_HELD,) * count, math.nan)
+    holds = (NOT_HELD,) * count
+    drops = solver.drops(start)
+    return Root(guess, 0, math.inf, 0, -1, drops, np.zeros(count), holds, math.nan)
 
 
 def _try(search: _Search, lengths: Array) -> None:

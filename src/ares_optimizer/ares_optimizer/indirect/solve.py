@@ -35,12 +35,12 @@ from ares_optimizer.indirect.solver import (
     TwoPointSolver,
 )
 from ares_optimizer.kernels import timetable
-from ares_optimizer.kernels.timetable import COLUMN_JETTISON
 from ares_optimizer.obstacles import check_obstacle, target_obstacle
 from ares_optimizer.pieces import first_ignitions
 from ares_optimizer.plan import free_arcs, length_bounds, with_lengths
 from ares_optimizer.proof.checks import constraint_table, verification
 from ares_optimizer.proof.flight import Direction, Steering, fly
+from ares_optimizer.proof.held import held_checks, held_obstacle, held_offsets
 from ares_optimizer.request import Heating
 from ares_optimizer.solution import (
     OPTIMAL,
@@ -137,7 +137,7 @@ def solve_indirect(
     options = options or TwoPointOptions()
     method = "closed_form" if options.in_closed_form else "indirect"
     solver = TwoPointSolver(arrays, options, deadline)
-    unknowns = _as_unknowns(guess, solver.size(start))
+    unknowns = _as_unknowns(guess, solver, start)
     began = time.perf_counter()
     cause = infeasible(target_obstacle(arrays))
     if cause is None and solver.deadline.passed:
@@ -171,11 +171,14 @@ def _since(began: float) -> float:
     return 1e3 * (time.perf_counter() - began)
 
 
-def _as_unknowns(guess: Guess, size: int) -> Array | None:
+def _as_unknowns(guess: Guess, solver: TwoPointSolver, start: NDArray[np.void]) -> Array | None:
     if guess is None:
         return None
+    size = solver.size(start)
     if isinstance(guess, IndirectGuess):
-        return guess.unknowns((size - COLUMN_JETTISON) // 2)
+        known = guess.unknowns(solver.drops(start))
+        # held burns are aimed by the solver
+        return np.concatenate((known, np.zeros(size - known.size)))
     values = guess if isinstance(guess, np.ndarray) else guess.parameters
     if values is None:
         raise OptimizerError("guess: the solution has no parameters")
@@ -491,8 +494,9 @@ def _steering_arcs(pieces: NDArray[np.void], flight: Array) -> tuple[SteeringArc
     for i, piece in enumerate(pieces):
         rows = flight[flight[:, sample.PIECE] == i]
         first, last = rows[0], rows[-1]
-        primer = first[sample.LAMBDA_V : sample.LAMBDA_V + 3]
-        change = last[sample.LAMBDA_V : sample.LAMBDA_V + 3] - primer
+        steered = sample.DIRECTION if piece["held"] else sample.LAMBDA_V
+        primer = first[steered : steered + 3]
+        change = last[steered : steered + 3] - primer
         length = float(piece["end"] - piece["start"])
         size = float(np.linalg.norm(primer))
         acceleration = rows[:, sample.THRUST] / rows[:, sample.MASS]
@@ -532,14 +536,20 @@ def _hamiltonian_spread(pieces: NDArray[np.void], flight: Array) -> tuple[float,
     return tuple(spread)
 
 
-def _primer_steering(flight: Array) -> Steering:
-    """Thrust direction of a sampled flight: cubic between samples, exact in value and rate."""
+def _primer_steering(pieces: NDArray[np.void], flight: Array) -> Steering:
+    """Thrust direction of a sampled flight: cubic between samples, exact in value and rate.
+
+    Within a held burn it is that of the burn.
+    """
 
     def steering(begin: float, end: float) -> Direction:
         middle = 0.5 * (begin + end)
         times = flight[:, sample.TIME]
         piece = flight[np.searchsorted(times, middle) - 1, sample.PIECE]
         rows = flight[flight[:, sample.PIECE] == piece]
+        if pieces["held"][int(piece)]:
+            held = rows[0, sample.DIRECTION : sample.DIRECTION + 3]
+            return lambda _: np.asarray(held / math.sqrt(held @ held))
         primer = CubicHermiteSpline(
             rows[:, sample.TIME],
             rows[:, sample.LAMBDA_V : sample.LAMBDA_V + 3],
@@ -690,13 +700,12 @@ def _solution(
 
 def _trajectory(flight: Array) -> Trajectory:
     """A sampled flight as the solver itself flew it."""
-    primer = flight[:, sample.LAMBDA_V : sample.LAMBDA_V + 3]
     return Trajectory(
         flight[:, sample.TIME].copy(),
         flight[:, sample.POSITION : sample.POSITION + 3].copy(),
         flight[:, sample.VELOCITY : sample.VELOCITY + 3].copy(),
         flight[:, sample.MASS].copy(),
-        primer / np.linalg.norm(primer, axis=1, keepdims=True),
+        flight[:, sample.DIRECTION : sample.DIRECTION + 3].copy(),
         np.exp(flight[:, sample.LOG_HEATING]),
         flight[:, sample.THRUST].copy(),
     )
@@ -713,10 +722,11 @@ def _proven(
         price = float(solver.work["price"][0])
     flight = solver.sample(start, root.unknowns)
     pieces = _pieces(solver)
+    steering = _primer_steering(pieces, flight)
     flown = fly(
         arrays,
         start[0],
-        _primer_steering(flight),
+        steering,
         solution.jettison_times_s,
         solution.t_meco_s,
         [float(piece["start"]) for piece in pieces],
@@ -747,6 +757,7 @@ def _proven(
         for j, jettison in enumerate(arrays.jettisons)
         if jettison["criterion"] == HEATING_LIMIT and not (int(start["jettisoned"][0]) >> j) & 1
     ]
+    guided = pieces["held"][flight[:, sample.PIECE].astype(np.int64)] == 0
     turn = np.cross(
         flight[:, sample.POSITION : sample.POSITION + 3],
         flight[:, sample.LAMBDA_R : sample.LAMBDA_R + 3],
@@ -754,28 +765,34 @@ def _proven(
         flight[:, sample.VELOCITY : sample.VELOCITY + 3],
         flight[:, sample.LAMBDA_V : sample.LAMBDA_V + 3],
     )
+    costates = Costates(
+        flight[:, sample.TIME].copy(),
+        flight[:, sample.LAMBDA_R : sample.LAMBDA_R + 3].copy(),
+        flight[:, sample.LAMBDA_V : sample.LAMBDA_V + 3].copy(),
+        flight[:, sample.HAMILTONIAN].copy(),
+        _hamiltonian_spread(pieces, flight),
+        tuple(float(pi) / limit for pi, limit in zip(root.pis, limits, strict=False)),
+    )
+    offsets = held_offsets(arrays, flown, steering, costates)
+    directions = held_checks(arrays, flown, offsets)
+    if solution.converged and not broken:
+        cause = held_obstacle(directions) or cause
     return replace(
         solution,
         **cause._asdict(),
         constraints=(
             *_multipliers(solver, start, root, flight, price, checks),
             *_length_checks(solver, start, root, price),
+            *directions,
         ),
         verification=verification(arrays, flown, picked),
         trajectory=flown.trajectory,
-        costates=Costates(
-            flight[:, sample.TIME].copy(),
-            flight[:, sample.LAMBDA_R : sample.LAMBDA_R + 3].copy(),
-            flight[:, sample.LAMBDA_V : sample.LAMBDA_V + 3].copy(),
-            flight[:, sample.HAMILTONIAN].copy(),
-            _hamiltonian_spread(pieces, flight),
-            tuple(float(pi) / limit for pi, limit in zip(root.pis, limits, strict=False)),
-        ),
+        costates=replace(costates, held_off_deg=offsets),
         notes={
             **solution.notes,
             "final_hamiltonian_m_s2": final,
             # C = r x lambda_r + V x lambda_v: its component along the pole is kept by every
-            # part of the flight, jettison included
-            "pole_turn_spread_m_s": float(np.ptp(turn[:, 2])),
+            # part of the flight, jettison included; over a held burn, but not within
+            "pole_turn_spread_m_s": float(np.ptp(turn[guided, 2])),
         },
     )

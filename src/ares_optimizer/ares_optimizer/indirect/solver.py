@@ -110,11 +110,12 @@ class Root:
     Attributes:
         unknowns: shape (n,): lambda_v (3), lambda_r (3, 1/s), cut-off time (s), then time (s)
             and pi (per unit of log heating) of every heating jettison to come, then the end (s)
-            of every free arc before the last.
+            of every free arc before the last, then the direction (3) of every held burn.
         iterations: Newton iterations, restarts included.
         residual_norm: norm of the last residuals, without unit.
         status: ``two_point.kernels.newton``: CONVERGED or what went wrong.
         restarts: starts after the first.
+        drops: number of heating jettisons to come.
         lengths: s, shape (n,), of the free arcs before the last.
         holds: what held each of them: ``two_point.arrays``: NOT_HELD, AT_SHORTEST, ...
         taken_kg: propellant that the free burns take from now on, but for the tail-off of the
@@ -126,6 +127,7 @@ class Root:
     residual_norm: float
     status: int
     restarts: int
+    drops: int
     lengths: Array
     holds: tuple[int, ...]
     taken_kg: float
@@ -138,16 +140,12 @@ class Root:
     @property
     def drop_times_s(self) -> Array:
         """Times of the heating jettisons to come, in the order of the file."""
-        return self.unknowns[TIMES][: self._drops]
+        return self.unknowns[TIMES][: self.drops]
 
     @property
     def pis(self) -> Array:
         """Their pi, per unit of log heating."""
-        return self.unknowns[PIS][: self._drops]
-
-    @property
-    def _drops(self) -> int:
-        return (self.unknowns.size - COLUMN_JETTISON - self.lengths.size) // 2
+        return self.unknowns[PIS][: self.drops]
 
     @property
     def converged(self) -> bool:
@@ -310,6 +308,7 @@ class TwoPointSolver:
             raise OptimizerError("the last arc is a coast; the two-point problem ends with a burn")
         self.arrays = arrays
         self._mission = arrays.records()
+        self._held = np.flatnonzero(arrays.arcs["held"]).tolist()
         self.deadline = deadline or Deadline()
         self.options = options.record()
         self.work = np.zeros(1, WORK)
@@ -324,9 +323,15 @@ class TwoPointSolver:
         """Whether there is more to decide than the cut-off."""
         return plans_arcs(self.arrays, start[0])
 
+    def ends(self, start: NDArray[np.void]) -> slice:
+        """Where among the unknowns the ends of free arcs before the last stand."""
+        first = COLUMN_JETTISON + 2 * self.drops(start)
+        return slice(first, first + len(free_arcs(self.arrays, start[0])))
+
     def size(self, start: NDArray[np.void]) -> int:
         """Number of unknowns."""
-        return COLUMN_JETTISON + 2 * self.drops(start) + len(free_arcs(self.arrays, start[0]))
+        present = int(start["arc"][0])
+        return self.ends(start).stop + 3 * sum(k >= present for k in self._held)
 
     def _room(self, start: NDArray[np.void], unknowns: Array | None) -> Array:
         """Unknowns with the room that kernels need."""
@@ -380,13 +385,21 @@ class TwoPointSolver:
             arcs = self.arrays.arcs
             begins = self.work["layout"]["begins"][0, : len(arcs)]
             free = free_arcs(self.arrays, start[0])
-            lengths = unknowns[n - len(free) : n] - begins["time"][free]
+            lengths = unknowns[self.ends(start)] - begins["time"][free]
             pay = np.isinf(arcs["duration"]) & (arcs["kind"] == BURN)
             pay[: int(start["arc"][0])] = False
             taken = float((begins["used_end"] - begins["used"])[pay].sum())
         holds = tuple(int(hold) for hold in self.work["switches"]["hold"][0, : lengths.size])
         return Root(
-            unknowns[:n].copy(), iterations, residual, status, restarts, lengths, holds, taken
+            unknowns[:n].copy(),
+            iterations,
+            residual,
+            status,
+            restarts,
+            self.drops(start),
+            lengths,
+            holds,
+            taken,
         )
 
     def hold(self, start: NDArray[np.void], lengths: Mapping[int, float]) -> None:
@@ -450,7 +463,7 @@ class TwoPointSolver:
             out = np.zeros((-rows, sample.SAMPLE_COLUMNS))
 
     def final_hamiltonian(self, start: NDArray[np.void], unknowns: Array) -> float:
-        """lambda_r . V + lambda_v . g + |lambda_v| T/m at cut-off, m/s2: see the kernel."""
+        """lambda_r . V + lambda_v . (g + u T/m) at cut-off, m/s2: see the kernel."""
         trial = np.zeros(MAX_UNKNOWNS)
         trial[: unknowns.size] = unknowns
         return float(

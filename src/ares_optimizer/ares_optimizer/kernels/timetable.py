@@ -57,13 +57,16 @@ HEATING_IGNORED = 2
 HEATING_TIMED = 3
 
 #: First columns of the unknowns: lambda_v, lambda_r, cut-off time, then per heating
-#: jettison its time and its pi, then the end of each free arc that is not the last.
+#: jettison its time and its pi, then the end of each free arc that is not the last, then the
+#: direction of each burn in held attitude.
 COLUMN_CUTOFF = 6
 COLUMN_JETTISON = 7
 
 #: Free arcs before the last.
 MAX_FREE = 8
-MAX_UNKNOWNS = COLUMN_JETTISON + 2 * MAX_JETTISONS + MAX_FREE
+#: Burns in held attitude.
+MAX_HELD = 4
+MAX_UNKNOWNS = COLUMN_JETTISON + 2 * MAX_JETTISONS + MAX_FREE + 3 * MAX_HELD
 #: Columns from COLUMN_CUTOFF on: what moves with the unknown times has one entry for each.
 MAX_MOVES = MAX_UNKNOWNS - COLUMN_CUTOFF
 
@@ -80,6 +83,7 @@ SEGMENT = np.dtype(
         ("end_heating", np.int64),  # which heating unknown ends it (0, 1, ...); -1: none
         ("end_arc", np.int64),  # free arc, not the last, that it ends; -1: none
         ("arc", np.int64),
+        ("held", np.int64),  # number, from 1 on, of the held burn that thrusts; 0: none does
         ("after_cutoff", np.int64),  # 1: tail-off after the cut-off command
         # derivatives by the unknown times; 0: an unknown moves nothing of the segment
         ("moves", np.int64),
@@ -192,6 +196,35 @@ def free_index(start: Record, arcs: NDArray[Any], k: int) -> int:
         if ends_by_plan(i, arcs):
             index += 1
     return index
+
+
+@kernel
+def held_count(start: Record, arcs: NDArray[Any]) -> int:
+    """Number of burns in held attitude from the present arc on."""
+    count = 0
+    for k in range(start.arc, arcs.shape[0]):
+        count += arcs[k].held
+    return count
+
+
+@kernel
+def held_number(start: Record, arcs: NDArray[Any], sequence: Record) -> int:
+    """Which of the held burns ahead thrusts now: 1, 2, ...; 0: none.
+
+    Args:
+        start: record NAVIGATION.
+        arcs: dtype ARC.
+        sequence: record SEQUENCE.
+    """
+    k = sequence.arc if sequence.inserted == 0 else -1
+    if sequence.tail_arc >= 0:
+        k = sequence.tail_arc
+    if k < start.arc or arcs[k].held == 0:
+        return 0
+    number = 0
+    for i in range(start.arc, k + 1):
+        number += arcs[i].held
+    return number
 
 
 @kernel
@@ -708,7 +741,7 @@ def fill_timetable(
     sequence = layout.sequence
     begin_sequence(start, arcs, jettisons, sequence)
     layout.moves = 1 + 2 * heating_count(start, jettisons, times.heating)
-    layout.moves += free_count(start, arcs)
+    layout.moves += free_count(start, arcs) + 3 * held_count(start, arcs)
     for c in range(layout.moves):
         layout.now_by[c] = 0.0
         layout.mass_by[c] = 0.0
@@ -733,6 +766,7 @@ def fill_timetable(
             return 0
         segment = segments[count]
         write_thrust(sequence, arcs, segment)
+        segment.held = held_number(start, arcs, sequence)
         write_end(start, arcs, jettisons, times, layout, segment)
         if not segment.end < math.inf or segment.end < sequence.time:
             return 0

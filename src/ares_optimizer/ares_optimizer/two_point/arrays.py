@@ -10,6 +10,7 @@ from ares_optimizer.kernels.timetable import (
     COLUMN_JETTISON,
     LAYOUT,
     MAX_FREE,
+    MAX_HELD,
     MAX_SEGMENTS,
     MAX_UNKNOWNS,
     SEGMENT,
@@ -24,7 +25,8 @@ ROWS = 12
 MAX_COLUMNS = MAX_UNKNOWNS + 1
 
 #: Where the unknowns stand: primer and lambda_r at the start, then the cut-off time in
-#: COLUMN_CUTOFF, then time and pi of each heating jettison.
+#: COLUMN_CUTOFF, then time and pi of each heating jettison, the ends of free arcs, and the
+#: directions of burns in held attitude.
 PRIMER = slice(0, 3)
 LAMBDA_R = slice(3, 6)
 TIMES = slice(COLUMN_JETTISON, None, 2)
@@ -106,6 +108,17 @@ TERMINAL_FRAME = np.dtype(
     align=True,
 )
 
+#: A burn in held attitude.
+AIM = np.dtype(
+    [
+        ("direction", np.float64, (3,)),  # w; of length 1 at a root
+        # integral of lambda_v T/m over the burn, along which w is best, m/s
+        ("pull", np.float64, (3,)),
+        ("pull_by", np.float64, (MAX_COLUMNS, 3)),
+    ],
+    align=True,
+)
+
 WORK = np.dtype(
     [
         ("state", np.float64, (ROWS,)),  # r, V, lambda_v, lambda_v'
@@ -121,7 +134,8 @@ WORK = np.dtype(
         ("omega_square", np.float64, (MAX_COLUMNS,)),
         ("columns", np.int64),  # tangents carried now,
         ("columns_wanted", np.int64),  # and by the end of the flight; 0: residuals only
-        ("first_free", np.int64),  # column of the first free end
+        ("first_free", np.int64),  # column of the first free end,
+        ("first_held", np.int64),  # and of the first direction of a held burn
         ("residual", np.float64, (MAX_COLUMNS,)),
         ("jacobian", np.float64, (MAX_COLUMNS, MAX_COLUMNS)),
         ("factors", np.float64, (MAX_COLUMNS, MAX_COLUMNS)),
@@ -144,6 +158,10 @@ WORK = np.dtype(
         ("rises", np.float64, (MAX_SEGMENTS + 1,)),  # the same for each segment
         ("rises_by", np.float64, (MAX_SEGMENTS + 1, MAX_COLUMNS)),
         ("mass_costate", MASS_COSTATE),
+        ("aims", AIM, (MAX_HELD,)),  # held burns
+        ("pull_rate", np.float64, (3,)),  # lambda_v T/m at the present stage
+        ("pull_rate_by", np.float64, (MAX_COLUMNS, 3)),
+        ("aiming", np.int64),  # 1: they thrust along the primer, as if they were guided
         ("ceiling", np.float64),  # latest cut-off: the mass is gone
         ("terminal", np.float64, (6,)),
         ("terminal_gradient", np.float64, (6, 6)),

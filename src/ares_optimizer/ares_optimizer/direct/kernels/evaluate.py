@@ -62,7 +62,8 @@ class Point(NamedTuple):
 def most_breaks(problem: Problem) -> int:
     """Most breaks that ``lay_out`` can come to: of each kind all, and the cut-off."""
     pieces = problem.profile.shape[0] + problem.tail.shape[0]
-    return pieces + problem.laws.shape[0] + problem.drops.shape[0] + PEAKS + 1
+    laws = problem.laws.shape[0] + 2 * problem.held.shape[0]
+    return pieces + laws + problem.drops.shape[0] + PEAKS + 1
 
 
 @allocating
@@ -92,7 +93,7 @@ def make_scratch(problem: Problem) -> Scratch:
 def count_rows(problem: Problem) -> tuple[int, int]:
     """Numbers of equations and of inequalities.
 
-    Equations: terminal rows, then |B| = 1 (Eq. 3.42) per free direction. Inequalities: per
+    Equations: terminal rows, then |B| = 1 (Eq. 3.42) per free or held direction. Inequalities: per
     free drop the heating limit, not before its earliest time, and before the cut-off; that
     free drops keep their order; bounds of the cut-off time; where the limit holds from the
     jettison on, the heating at PEAKS later peaks.
@@ -106,6 +107,7 @@ def count_rows(problem: Problem) -> tuple[int, int]:
     for k in range(problem.laws.shape[0]):
         if problem.laws[k, L_DIRECTION] >= 0:
             equations += 1
+    equations += problem.held.shape[0]
     drops = problem.drops.shape[0]
     inequalities = 3 * drops + max(0, drops - 1) + 2
     if problem.heating == HEATING_FROM_JETTISON and drops > 0:
@@ -144,8 +146,22 @@ def heating_row(state: Array, tangents: Array, problem: Problem, row: Array, col
 
 
 @kernel
+def unit_equation(e: int, column: int, columns: int, p: Array, point: Point) -> None:
+    """Equation ``e``: a direction has the length 1."""
+    square = 0.0
+    for c in range(3):
+        square += p[column + c] * p[column + c]
+    point.equations[e] = 0.5 * (square - 1.0)
+    for j in range(columns):
+        point.equation_rows[e, j] = 0.0
+    if columns > 0:
+        for c in range(3):
+            point.equation_rows[e, column + c] = p[column + c]
+
+
+@kernel
 def terminal_equations(p: Array, problem: Problem, scratch: Scratch, point: Point) -> None:
-    """The equations: terminal rows, then |B| = 1 (Eq. 3.42) per free direction."""
+    """The equations: terminal rows, then |B| = 1 (Eq. 3.42) per free or held direction."""
     columns = scratch.counts[COLUMNS]
     equations = point.equations
     equation_rows = point.equation_rows
@@ -161,17 +177,11 @@ def terminal_equations(p: Array, problem: Problem, scratch: Scratch, point: Poin
             equation_rows[i, j] = s
     for k in range(problem.laws.shape[0]):
         column = problem.laws[k, L_DIRECTION]
-        if column < 0:
-            continue
-        square = 0.0
-        for c in range(3):
-            square += p[column + c] * p[column + c]
-        equations[e] = 0.5 * (square - 1.0)
-        for j in range(columns):
-            equation_rows[e, j] = 0.0
-        if columns > 0:
-            for c in range(3):
-                equation_rows[e, column + c] = p[column + c]
+        if column >= 0:
+            unit_equation(e, column, columns, p, point)
+            e += 1
+    for k in range(problem.held.shape[0]):
+        unit_equation(e, problem.held[k], columns, p, point)
         e += 1
 
 

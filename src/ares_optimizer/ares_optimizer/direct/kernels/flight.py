@@ -5,7 +5,8 @@ Nystroem method needs no velocity in its stages (``kernels/nystroem.py``): five 
 step.
 Derivatives are those of the discrete method itself: every stage carries the tangents of
 its position, including those of the step length where an end of a leg is free in time.
-Where a leg begins or ends at a free time, tangents are total ones, of the moving node.
+Where a leg begins or ends at a free time, tangents are total ones, of the moving node. A burn in
+held attitude has a law of its own; the others go on unseen below it.
 """
 
 import math
@@ -45,6 +46,8 @@ DROP = 2
 CUTOFF = 3
 TAIL = 4
 PROBE = 5
+HELD = 6
+HELD_END = 7
 
 FIXED = -1
 MOST_STEPS = 200
@@ -162,7 +165,7 @@ class Break(NamedTuple):
     """An event of the flight.
 
     Attributes:
-        what: PIECE, LAW, DROP, CUTOFF, TAIL or PROBE.
+        what: PIECE, LAW, DROP, CUTOFF, TAIL, PROBE, HELD or HELD_END.
         which: of these.
         column: variable that moves it; FIXED: none.
         time: s after the start.
@@ -247,6 +250,11 @@ def lay_out(p: Array, problem: Problem, scratch: Scratch) -> None:
         at = problem.law_time[k] - problem.start_time
         if problem.laws[k, L_BEGINS] == AT_START or at < cutoff:
             count = add_break(Break(LAW, k, FIXED, at), count, times, breaks)
+    for k in range(problem.held.shape[0]):
+        for what, end in ((HELD, 0), (HELD_END, 1)):
+            at = problem.held_time[k, end] - problem.start_time
+            if at < cutoff:
+                count = add_break(Break(what, k, FIXED, at), count, times, breaks)
     for j in range(problem.drops.shape[0]):
         column = drop_column(problem, j)
         at = min(p[column] * TIME_SCALE, cutoff)
@@ -282,7 +290,8 @@ W_BASE = 2
 W_RATE = 3
 W_STAGE = 4
 W_FORCE = 5  # one per stage
-WORK_ROWS = W_FORCE + STAGES
+W_HELD = W_FORCE + STAGES  # base and rate of a held direction
+WORK_ROWS = W_HELD + 2
 
 
 @kernel
@@ -331,6 +340,7 @@ def force_tangents(
     gradient: tuple[Vector, Vector],
     turn: tuple[Vector, Vector],
     dt: float,
+    rows: int,
 ) -> None:
     """Tangents of the acceleration of stage ``m``: gravity gradient and steering.
 
@@ -341,10 +351,11 @@ def force_tangents(
         gradient: of gravity, 1/s2: (xx, xy, xz), (yy, yz, zz).
         turn: thrust acceleration by the steering vector, m/s2, the same way.
         dt: s since the law began.
+        rows: first row of the law's tangents.
     """
     stage = work[W_STAGE]
-    base = work[W_BASE]
-    slope = work[W_RATE]
+    base = work[rows]
+    slope = work[rows + 1]
     kt = work[W_FORCE + m]
     gxx, gxy, gxz = gradient[0]
     gyy, gyz, gzz = gradient[1]
@@ -436,12 +447,14 @@ class Law(NamedTuple):
         column: variable that moves it; FIXED: none.
         direction: no unit.
         rate: 1/s.
+        rows: first of the two rows of its tangents in the scratch.
     """
 
     time: float
     column: int
     direction: Vector
     rate: Vector
+    rows: int
 
 
 class Leg(NamedTuple):
@@ -558,7 +571,8 @@ def free_law(k: int, p: Array, laws: Index, direction: Vector, run: Run) -> Law:
             if direction_column >= 0:
                 work[W_BASE, c * n + direction_column + c] = 1.0
             work[W_RATE, c * n + rate_column + c] = RATE_SCALE
-    return Law(0.0, int(FIXED), direction, scale(RATE_SCALE, load(p[rate_column:])))
+    rate = scale(RATE_SCALE, load(p[rate_column:]))
+    return Law(0.0, int(FIXED), direction, rate, int(W_BASE))
 
 
 @allocating
@@ -583,7 +597,7 @@ def law_of_jump(
         (engine.thrust_slope + thrust * flow / rest) / rest,
     )
     after, rate = jump_law(x, slopes, at.column, problem, run)
-    return Law(0.0, int(FIXED), after, rate)
+    return Law(0.0, int(FIXED), after, rate, int(W_BASE))
 
 
 @kernel
@@ -607,7 +621,21 @@ def change_law(
         new = law_of_jump(at, law, direction, engine, problem, run)
     else:
         new = free_law(k, p, problem.laws, direction, run)
-    return Law(at.time, at.column, new.direction, new.rate)
+    return Law(at.time, at.column, new.direction, new.rate, int(W_BASE))
+
+
+@kernel
+def hold(at: Break, p: Array, held: Index, run: Run) -> Law:
+    """The law of a burn in held attitude, tangents included."""
+    n = run.counts[COLUMNS]
+    column = held[at.which]
+    for row in range(W_HELD, W_HELD + 2):
+        for k in range(3 * n):
+            run.work[row, k] = 0.0
+    if n > 0:
+        for c in range(3):
+            run.work[W_HELD, c * n + column + c] = 1.0
+    return Law(at.time, int(FIXED), load(p[column:]), (0.0, 0.0, 0.0), int(W_HELD))
 
 
 @kernel
@@ -749,7 +777,9 @@ def fly_leg(leg: Leg, engine: Engine, law: Law, environment: Record, run: Run) -
                 stage_tangents(work, n, m, h)
                 stretch(work[W_STAGE], n, leg, axpy(2.0 * h, shift, scale(node, v)))
                 turn = turn_of(push)
-                force_tangents(work, n, m, (gradient, gradient_rest), turn, push.time - law.time)
+                force_tangents(
+                    work, n, m, (gradient, gradient_rest), turn, push.time - law.time, law.rows
+                )
                 add_moving_times(work[W_FORCE + m], n, i + node, push, leg, engine, law)
             if m == 0 and stored < nodes.shape[0]:
                 put_node(nodes[stored], t0, r, v, load(forces[0]), push)
@@ -792,7 +822,9 @@ def fly(p: Array, problem: Problem, scratch: Scratch) -> None:
             scratch.work[row, k] = 0.0
     for c in range(6):
         scratch.state[c] = problem.state[c]
-    law = Law(0.0, FIXED, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    law = Law(0.0, FIXED, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), W_BASE)
+    held = law
+    holds = False
     engine = Engine(0.0, 0.0, 0.0, 0.0, 0.0, problem.profile[0, P_MASS], 0.0, False, 0.0)
     # records of arrays count references at each call: what is called often gets arrays
     times, breaks, tail, laws = scratch.times, scratch.breaks, problem.tail, problem.laws
@@ -805,7 +837,12 @@ def fly(p: Array, problem: Problem, scratch: Scratch) -> None:
         k = law_at(at, laws)
         if k >= 0:
             law = change_law(k, at, law, engine, p, problem, run)
-        if at.what == PIECE:
+        if at.what == HELD:
+            held = hold(at, p, problem.held, run)
+            holds = True
+        elif at.what == HELD_END:
+            holds = False
+        elif at.what == PIECE:
             piece = problem.profile[at.which]
             engine = engine_from(piece, at, piece[P_MASS], engine)
         elif at.what == TAIL:
@@ -826,7 +863,7 @@ def fly(p: Array, problem: Problem, scratch: Scratch) -> None:
             end = break_at(b + 1, p, tail, times, breaks)
             h = (end.time - at.time) / steps
             leg = Leg(at.time, h, steps, at.column, end.column)
-            fly_leg(leg, engine, law, problem.environment[0], run)
+            fly_leg(leg, engine, held if holds else law, problem.environment[0], run)
     end = break_at(count - 1, p, tail, times, breaks)
     mass = mass_at(engine, end.time)
     store_state(scratch.final, scratch.final_tangents, end.time, mass, run)

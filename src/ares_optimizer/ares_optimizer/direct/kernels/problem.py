@@ -49,8 +49,9 @@ class Problem(NamedTuple):
     """One flight to be optimised, from one start state.
 
     The variables, in columns: for each law its direction at the law's begin (3, no unit)
-    and its rate (3, in RATE_SCALE per second) where they are free; the times of the free
-    drops; the cut-off time (both in TIME_SCALE seconds after the start).
+    and its rate (3, in RATE_SCALE per second) where they are free; the direction of each burn
+    in held attitude (3); the times of the free drops; the cut-off time (both in TIME_SCALE
+    seconds after the start).
 
     Attributes:
         environment: shape (1,), dtype ENVIRONMENT.
@@ -68,6 +69,8 @@ class Problem(NamedTuple):
         laws: shape (k, 4): begin (AT_*), which drop, column of the direction (-1:
             continuous), column of the rate (-1: from the jump condition).
         law_time: shape (k,), s, for AT_FIXED_TIME.
+        held: shape (k,): burns in held attitude: column of the direction.
+        held_time: shape (k, 2): s, their begin and end; inf: the end of thrust.
         longest_step: s, of the integration.
         latest_cutoff: s.
         earliest_cutoff: s.
@@ -87,6 +90,8 @@ class Problem(NamedTuple):
     drops: Array
     laws: Index
     law_time: Array
+    held: Index
+    held_time: Array
     longest_step: float
     latest_cutoff: float
     earliest_cutoff: float

@@ -16,7 +16,7 @@ from ares_models.kernels.targets import (
     plane_is_named,
     project_to_plane,
 )
-from ares_models.kernels.vectors import Vector, add, axpy, cross, load, norm, scale, unit
+from ares_models.kernels.vectors import Vector, add, axpy, cross, load, norm, scale, store, unit
 from ares_optimizer.direct.kernels.evaluate import Point, evaluate
 from ares_optimizer.direct.kernels.flight import N_TIME, STORED, Scratch, drop_column
 from ares_optimizer.direct.kernels.heating import heating_at_node
@@ -70,7 +70,7 @@ def cutoff_for(problem: Problem, delta_v: float) -> float:
 
 @kernel
 def set_law(p: Array, problem: Problem, direction: Vector, rate: Vector, cutoff: float) -> None:
-    """Variables of one linear-tangent law over the whole flight.
+    """Variables of one linear-tangent law over the whole flight; held burns have its mean.
 
     Args:
         p: shape (n,), written except for the times of the drops, which are read.
@@ -96,6 +96,10 @@ def set_law(p: Array, problem: Problem, direction: Vector, rate: Vector, cutoff:
         if column >= 0:
             for c in range(3):
                 p[column + c] = rate[c] / (RATE_SCALE * size)
+    for k in range(problem.held.shape[0]):
+        middle = 0.5 * (problem.held_time[k, 0] + min(problem.held_time[k, 1], cutoff))
+        now = unit(axpy(middle - problem.start_time, rate, direction))
+        store(p[problem.held[k] :], now)
 
 
 @kernel

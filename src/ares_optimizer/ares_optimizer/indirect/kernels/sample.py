@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from ares_models.arrays import MissionRecords, Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import log_heating_gradient
-from ares_models.kernels.vectors import Vector, axpy, dot, norm, scale
+from ares_models.kernels.vectors import Vector, axpy, dot, scale
 from ares_optimizer.kernels.timetable import (
     COLUMN_JETTISON,
     HEATING_OPTIMAL,
@@ -16,6 +16,7 @@ from ares_optimizer.kernels.timetable import (
 )
 from ares_optimizer.two_point.arrays import RUNGE_KUTTA, Gravity
 from ares_optimizer.two_point.kernels.gravity import gravity_terms
+from ares_optimizer.two_point.kernels.held_burns import along_thrust
 from ares_optimizer.two_point.kernels.shooting import (
     begin_flight,
     fly_segment,
@@ -34,9 +35,12 @@ FLOW = 15
 HAMILTONIAN = 16
 LOG_HEATING = 17
 PIECE = 18
-#: Integral of |lambda_v| T/m^2, the mass costate but for a constant, 1/s per kg.
+#: Integral of lambda_v . u T/m^2 with the thrust direction u, the mass costate but for a
+#: constant, 1/s per kg.
 MASS_COSTATE = 19
-SAMPLE_COLUMNS = 20
+#: Of the thrust.
+DIRECTION = 20
+SAMPLE_COLUMNS = 23
 
 
 @kernel
@@ -66,6 +70,7 @@ def _put(
     p = (state[6], state[7], state[8])
     q = (state[9], state[10], state[11])
     g, _ = gravity_terms(r, gravity, p)
+    size, u = along_thrust(segment, p, work)
     rate, _, _ = log_heating_gradient(r, v, mission.environment, mission.atmosphere)
     row[TIME] = time
     for i in range(3):
@@ -73,10 +78,11 @@ def _put(
         row[VELOCITY + i] = v[i]
         row[LAMBDA_V + i] = p[i]
         row[LAMBDA_R + i] = -q[i]
+        row[DIRECTION + i] = u[i]
     row[MASS] = mass
     row[THRUST] = thrust
     row[FLOW] = segment_flow(segment, time)
-    row[HAMILTONIAN] = -dot(q, v) + dot(p, g) + norm(p) * thrust / mass
+    row[HAMILTONIAN] = -dot(q, v) + dot(p, g) + size * thrust / mass
     row[LOG_HEATING] = rate
     row[PIECE] = piece
     row[MASS_COSTATE] = costate
@@ -93,16 +99,18 @@ def _fly_part(part: Record, gravity: Gravity, options: Record, work: Record) -> 
     fly_segment(part, step_count(part, h), gravity, options, work)
     p1 = (state[6], state[7], state[8])
     q1 = (state[9], state[10], state[11])
-    middle = norm(_primer_between(p0, q0, p1, q1, h))
+    first, _ = along_thrust(part, p0, work)
+    middle, _ = along_thrust(part, _primer_between(p0, q0, p1, q1, h), work)
+    last, _ = along_thrust(part, p1, work)
     center = part.start + 0.5 * h
     thrust = segment_thrust(part, center)
     mass = segment_mass(part, center)
     mass_end = segment_mass(part, part.end)
     thrust_end = segment_thrust(part, part.end)
     return (h / 6.0) * (
-        norm(p0) * part.thrust / part.mass**2
+        first * part.thrust / part.mass**2
         + 4.0 * middle * thrust / mass**2
-        + norm(p1) * thrust_end / mass_end**2
+        + last * thrust_end / mass_end**2
     )
 
 

@@ -5,6 +5,8 @@ In place of lambda_r the kernels carry the rate of the primer, lambda_v' = -lamb
 
     r'' = g(r) + (T/m) p/|p|        p'' = G(r) p,        G = dg/dr,
 
+(along w in a burn in held attitude, see ``held_burns``),
+
 Eqs. 3.14-3.17 with lambda_r' = -G^T lambda_v for any gravity; under linear gravity
 G = -omega^2 and the second is Eq. 3.18. No first derivative stands on the right, so a
 Runge-Kutta-Nystroem method takes five evaluations for order 6.
@@ -30,11 +32,18 @@ from ares_models.kernels.environment import (
     log_density,
     relative_velocity,
 )
-from ares_models.kernels.vectors import Vector, axpy, dot, scale
+from ares_models.kernels.vectors import Vector, axpy, dot, load, scale
 from ares_optimizer.kernels.nystroem import NODES, STAGES, VELOCITY_WEIGHTS, WEIGHTS
 from ares_optimizer.kernels.timetable import COLUMN_CUTOFF
 from ares_optimizer.two_point.arrays import LINEAR, Gravity
 from ares_optimizer.two_point.kernels.gravity import oblate_curvature, oblate_terms
+from ares_optimizer.two_point.kernels.held_burns import (
+    add_pull,
+    along_by_direction,
+    along_thrust,
+    direction_column,
+    note_pull_rate,
+)
 
 
 @kernel
@@ -173,12 +182,15 @@ def _stage_tangents(at: _Stage, work: Record) -> None:
 
 
 @kernel
-def _put_accelerations(at: _Stage, thrust: float, gravity: Gravity, work: Record) -> None:
+def _put_accelerations(
+    at: _Stage, thrust: float, held: int, gravity: Gravity, work: Record
+) -> None:
     """Accelerations of position and primer at a stage into ``work``, and their tangents.
 
     Args:
         at: the stage.
         thrust: T/m, m/s2; its tangents stand in ``work.thrust``.
+        held: number of the held burn whose direction is flown; 0: thrust along the primer.
         gravity: the field.
         work: record WORK.
     """
@@ -186,6 +198,10 @@ def _put_accelerations(at: _Stage, thrust: float, gravity: Gravity, work: Record
     y3, y4, y5 = at.p
     inverse_p = 1.0 / math.sqrt(y3 * y3 + y4 * y4 + y5 * y5)
     u0, u1, u2 = y3 * inverse_p, y4 * inverse_p, y5 * inverse_p
+    turn = thrust * inverse_p
+    if held > 0:
+        u0, u1, u2 = load(work.aims[held - 1].direction)
+        turn = 0.0
     if gravity.model == LINEAR:
         k = gravity.omega_square
         three = 0.0
@@ -206,7 +222,6 @@ def _put_accelerations(at: _Stage, thrust: float, gravity: Gravity, work: Record
     stage[m, 3] = three * ep * e0 - k * y3
     stage[m, 4] = three * ep * e1 - k * y4
     stage[m, 5] = three * ep * e2 - k * y5
-    turn = thrust * inverse_p
     stage_tangent = work.stage_tangent
     moved = work.moved
     _stage_tangents(at, work)
@@ -242,6 +257,9 @@ def _put_accelerations(at: _Stage, thrust: float, gravity: Gravity, work: Record
             for n in range(3):
                 stage_tangent[m, c, n] += by_place[n]
                 stage_tangent[m, c, 3 + n] += by_primer[n] + curved[n]
+    if held > 0 and work.columns > 0:
+        for n in range(3):
+            stage_tangent[m, direction_column(held, work) + n, n] += thrust
 
 
 @kernel
@@ -309,7 +327,7 @@ def set_stretch(segment: Record, parts: int, work: Record) -> None:
 def _note_impulse_rate(
     segment: Record, s: float, fraction: float, at: _Stage, work: Record
 ) -> None:
-    """|lambda_v| T/m^2 at a stage, and its tangents, into ``work``.
+    """lambda_v . u T/m^2 at a stage, and its tangents, into ``work``; u: thrust direction.
 
     Args:
         segment: record SEGMENT.
@@ -321,19 +339,18 @@ def _note_impulse_rate(
     mass = segment.mass - s * (segment.flow + 0.5 * s * segment.flow_slope)
     flow = segment.flow + segment.flow_slope * s
     acceleration = (segment.thrust + segment.thrust_slope * s) / mass
-    length = math.sqrt(dot(at.p, at.p))
+    length, u = along_thrust(segment, at.p, work)
     work.impulse_rate = length * acceleration / mass
     for c in range(work.columns):
-        along = at.p[0] * work.moved[c, 3] + at.p[1] * work.moved[c, 4] + at.p[2] * work.moved[c, 5]
+        along = u[0] * work.moved[c, 3] + u[1] * work.moved[c, 4] + u[2] * work.moved[c, 5]
+        along += along_by_direction(c, segment, at.p, work)
         by_mass = 0.0
         if c >= COLUMN_CUTOFF and segment.moves == 1:
             i = c - COLUMN_CUTOFF
             by_mass = segment.mass_by[i] - s * segment.flow_by[i]
             by_mass -= flow * fraction * (segment.end_by[i] - segment.start_by[i])
         work.impulse_rate_by[c] = (
-            along * acceleration / length
-            + length * work.thrust[c]
-            - length * acceleration * by_mass / mass
+            along * acceleration + length * work.thrust[c] - length * acceleration * by_mass / mass
         ) / mass
 
 
@@ -364,6 +381,8 @@ def integrate_segment(segment: Record, steps: int, gravity: Gravity, work: Recor
     stage_tangent = work.stage_tangent
     # where thrust is in proportion to the mass, it changes the costate otherwise
     costate = work.planned == 1 and segment.fading == 0.0
+    held = segment.held
+    flown = held if work.aiming == 0 else 0
     work.costate_rise = 0.0
     for c in range(work.columns):
         work.costate_rise_by[c] = 0.0
@@ -379,13 +398,18 @@ def integrate_segment(segment: Record, steps: int, gravity: Gravity, work: Recor
                     stage_tangent[0, c, n] = stage_tangent[STAGES - 1, c, n]
             if costate:
                 _add_impulse_rate(VELOCITY_WEIGHTS[0], h, work)
+            if held > 0:
+                add_pull(work.aims[held - 1], VELOCITY_WEIGHTS[0], h, work)
         for m in range(first, STAGES):
             at = _stage_at(m, h, work)
             into = step + NODES[m]
             thrust = thrust_acceleration_tangents(
                 segment, into * h, into / steps, work.columns, work.thrust
             )
-            _put_accelerations(at, thrust, gravity, work)
+            _put_accelerations(at, thrust, flown, gravity, work)
+            if held > 0:
+                note_pull_rate(at.p, thrust, work)
+                add_pull(work.aims[held - 1], VELOCITY_WEIGHTS[m], h, work)
             if costate:
                 _note_impulse_rate(segment, into * h, into / steps, at, work)
                 _add_impulse_rate(VELOCITY_WEIGHTS[m], h, work)

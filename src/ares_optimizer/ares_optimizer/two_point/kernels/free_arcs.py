@@ -1,13 +1,14 @@
 """Conditions at the ends of free arcs: what a second more of each is worth.
 
-Along an arc the Hamiltonian is H = lambda_r . V + lambda_v . g + |lambda_v| T/m - (mu + c) b
-with b the mass flow, mu the mass costate and c the price of propellant, which the free burns
-pay. Nothing depends on the date, so that an arc whose length is free has H = 0 at its end; the
-last free burn of all gives c. mu is 0 at the end of the flight and where a stage is dropped,
-and rises by the integral of |lambda_v| T/m^2, or, where a burn is throttled to a constant
-acceleration, as (mu + c) b/m. An arc that is held at a bound has H >= 0 at its
-longest and H <= 0 at its shortest. A burn that ends with the propellant of its stage has
-H = 0 for a mu of its own, that of the burns before it.
+Along an arc the Hamiltonian is H = lambda_r . V + lambda_v . g + |lambda_v| T/m - (mu + c) b,
+lambda_v . w in place of |lambda_v| where the direction w is held (``held_burns``), with b the
+mass flow, mu the mass costate and c the price of propellant, which the free burns pay. Nothing
+depends on the date, so that an arc whose length is free has H = 0 at its end; the last free burn
+of all gives c. mu is 0 at the end of the flight and where a stage is dropped, and rises by the
+integral of |lambda_v| T/m^2 (lambda_v . w T/m^2), or, where a burn is throttled to a constant
+acceleration, as (mu + c) b/m. An arc that is held at a bound has H >= 0 at its longest and
+H <= 0 at its shortest. A burn that ends with the propellant of its stage has H = 0 for a mu of
+its own, that of the burns before it.
 
 Source: Bryson and Ho, *Applied Optimal Control*, sections 3.5 and 3.6.
 """
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 
 from ares_models.arrays import BURN, MissionRecords, Record
 from ares_models.jit import kernel
-from ares_models.kernels.vectors import dot, norm, scale
+from ares_models.kernels.vectors import dot
 from ares_optimizer.kernels.timetable import COLUMN_CUTOFF, ends_by_plan, free_count, segment_flow
 from ares_optimizer.two_point.arrays import (
     AT_LONGEST,
@@ -35,6 +36,7 @@ from ares_optimizer.two_point.kernels.costates import (
     thrust_acceleration_tangents,
 )
 from ares_optimizer.two_point.kernels.gravity import gravity_terms
+from ares_optimizer.two_point.kernels.held_burns import along_by_direction, along_thrust
 
 _LENGTH_UNIT = 100.0  # s, of the rows that hold an arc
 
@@ -79,8 +81,7 @@ def note_switch(f: int, i: int, gravity: Gravity, work: Record) -> None:
     p = (state[6], state[7], state[8])
     q = (state[9], state[10], state[11])
     g, bend = gravity_terms(r, gravity, p)
-    size = norm(p)
-    u = scale(1.0 / size, p)
+    size, u = along_thrust(segment, p, work)
     switch.segment = i
     switch.flow = segment_flow(segment, segment.end)
     switch.value = -dot(q, v) + dot(p, g) + size * acceleration
@@ -102,7 +103,7 @@ def note_switch(f: int, i: int, gravity: Gravity, work: Record) -> None:
         switch.value_by[c] = (
             dot(bend, dr)
             + dot(g, dp)
-            + acceleration * dot(u, dp)
+            + acceleration * (dot(u, dp) + along_by_direction(c, segment, p, work))
             + size * work.thrust[c]
             - dot(q, dv)
             - dot(v, dq)

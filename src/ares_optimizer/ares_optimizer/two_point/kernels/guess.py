@@ -35,7 +35,7 @@ from ares_optimizer.kernels.timetable import (
     segment_thrust,
 )
 from ares_optimizer.two_point.kernels.newton import find_floors, prepare
-from ares_optimizer.two_point.kernels.shooting import begin_flight, load_times
+from ares_optimizer.two_point.kernels.shooting import begin_flight, load_times, unknown_count
 
 _PANEL = 60.0  # s, of Simpson's rule
 _MOST_PANELS = 2000
@@ -242,12 +242,15 @@ def guess_two_point(
         options: record OPTIONS.
         own: which guess.
         unknowns: shape (at least n,), written, but for the ends of free arcs: they are read.
+            Held burns are left without a direction.
         work: record WORK.
 
     Returns:
         False if the sequence makes no flight.
     """
     prepare(start, mission, options, work)
+    for i in range(work.first_held, unknown_count(start, mission, options)):
+        unknowns[i] = 0.0
     load_times(start, mission, options, unknowns, work)
     if not find_floors(start, mission, work):
         return False

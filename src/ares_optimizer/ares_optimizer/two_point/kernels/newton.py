@@ -28,7 +28,9 @@ from ares_optimizer.two_point.arrays import (
 )
 from ares_optimizer.two_point.kernels.free_arcs import find_switches, longest_burn, room
 from ares_optimizer.two_point.kernels.shooting import (
+    aim_held_burns,
     free_column,
+    held_column,
     load_times,
     search_is_over,
     shoot,
@@ -108,12 +110,13 @@ def prepare(start: Record, mission: MissionRecords, options: Record, work: Recor
     """Units of the unknowns; step counts start anew."""
     n = unknown_count(start, mission, options)
     work.first_free = free_column(start, mission.jettisons, options)
+    work.first_held = held_column(start, mission, options)
     find_switches(start, mission.arcs, work)
     for i in range(n):
         work.unit[i] = 1.0
     for i in range(3):
         work.unit[3 + i] = 1e-3
-    for i in range(COLUMN_CUTOFF, n):
+    for i in range(COLUMN_CUTOFF, work.first_held):
         work.unit[i] = 100.0
     for i in range(COLUMN_JETTISON + 1, work.first_free, 2):
         work.unit[i] = 5.0
@@ -166,7 +169,7 @@ def _step_limit(n: int, mission: MissionRecords, x: NDArray[np.float64], work: R
     for i in range(n):
         size = abs(step[i]) / work.unit[i]
         bound = 1.0
-        if i < 3:
+        if i < 3 or i >= work.first_held:
             bound = 0.5
         if size * limit > bound:
             limit = bound / size
@@ -179,7 +182,7 @@ def _step_limit(n: int, mission: MissionRecords, x: NDArray[np.float64], work: R
         floor = work.layout.begins[last].time
         move -= _begin_moves(last, step, work)
         ceiling = math.inf
-        limit = _limit_free_arcs(limit, mission, x, n - work.first_free, work)
+        limit = _limit_free_arcs(limit, mission, x, work.first_held - work.first_free, work)
     gap = cutoff - floor
     if gap + limit * move < 0.2 * gap:
         limit = -0.8 * gap / move
@@ -437,6 +440,7 @@ def solve_two_point(
     if not find_floors(start, mission, work):
         return 0, math.inf, BAD_TIMETABLE
     _move_inside(start, unknowns, work)
+    aim_held_burns(start, mission, options, unknowns, work)
     if not shoot_with_jacobian(start, mission, options, unknowns, work):
         return 0, math.inf, BAD_TIMETABLE
     for iteration in range(1, options.max_iterations + 1):

@@ -40,6 +40,7 @@ from ares_optimizer.two_point.arrays import (
 )
 from ares_optimizer.two_point.kernels.gravity import field_of, gravity_terms
 from ares_optimizer.two_point.kernels.guess import OwnStart, guess_two_point
+from ares_optimizer.two_point.kernels.held_burns import along_thrust
 from ares_optimizer.two_point.kernels.newton import (
     AT_BOUND,
     AT_FLOOR,
@@ -125,7 +126,7 @@ def final_hamiltonian(
     unknowns: NDArray[np.float64],
     work: Record,
 ) -> float:
-    """lambda_r . V + lambda_v . g + |lambda_v| T/m at cut-off, m/s2; nan if not flown.
+    """lambda_r . V + lambda_v . (g + u T/m) at cut-off, m/s2, u: thrust; nan if not flown.
 
     It is what a second of burning is worth; on an optimum it is positive.
     """
@@ -144,7 +145,8 @@ def final_hamiltonian(
     q = (s[9], s[10], s[11])
     g, _ = gravity_terms(r, field_of(mission.environment), p)
     thrust = segment_thrust(segment, segment.end)
-    return -dot(q, v) + dot(p, g) + norm(p) * thrust / segment_mass(segment, segment.end)
+    size, _ = along_thrust(segment, p, work)
+    return -dot(q, v) + dot(p, g) + size * thrust / segment_mass(segment, segment.end)
 
 
 @kernel
@@ -382,14 +384,19 @@ def _solve_timed_first(
     if status != CONVERGED:
         return total, residual, status
     find_floors(start, mission, work)
+    count = 0
+    # not among the unknowns yet: the flight knows nothing of these times
+    times = work.correction[:]
     for j in range(mission.jettisons.shape[0]):
         if awaits_heating(mission.jettisons, start.jettisoned, j):
-            column = _column_of(start, mission, j)
             limit = mission.jettisons[j].value
-            earliest = work.floor[column]
+            earliest = work.floor[_column_of(start, mission, j)]
             time = _crossing(start, flown, options, unknowns, earliest, limit, work)
-            unknowns[column] = min(time, unknowns[COLUMN_CUTOFF] - 1.0)
-            unknowns[column + 1] = 0.0
+            times[count] = min(time, unknowns[COLUMN_CUTOFF] - 1.0)
+            count += 1
+    n = unknown_count(start, flown, options)
+    for i in range(count):
+        _put_in(n + 2 * i, i, times[i], unknowns, work)
     _reset(mission.jettisons, work)
     iterations, residual, status = _solve_with_floors(start, mission, options, unknowns, work)
     return total + iterations, residual, status

@@ -1,10 +1,11 @@
 """The optimum as a root: shooting and its Jacobian.
 
 Unknowns: lambda_v and lambda_r at the start, the cut-off time, and for every heating
-jettison still to come its time and pi, then the ends of free arcs before the last. Equations:
-|lambda_v| = 1 at the start (the scale is free; printed: H_f = 1, Eq. 3.30), the terminal set
-with its reduced transversality conditions, per heating jettison log heating = log limit and a
-continuous Hamiltonian, and the conditions of ``free_arcs``.
+jettison still to come its time and pi, then the ends of free arcs before the last and
+the directions of held burns. Equations: |lambda_v| = 1 at the start (the scale is free; printed:
+H_f = 1, Eq. 3.30), the terminal set with its reduced transversality conditions, per heating
+jettison log heating = log limit and a continuous Hamiltonian, and the conditions of
+``free_arcs`` and of ``held_burns``.
 """
 
 import math
@@ -21,8 +22,8 @@ from ares_models.kernels.vectors import (
     Vector,
     axpy,
     dot,
+    load,
     norm,
-    scale,
 )
 from ares_optimizer.kernels.timetable import (
     COLUMN_CUTOFF,
@@ -32,6 +33,7 @@ from ares_optimizer.kernels.timetable import (
     fill_timetable,
     free_count,
     heating_count,
+    held_count,
     segment_flow,
     segment_mass,
     segment_thrust,
@@ -45,6 +47,14 @@ from ares_optimizer.two_point.kernels.costates import (
 )
 from ares_optimizer.two_point.kernels.free_arcs import find_switches, note_segment, switch_rows
 from ares_optimizer.two_point.kernels.gravity import field_of, gravity_terms
+from ares_optimizer.two_point.kernels.held_burns import (
+    aim_rows,
+    along_by_direction,
+    along_thrust,
+    clear_pull_tangents,
+    direction_column,
+    load_aims,
+)
 from ares_optimizer.two_point.kernels.terminal import end_rows
 
 
@@ -98,8 +108,10 @@ def _meet_drop(
     row = COLUMN_JETTISON + 2 * index
     size = 1.0 / after if after > 0.0 else 1.0
     work.residual[row] = rate - math.log(limit)
+    size_before, _ = along_thrust(segment, p, work)
+    size_after, _ = along_thrust(work.segments[i + 1], axpy(-weight, by_v, p), work)
     # H(-) - H(+): what a second of waiting is worth
-    worth = before * norm(p) - after * norm(axpy(-weight, by_v, p)) + weight * drift
+    worth = before * size_before - after * size_after + weight * drift
     work.waiting_pays[index] = 1 if worth > 0.0 else 0
     if passive:
         work.residual[row + 1] = pi
@@ -113,9 +125,18 @@ def _meet_drop(
 
 @kernel
 def _drop_column(
-    c: int, drop: _Drop, mission: MissionRecords, gravity: Gravity, work: Record
+    c: int, i: int, drop: _Drop, mission: MissionRecords, gravity: Gravity, work: Record
 ) -> None:
-    """Column ``c`` of the Jacobian's rows of a drop that the steering knows of; its jump."""
+    """Column ``c`` of the Jacobian's rows of a drop that the steering knows of; its jump.
+
+    Args:
+        c: column.
+        i: segment that the drop ends.
+        drop: the drop.
+        mission: environment and atmosphere are read.
+        gravity: the field.
+        work: record WORK; the column's tangents come out after the jump.
+    """
     state = work.state
     tangent = work.tangent
     row = drop.row
@@ -144,13 +165,17 @@ def _drop_column(
     else:
         size = 1.0 / drop.after if drop.after > 0.0 else 1.0
         p_after = axpy(-drop.weight, drop.by_v, p)
-        length = norm(p)
-        length_after = norm(p_after)
+        segment = work.segments[i]
+        following = work.segments[i + 1]
+        length, u = along_thrust(segment, p, work)
+        length_after, u_after = along_thrust(following, p_after, work)
+        turned = along_by_direction(c, segment, p, work)
+        turned_after = along_by_direction(c, following, p_after, work)
         work.jacobian[row + 1, c] = size * (
             work.thrust[c] * length
-            + drop.before * dot(scale(1.0 / length, p), dp)
+            + drop.before * (dot(u, dp) + turned)
             - work.thrust_after[c] * length_after
-            - drop.after * dot(scale(1.0 / length_after, p_after), dp_after)
+            - drop.after * (dot(u_after, dp_after) + turned_after)
             + change
         )
         # the scale follows the acceleration
@@ -188,7 +213,7 @@ def _jettison_rows(
         work.jacobian[row, c] = dot(drop.by_r, dr) + dot(drop.by_v, dv)
         work.jacobian[row + 1, c] = 1.0 if c == row + 1 else 0.0
         if not drop.passive:
-            _drop_column(c, drop, mission, gravity, work)
+            _drop_column(c, i, drop, mission, gravity, work)
     for n in range(3):
         state[6 + n] -= drop.weight * drop.by_v[n]
         state[9 + n] += drop.weight * drop.by_r[n]
@@ -205,9 +230,18 @@ def free_column(start: Record, jettisons: NDArray[Any], options: Record) -> int:
 
 
 @kernel
-def unknown_count(start: Record, mission: MissionRecords, options: Record) -> int:
-    """Number of unknowns: 7, 2 per heating jettison still to come, 1 per free arc but the last."""
+def held_column(start: Record, mission: MissionRecords, options: Record) -> int:
+    """Column of the first direction of a held burn, after those of the free ends."""
     return free_column(start, mission.jettisons, options) + free_count(start, mission.arcs)
+
+
+@kernel
+def unknown_count(start: Record, mission: MissionRecords, options: Record) -> int:
+    """Number of unknowns: 7, 2 per heating jettison, 1 per free arc but the last, 3 per held burn.
+
+    All of what is still to come.
+    """
+    return held_column(start, mission, options) + 3 * held_count(start, mission.arcs)
 
 
 @kernel
@@ -262,6 +296,8 @@ def begin_flight(
         work: record WORK; ``segment_count`` is 0 where the times make no flight.
     """
     load_times(start, mission, options, unknowns, work)
+    work.first_held = held_column(start, mission, options)
+    load_aims(held_count(start, mission.arcs), unknowns, work)
     find_switches(start, mission.arcs, work)
     times = Times(options.heating, work.heating_times[:], work.arc_ends[:], unknowns[COLUMN_CUTOFF])
     work.segment_count = fill_timetable(
@@ -298,6 +334,7 @@ def part_of(segment: Record, k: int, parts: int, part: Record) -> None:
     part.flow_slope = segment.flow_slope
     part.fading = segment.fading
     part.mass = segment_mass(segment, part.start)
+    part.held = segment.held
     part.moves = 0
 
 
@@ -321,6 +358,46 @@ def fly_segment(
     state = work.state
     radius = math.sqrt(state[0] * state[0] + state[1] * state[1] + state[2] * state[2])
     work.lowest = min(work.lowest, radius)
+
+
+@kernel
+def aim_held_burns(
+    start: Record,
+    mission: MissionRecords,
+    options: Record,
+    unknowns: NDArray[np.float64],
+    work: Record,
+) -> None:
+    """Give held burns without a direction that which they would have if they were guided.
+
+    Args:
+        start: record NAVIGATION.
+        mission: what is flown.
+        options: record OPTIONS.
+        unknowns: see :func:`shoot`; directions that are 0 are written.
+        work: record WORK.
+    """
+    count = held_count(start, mission.arcs)
+    first = held_column(start, mission, options)
+    aimed = True
+    for k in range(count):
+        aimed = aimed and norm(load(unknowns[first + 3 * k :])) > 0.0
+    if aimed:
+        return
+    gravity = begin_flight(start, mission, options, unknowns, work)
+    work.columns = 0
+    work.aiming = 1
+    for i in range(work.segment_count):
+        steps = step_count(work.segments[i], options.step)
+        work.spent += steps
+        fly_segment(work.segments[i], steps, gravity, options, work)
+    work.aiming = 0
+    for k in range(count):
+        column = direction_column(k + 1, work)
+        pull = load(work.aims[k].pull)
+        if norm(load(unknowns[column:])) == 0.0 and norm(pull) > 0.0:
+            for i in range(3):
+                unknowns[column + i] = pull[i] / norm(pull)
 
 
 @kernel
@@ -354,10 +431,12 @@ def _shoot(
     if count == 0:
         return False
     _begin_rows(unknowns, work)
+    held = held_count(start, mission.arcs)
+    clear_pull_tangents(held, work)
     met = 0
     for i in range(count):
         segment = work.segments[i]
-        if segment.moves == 1:
+        if segment.moves == 1 or segment.held > 0:
             work.columns = work.columns_wanted
         # the number of steps only grows within a solve: no chatter between two grids
         steps = max(step_count(segment, options.step), work.steps[i])
@@ -376,6 +455,7 @@ def _shoot(
     if COLUMN_JETTISON + 2 * met != first:
         return False
     end_rows(mission.target, gravity.mu, work)
+    aim_rows(held, work)
     if work.planned == 1 and not switch_rows(start, mission, unknowns, first, work):
         return False
     total = 0.0
@@ -400,7 +480,7 @@ def shoot(
         options: record OPTIONS.
         unknowns: shape (at least n,): lambda_v (3), lambda_r (3, 1/s), cut-off time (s), then
             per heating jettison its time (s) and pi (per unit of log heating), then the end
-            (s) of each free arc but the last.
+            (s) of each free arc but the last, then the direction (3) of each held burn.
         work: record WORK; ``residual`` is written, ``state`` holds the end.
 
     Returns:
