@@ -7,7 +7,9 @@ Ragonneau and Zhang, 2022) from the best of several trials.
 
 import math
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +38,7 @@ _RADIUS = 0.5  # first and last radius of the trust region, in the scale
 _LAST_RADIUS = 1e-5
 _NO_FLIGHT = 1e3  # scaled cost of lengths that lead nowhere, beyond that of the best
 _SAME_LENGTH = 1e-3  # s, of a last burn of fixed length
+_NEXT_TO_NOTHING_S = 0.1  # of the last burn
 
 
 @dataclass
@@ -88,24 +91,31 @@ class _Search:
         return spent(arrays, start, np.array(solution.lengths_s), self.last_length(solution))
 
 
-def solve_direct_planned(request: Request) -> Solution:
+def solve_direct_planned(request: Request, trials: Iterable[Array] | None = None) -> Solution:
     """The optimal ascent by a direct method, with all free arcs at their best lengths.
+
+    Args:
+        request: what is asked.
+        trials: lengths of the free arcs to begin with, s, of which the best are made better;
+            None: the likeliest.
 
     Raises:
         OptimizerError: a guess that is none for a direct method.
     """
     began = time.perf_counter()
     search = _Search(request)
-    trials = []
-    for count, lengths in enumerate(trial_lengths(request.arrays, request.state)):
-        if count == _MOST_TRIALS or request.deadline.passed:
+    if trials is None:
+        trials = islice(trial_lengths(request.arrays, request.state), _MOST_TRIALS)
+    flown = []
+    for lengths in trials:
+        if request.deadline.passed:
             break
         solution = search.fly(lengths)
         if solution.converged:
-            trials.append(solution)
-    trials.sort(key=search.cost)
+            flown.append(solution)
+    flown.sort(key=search.cost)
     refined: list[Solution] = []
-    for trial in trials:
+    for trial in flown:
         if len(refined) == _REFINED:
             break
         if search.stays_up(trial):
@@ -117,6 +127,33 @@ def solve_direct_planned(request: Request) -> Solution:
         assert search.last is not None
         return replace(search.last, solve_ms=elapsed, iterations=search.iterations)
     return _finished(search, best, elapsed)
+
+
+def reach_without(request: Request) -> Solution | None:
+    """A flight that takes next to nothing of the free burns: those of fixed length reach.
+
+    There a steering that wastes what is too much is as good as another, and no extremal.
+
+    Args:
+        request: with any method; its guess is not used.
+
+    Returns:
+        the flight, proven, or None where none was found.
+    """
+    began = time.perf_counter()
+    arrays, start = request.arrays, request.state
+    search = _Search(replace(request, method="direct11", guess=None))
+    nothing = _NEXT_TO_NOTHING_S * float(arrays.arcs[-1]["mass_flow"])
+    trials = islice(trial_lengths(arrays, start), _MOST_TRIALS)
+    for lengths in (length_bounds(arrays, start[0])[0], *trials):
+        if request.deadline.passed:
+            break
+        solution = search.fly(lengths)
+        if solution.converged and search.cost(solution) < nothing:
+            proven = _finished(search, solution, 1e3 * (time.perf_counter() - began))
+            if proven.converged:
+                return proven
+    return None
 
 
 def _refine(search: _Search, first: Solution) -> Solution:

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from ares_models.arrays import BURN, COAST
 from ares_optimizer.indirect.solver import Root, TwoPointSolver
@@ -37,10 +36,17 @@ _NEARLY_BURNT = 0.85
 _MOVE_S = 1.0
 _MOVE_PART = 0.01
 _SAME_KG = 1e-4
-#: Of the last stage's propellant: so little is as good as nothing, and less is none to solve for.
+#: Of the last stage's propellant: where so little is taken, there is a way to take nothing.
 _NEXT_TO_NOTHING = 1e-2
-_NOTHING = 1e-4
+#: Of the last burn, s: so little is as good as nothing, and less is none to solve for.
+_NOTHING_S = 0.05
 _DESCENTS = 40  # flights on one way downhill
+#: Of lengths on the way downhill, s, and the part of the expected gain that a step must bring.
+_FIRST_STEP = 50.0
+_LONGEST_STEP = 400.0
+_LAST_STEP = 1e-2
+_ARMIJO = 1e-3
+_TINY = 1e-300
 
 
 @dataclass
@@ -74,6 +80,7 @@ class _Search:
     def release(self, root: Root) -> None:
         """Let the arcs of a root go; keep what becomes of it, if it is the best."""
         self.solver.hold(self.start, {})
+        self.solver.press(self.start, root.lengths)
         self.consider(self.take(self.solver.solve(self.start, root.unknowns, restart=False)))
 
     def consider(self, root: Root) -> None:
@@ -85,50 +92,90 @@ class _Search:
             if is_least(self.solver, self.start, root):
                 self.best = root
                 self.again = 0
-        elif self.best is not None and root.taken_kg < self.best.taken_kg + _SAME_KG:
+        elif self.best is not None and abs(root.taken_kg - self.best.taken_kg) < _SAME_KG:
             self.again += 1
 
     def beats(self, root: Root) -> bool:
-        """Whether a root takes less than the best so far."""
-        return self.best is None or root.taken_kg < self.best.taken_kg - _SAME_KG
+        """Whether a root takes less than the best so far, or that alone dips below the ground."""
+        if self.best is None:
+            return True
+        dips, best_dips = self.dips(root), self.dips(self.best)
+        if dips != best_dips:
+            return best_dips
+        return root.taken_kg < self.best.taken_kg - _SAME_KG
+
+    def dips(self, root: Root) -> bool:
+        """Whether a flight goes below the ground: shown only where no other is found."""
+        return root.lowest_m < float(self.solver.arrays.environment[0]["polar_radius"])
 
     def descend(self, root: Root, held: Mapping[int, float]) -> None:
         """From a flight of held lengths that beats the best: downhill, then let go.
 
-        The gradient of what is taken is the worth of a second of each arc.
+        The gradient of what is taken is the worth of a second of each arc. Quasi-Newton steps
+        (BFGS) between the bounds, no longer than flights follow one another.
         """
-        solver, start = self.solver, self.start
         names = list(held)
-        low, high = length_bounds(solver.arrays, start[0])
-        lowest = [root]
-        full = float(solver.arrays.arcs[-1]["propellant"])
-
-        def taken(x: Array) -> tuple[float, Array]:
-            solver.hold(start, dict(zip(names, x, strict=True)))
-            there = self.take(solver.solve(start, lowest[0].unknowns, restart=False))
-            if not there.converged or there.taken_kg < _NOTHING * full:
-                return root.taken_kg + 1.0, np.zeros(x.size)
-            worth = solver.work["switches"]["worth"][0, names] / solver.work["price"][0]
-            if there.taken_kg < lowest[0].taken_kg:
-                lowest[0] = there
-            if there.taken_kg < _NEXT_TO_NOTHING * full:
-                raise StopIteration
-            return there.taken_kg, -worth
-
-        try:
-            minimize(
-                taken,
-                np.array([held[f] for f in names]),
-                jac=True,
-                method="L-BFGS-B",
-                bounds=list(zip(low[names], high[names], strict=True)),
-                options={"maxfun": _DESCENTS},
-            )
-        except StopIteration:
-            self.vanishes = True
-            self.best = lowest[0]
+        last = self.solver.arrays.arcs[-1]
+        nothing = _NOTHING_S * float(last["mass_flow"])
+        bounds = length_bounds(self.solver.arrays, self.start[0])
+        low, high = bounds[0][names], bounds[1][names]
+        x = np.clip(np.array([held[f] for f in names]), low, high)
+        there, slope = self._held(root, names, x)
+        radius = _FIRST_STEP
+        inverse = np.zeros((x.size, x.size))
+        for _ in range(_DESCENTS):
+            if not there.converged or there.taken_kg < nothing:
+                break
+            free = ~((x <= low) & (slope > 0.0) | (x >= high) & (slope < 0.0))
+            step = _step_down(inverse, slope, free, radius)
+            moved = np.clip(x + step, low, high) - x
+            moved *= min(1.0, (there.taken_kg - 0.8 * nothing) / max(-float(slope @ moved), _TINY))
+            if not np.abs(moved).max(initial=0.0) > _LAST_STEP:
+                break
+            further, next_slope = self._held(there, names, x + moved)
+            gain = there.taken_kg - further.taken_kg
+            if not further.converged or gain < _ARMIJO * -float(slope @ moved):
+                radius = 0.25 * float(np.abs(moved).max())
+                continue
+            inverse = _updated(inverse, moved, next_slope - slope)
+            radius = min(2.0 * radius, _LONGEST_STEP)
+            x, there, slope = x + moved, further, next_slope
+        if not there.converged:
             return
-        self.release(lowest[0])
+        if there.taken_kg >= nothing:
+            self.release(there)
+        little = there.taken_kg < _NEXT_TO_NOTHING * float(last["propellant"])
+        if little and self.beats(there) and not self.dips(there):
+            self.vanishes = True
+            self.best = there
+
+    def _held(self, root: Root, names: list[int], x: Array) -> tuple[Root, Array]:
+        """The flight with arcs held, and the slope of what it takes, kg/s."""
+        solver, start = self.solver, self.start
+        solver.hold(start, dict(zip(names, x, strict=True)))
+        there = self.take(solver.solve(start, root.unknowns, restart=False))
+        return there, -solver.work["switches"]["worth"][0, names] / solver.work["price"][0]
+
+
+def _step_down(inverse: Array, slope: Array, free: NDArray[np.bool_], radius: float) -> Array:
+    """Quasi-Newton step along the free lengths, no longer than a radius."""
+    step = np.where(free, -(inverse @ np.where(free, slope, 0.0)), 0.0)
+    if not step @ slope < 0.0:
+        step = np.where(free, -slope, 0.0)
+        size = float(np.abs(step).max(initial=0.0))
+        return step * (radius / size) if size > 0.0 else step
+    return step * min(1.0, radius / float(np.abs(step).max()))
+
+
+def _updated(inverse: Array, moved: Array, change: Array) -> Array:
+    """Inverse Hessian by BFGS; as it was where the curvature is not positive."""
+    curvature = float(moved @ change)
+    if curvature <= 0.0:
+        return np.zeros_like(inverse)
+    if not inverse.any():
+        inverse = np.eye(moved.size) * curvature / float(change @ change)
+    turn = np.eye(moved.size) - np.outer(moved, change) / curvature
+    return turn @ inverse @ turn.T + np.outer(moved, moved) / curvature
 
 
 def unknowns_of(
@@ -157,6 +204,22 @@ def unknowns_of(
     drops = unknowns[COLUMN_JETTISON:first:2]
     drops[:] = np.linspace(float(start["time"][0]), time, drops.size + 2)[1:-1]
     return unknowns
+
+
+def lengths_of(solver: TwoPointSolver, start: NDArray[np.void], unknowns: Array) -> Array:
+    """Lengths of the free arcs that unknowns have, s: the reverse of :func:`unknowns_of`."""
+    arcs = solver.arrays.arcs
+    free = free_arcs(solver.arrays, start[0])
+    ends = unknowns[unknowns.size - len(free) :]
+    lengths = np.zeros(len(free))
+    time = float(start["arc_start_time"][0])
+    for k in range(int(start["arc"][0]), len(arcs) - 1):
+        if k in free:
+            lengths[free.index(k)] = ends[free.index(k)] - time
+            time = float(ends[free.index(k)])
+        else:
+            time += float(arcs[k]["duration"])
+    return lengths
 
 
 def along_velocity(solver: TwoPointSolver, start: NDArray[np.void], unknowns: Array) -> Array:
@@ -190,7 +253,8 @@ def find_planned(
     solver.options["max_iterations"] = _ITERATIONS
     try:
         if guess is not None:
-            search.release(_as_root(guess, solver, start))
+            search.consider(search.take(solver.solve(start, guess, restart=False)))
+            _from_held(search, lengths_of(solver, start, guess), guess)
         for trial, lengths in enumerate(trial_lengths(solver.arrays, start)):
             if trial == _MOST_TRIALS or search.vanishes or solver.deadline.passed:
                 break
@@ -209,28 +273,11 @@ def find_planned(
     return replace(root, iterations=search.iterations, restarts=max(0, search.restarts - 1))
 
 
-def _as_root(guess: Array, solver: TwoPointSolver, start: NDArray[np.void]) -> Root:
-    count = len(free_arcs(solver.arrays, start[0]))
-    return Root(guess, 0, math.inf, 0, -1, np.zeros(count), (NOT_HELD,) * count, math.nan)
-
-
 def _try(search: _Search, lengths: Array) -> None:
     """From one set of lengths: held first, and along the velocity at once."""
     solver, start = search.solver, search.start
     longest = _longest_last(solver)
-    unknowns = unknowns_of(solver, start, lengths, _BURNT * longest)
-    held = dict(enumerate(lengths))
-    if math.isfinite(solver.arrays.arcs[-1]["duration"]):
-        # one burn has to pay
-        held.pop(_last_free_burn(solver, start))
-    solver.hold(start, held)
-    solver.options["max_iterations"] = _ITERATIONS_HELD
-    root = search.take(solver.solve(start, None, times=unknowns))
-    solver.options["max_iterations"] = _ITERATIONS
-    if root.converged:
-        search.release(root)
-        if search.beats(root) and not search.vanishes:
-            search.descend(root, held)
+    _from_held(search, lengths)
     solver.hold(start, {})
     # from an orbit most is burnt at the end, in one go
     orbits = solver.arrays.arcs[int(start["arc"][0])]["kind"] == COAST
@@ -238,6 +285,24 @@ def _try(search: _Search, lengths: Array) -> None:
         unknowns = unknowns_of(solver, start, lengths, part * longest)
         ahead = along_velocity(solver, start, unknowns)
         search.consider(search.take(solver.solve(start, ahead, restart=False)))
+
+
+def _from_held(search: _Search, lengths: Array, guess: Array | None = None) -> None:
+    """From flights of held lengths, by a guess or by the solver's own; then let go, or downhill."""
+    solver, start = search.solver, search.start
+    times = unknowns_of(solver, start, lengths, _BURNT * _longest_last(solver))
+    held = dict(enumerate(lengths))
+    if math.isfinite(solver.arrays.arcs[-1]["duration"]):
+        # one burn has to pay
+        held.pop(_last_free_burn(solver, start))
+    solver.hold(start, held)
+    solver.options["max_iterations"] = _ITERATIONS_HELD
+    root = search.take(solver.solve(start, guess, times=times, restart=guess is None))
+    solver.options["max_iterations"] = _ITERATIONS
+    if root.converged:
+        search.release(root)
+        if search.beats(root) and not search.vanishes:
+            search.descend(root, held)
 
 
 def _last_free_burn(solver: TwoPointSolver, start: NDArray[np.void]) -> int:

@@ -56,6 +56,7 @@ from ares_optimizer.solution import (
     Trajectory,
     failed,
     infeasible,
+    next_to_nothing,
 )
 from ares_optimizer.targets import figures_of, half_turn, in_unit, target_rows
 from ares_optimizer.two_point.arrays import (
@@ -618,11 +619,7 @@ def _how_good(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> Ca
     inside = (root.lengths > low + _SAME_LENGTH) & (root.lengths < high - _SAME_LENGTH)
     if not any(hold == HELD and free for hold, free in zip(root.holds, inside, strict=True)):
         return OPTIMAL
-    return Cause(
-        Status.CONVERGED,
-        f"optimal within {root.taken_kg:.3g} kg, which is all that the free burns take: those of "
-        "fixed length all but reach the target",
-    )
+    return Cause(Status.CONVERGED, next_to_nothing(root.taken_kg))
 
 
 def _length_checks(
