@@ -9,15 +9,17 @@ import math
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from itertools import islice
+from itertools import islice, product
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
+from ares_models.arrays import BURN
 from ares_optimizer.direct.solve import solve_direct
 from ares_optimizer.plan import (
     DEEPEST,
+    free_arcs,
     last_begin,
     length_bounds,
     spent,
@@ -39,6 +41,7 @@ _LAST_RADIUS = 1e-5
 _NO_FLIGHT = 1e3  # scaled cost of lengths that lead nowhere, beyond that of the best
 _SAME_LENGTH = 1e-3  # s, of a last burn of fixed length
 _NEXT_TO_NOTHING_S = 0.1  # of the last burn
+_WAITS_S = (0.0, 300.0, 600.0)  # coasts beyond their shortest, where nothing has to be burnt
 
 
 @dataclass
@@ -142,10 +145,16 @@ def reach_without(request: Request) -> Solution | None:
     """
     began = time.perf_counter()
     arrays, start = request.arrays, request.state
-    search = _Search(replace(request, method="direct11", guess=None))
+    # wasteful steering may turn faster than the search's own steps follow: not without a proof
+    search = _Search(replace(request, method="direct11", guess=None, verify=True))
     nothing = _NEXT_TO_NOTHING_S * float(arrays.arcs[-1]["mass_flow"])
-    trials = islice(trial_lengths(arrays, start), _MOST_TRIALS)
-    for lengths in (length_bounds(arrays, start[0])[0], *trials):
+    choices = [
+        [low] if arrays.arcs[k]["kind"] == BURN else sorted({min(low + s, high) for s in _WAITS_S})
+        for k, low, high in zip(
+            free_arcs(arrays, start[0]), *length_bounds(arrays, start[0]), strict=True
+        )
+    ]
+    for lengths in map(np.array, islice(product(*choices), _MOST_TRIALS)):
         if request.deadline.passed:
             break
         solution = search.fly(lengths)

@@ -296,9 +296,10 @@ def _from_held(search: _Search, lengths: Array, guess: Array | None = None) -> N
         # one burn has to pay
         held.pop(_last_free_burn(solver, start))
     solver.hold(start, held)
+    fewer = int(solver.options["max_iterations"][0])
     solver.options["max_iterations"] = _ITERATIONS_HELD
     root = search.take(solver.solve(start, guess, times=times, restart=guess is None))
-    solver.options["max_iterations"] = _ITERATIONS
+    solver.options["max_iterations"] = fewer
     if root.converged:
         search.release(root)
         if search.beats(root) and not search.vanishes:
