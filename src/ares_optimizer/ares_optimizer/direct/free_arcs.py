@@ -7,7 +7,7 @@ Ragonneau and Zhang, 2022) from the best of several trials.
 
 import math
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import islice, product
 
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
-from ares_models.arrays import BURN
+from ares_models.arrays import BURN, MissionArrays
 from ares_optimizer.direct.solve import solve_direct
 from ares_optimizer.plan import (
     DEEPEST,
@@ -41,7 +41,8 @@ _LAST_RADIUS = 1e-5
 _NO_FLIGHT = 1e3  # scaled cost of lengths that lead nowhere, beyond that of the best
 _SAME_LENGTH = 1e-3  # s, of a last burn of fixed length
 _NEXT_TO_NOTHING_S = 0.1  # of the last burn
-_WAITS_S = (0.0, 300.0, 600.0)  # coasts beyond their shortest, where nothing has to be burnt
+_LONGEST_WAIT_S = 600.0  # of a coast beyond its shortest, where nothing has to be burnt
+_ROUNDING = 1e-9
 
 
 @dataclass
@@ -148,13 +149,7 @@ def reach_without(request: Request) -> Solution | None:
     # wasteful steering may turn faster than the search's own steps follow: not without a proof
     search = _Search(replace(request, method="direct11", guess=None, verify=True))
     nothing = _NEXT_TO_NOTHING_S * float(arrays.arcs[-1]["mass_flow"])
-    choices = [
-        [low] if arrays.arcs[k]["kind"] == BURN else sorted({min(low + s, high) for s in _WAITS_S})
-        for k, low, high in zip(
-            free_arcs(arrays, start[0]), *length_bounds(arrays, start[0]), strict=True
-        )
-    ]
-    for lengths in map(np.array, islice(product(*choices), _MOST_TRIALS)):
+    for lengths in _waits(arrays, start):
         if request.deadline.passed:
             break
         solution = search.fly(lengths)
@@ -163,6 +158,17 @@ def reach_without(request: Request) -> Solution | None:
             if proven.converged:
                 return proven
     return None
+
+
+def _waits(arrays: MissionArrays, start: NDArray[np.void]) -> Iterator[Array]:
+    """Lengths of the free arcs, s: burns at their shortest, coasts each short and longer."""
+    free = free_arcs(arrays, start[0])
+    low, high = length_bounds(arrays, start[0])
+    coasts = arrays.arcs["kind"][free] != BURN
+    each = int(_MOST_TRIALS ** (1.0 / max(1, coasts.sum())) + _ROUNDING)
+    waits = np.linspace(0.0, _LONGEST_WAIT_S, each)
+    for point in product(*(waits if coast else waits[:1] for coast in coasts)):
+        yield np.minimum(low + np.array(point), high)
 
 
 def _refine(search: _Search, first: Solution) -> Solution:

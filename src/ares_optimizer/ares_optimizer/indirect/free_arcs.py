@@ -17,7 +17,7 @@ from ares_models.arrays import BURN, COAST
 from ares_optimizer.indirect.solver import Root, TwoPointSolver
 from ares_optimizer.kernels.timetable import COLUMN_CUTOFF, COLUMN_JETTISON
 from ares_optimizer.plan import free_arcs, length_bounds, longest_burn, trial_lengths
-from ares_optimizer.two_point.arrays import LAMBDA_R, NOT_HELD, PRIMER
+from ares_optimizer.two_point.arrays import HELD, LAMBDA_R, NOT_HELD, PRIMER
 from ares_optimizer.two_point.kernels.tangential import next_ignition, primer_along_velocity
 
 Array = NDArray[np.float64]
@@ -109,14 +109,24 @@ class _Search:
         return root.lowest_m < float(self.solver.arrays.environment[0]["polar_radius"])
 
     def descend(self, root: Root, held: Mapping[int, float]) -> None:
-        """From a flight of held lengths that beats the best: downhill, then let go.
+        """From a flight of held lengths that beats the best: downhill, then let go."""
+        little = _NEXT_TO_NOTHING * float(self.solver.arrays.arcs[-1]["propellant"])
+        there = self.downhill(root, held, little)
+        if not there.converged:
+            return
+        if there.taken_kg >= little:
+            self.release(there)
+        elif self.beats(there) and not self.dips(there):
+            self.vanishes = True
+            self.best = there
+
+    def downhill(self, root: Root, held: Mapping[int, float], enough_kg: float) -> Root:
+        """From a flight of held lengths to one that takes least, or hardly enough.
 
         The gradient of what is taken is the worth of a second of each arc. Quasi-Newton steps
         (BFGS) between the bounds, no longer than flights follow one another.
         """
         names = list(held)
-        last = self.solver.arrays.arcs[-1]
-        nothing = _NOTHING_S * float(last["mass_flow"])
         bounds = length_bounds(self.solver.arrays, self.start[0])
         low, high = bounds[0][names], bounds[1][names]
         x = np.clip(np.array([held[f] for f in names]), low, high)
@@ -124,12 +134,14 @@ class _Search:
         radius = _FIRST_STEP
         inverse = np.zeros((x.size, x.size))
         for _ in range(_DESCENTS):
-            if not there.converged or there.taken_kg < nothing:
+            if not there.converged or there.taken_kg < enough_kg:
                 break
             free = ~((x <= low) & (slope > 0.0) | (x >= high) & (slope < 0.0))
             step = _step_down(inverse, slope, free, radius)
             moved = np.clip(x + step, low, high) - x
-            moved *= min(1.0, (there.taken_kg - 0.8 * nothing) / max(-float(slope @ moved), _TINY))
+            # where nothing is taken there is no flight to go on from
+            beyond = there.taken_kg - 0.8 * enough_kg
+            moved *= min(1.0, beyond / max(-float(slope @ moved), _TINY))
             if not np.abs(moved).max(initial=0.0) > _LAST_STEP:
                 break
             further, next_slope = self._held(there, names, x + moved)
@@ -140,14 +152,7 @@ class _Search:
             inverse = _updated(inverse, moved, next_slope - slope)
             radius = min(2.0 * radius, _LONGEST_STEP)
             x, there, slope = x + moved, further, next_slope
-        if not there.converged:
-            return
-        if there.taken_kg >= nothing:
-            self.release(there)
-        little = there.taken_kg < _NEXT_TO_NOTHING * float(last["propellant"])
-        if little and self.beats(there) and not self.dips(there):
-            self.vanishes = True
-            self.best = there
+        return there
 
     def _held(self, root: Root, names: list[int], x: Array) -> tuple[Root, Array]:
         """The flight with arcs held, and the slope of what it takes, kg/s."""
@@ -271,6 +276,23 @@ def find_planned(
     if root is None:
         root = solver.newton(start, unknowns_of(solver, start, np.zeros(0), 0.0))
     return replace(root, iterations=search.iterations, restarts=max(0, search.restarts - 1))
+
+
+def made_finer(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> Root:
+    """A root of :func:`find_planned` on the solver's present grid.
+
+    One that takes next to nothing goes on downhill, to a flight that takes nothing to speak of.
+    """
+    held = {f: root.lengths[f] for f, hold in enumerate(root.holds) if hold == HELD}
+    if not held:
+        return solver.solve(start, root.unknowns, restart=False)
+    search = _Search(solver, start)
+    nothing = _NOTHING_S * float(solver.arrays.arcs[-1]["mass_flow"])
+    there = search.downhill(root, held, nothing)
+    if there.converged and there.taken_kg >= nothing:
+        search.release(there)
+    found = search.best or there
+    return replace(found, iterations=search.iterations, restarts=search.restarts)
 
 
 def _try(search: _Search, lengths: Array) -> None:

@@ -25,7 +25,7 @@ from ares_models.arrays import (
 )
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.indirect.closed_form import flight_errors
-from ares_optimizer.indirect.free_arcs import find_planned
+from ares_optimizer.indirect.free_arcs import find_planned, made_finer
 from ares_optimizer.indirect.kernels import sample
 from ares_optimizer.indirect.solver import (
     Guess,
@@ -219,6 +219,8 @@ def _find(solver: TwoPointSolver, start: NDArray[np.void], guess: Array | None) 
         return root
     if solver.options["propagator"][0] == RUNGE_KUTTA:
         solver.options["step"] = _fine(fine, start, root)
+    if planned:
+        return _added(made_finer(solver, start, root), root, 0)
     return _added(solver.solve(start, root.unknowns, restart=False), root, 0)
 
 
