@@ -33,6 +33,7 @@ from ares_optimizer.solution import (
 )
 
 _SAME_KG = 1.0
+_RIVAL_NOTE = "direct11_m_f_kg"
 #: For a direct solution beside free arcs, s: over long coasts it often finds none.
 _RIVAL_S = 1.0
 #: Of the velocity that takes a vehicle to its target in two manoeuvres, one after the other.
@@ -194,7 +195,7 @@ def beside_rival(
                 reason=f"no optimum found: the extremal that was found reaches "
                 f"{solution.m_f_kg:,.1f} kg, direct11 {rival.m_f_kg:,.1f} kg",
             )
-    return replace(solution, notes={**solution.notes, "direct11_m_f_kg": rival.m_f_kg})
+    return replace(solution, notes={**solution.notes, _RIVAL_NOTE: rival.m_f_kg})
 
 
 def solve_beside_rival(request: Request) -> Solution:
@@ -228,7 +229,10 @@ def solve_beside_rival(request: Request) -> Solution:
     solution = extremal(guess)
     if plans_arcs(arrays, state[0]):
         judged = _beside_planned(request, options, solution)
-        return judged if judged.converged else _without_free_burns(request, judged)
+        believed = not request.verify or _RIVAL_NOTE in judged.notes
+        if judged.converged and believed:
+            return judged
+        return _without_free_burns(request, judged)
     # no direct method flies throttled burns
     if throttled_ahead(arrays, state[0]).any():
         return solution
@@ -282,10 +286,14 @@ def _beside_planned(
 
 
 def _without_free_burns(request: Request, solution: Solution) -> Solution:
-    """Where nothing was found: the flight of ``direct11`` that takes next to nothing, if any.
+    """A solution, or the flight of ``direct11`` that takes next to nothing, if there is one.
 
     Where the burns of fixed length reach the target by themselves, the two-point problem has no
     root but those of other flights.
+
+    Args:
+        request: as the indirect method was asked.
+        solution: what it came to, with no direct solution beside it, or not converged.
     """
     arrays, start = request.arrays, request.state[0]
     if throttled_ahead(arrays, start).any() or fixed_burns_fall_short(arrays, request.state):
@@ -293,19 +301,28 @@ def _without_free_burns(request: Request, solution: Solution) -> Solution:
     flown = reach_without(replace(request, deadline=request.deadline.within(_RIVAL_S)))
     if flown is None:
         return solution
-    lengths = np.array(flown.lengths_s)
-    burn = flown.t_meco_s - last_begin(arrays, start, lengths)
+    taken = _taken(request, flown)
+    if solution.converged and _taken(request, solution) < taken + _SAME_KG:
+        return solution
     return replace(
         flown,
         method=solution.method,
-        reason=next_to_nothing(spent(arrays, start, lengths, burn)),
+        reason=next_to_nothing(taken),
         # its own are none for the two-point problem
         parameters=None,
         iterations=solution.iterations + flown.iterations,
         restarts=solution.restarts + flown.restarts + 1,
         solve_ms=solution.solve_ms + flown.solve_ms,
-        notes={**flown.notes, "direct11_m_f_kg": flown.m_f_kg},
+        notes={**flown.notes, _RIVAL_NOTE: flown.m_f_kg},
     )
+
+
+def _taken(request: Request, solution: Solution) -> float:
+    """Propellant that the free burns of a solution take, kg."""
+    start = request.state[0]
+    lengths = np.array(solution.lengths_s)
+    burn = solution.t_meco_s - last_begin(request.arrays, start, lengths)
+    return spent(request.arrays, start, lengths, burn)
 
 
 def _beaten(better: Solution) -> Cause:
