@@ -36,6 +36,8 @@ _SAME_KG = 1.0
 _RIVAL_NOTE = "direct11_m_f_kg"
 #: For a direct solution beside free arcs, s: over long coasts it often finds none.
 _RIVAL_S = 1.0
+#: For a flight that takes nothing, s.
+_NOTHING_SOUGHT_S = 3.0
 #: Of the velocity that takes a vehicle to its target in two manoeuvres, one after the other.
 _DETOUR = 2.0
 #: By what is dropped on the way the burns may gain more velocity than their stacks tell.
@@ -298,7 +300,7 @@ def _without_free_burns(request: Request, solution: Solution) -> Solution:
     arrays, start = request.arrays, request.state[0]
     if throttled_ahead(arrays, start).any() or fixed_burns_fall_short(arrays, request.state):
         return solution
-    flown = reach_without(replace(request, deadline=request.deadline.within(_RIVAL_S)))
+    flown = reach_without(replace(request, deadline=request.deadline.within(_NOTHING_SOUGHT_S)))
     if flown is None:
         return solution
     taken = _taken(request, flown)
