@@ -1,43 +1,62 @@
 """Vehicles with free coasts: which `indirect` solves from the mission alone, and how fast.
 
 Beside each solution stands a grid over the lengths of the coasts, each point solved as a flight of
-given lengths: what it reaches and `indirect` does not is missed, what it does better is wrong.
+given lengths, by `indirect` or, with `--direct`, by `direct11` from its own starts, the best two
+then made better by COBYQA: what that reaches and `indirect` does not is missed, what it does better
+is wrong.
 """
 
 import argparse
 import itertools
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.mission import Mission
+from ares_optimizer.deadline import Deadline
+from ares_optimizer.direct.free_arcs import solve_direct_planned
 from ares_optimizer.indirect.solver import TwoPointSolver
 from ares_optimizer.plan import DEEPEST, last_begin, length_bounds, spent, with_lengths
+from ares_optimizer.request import Heating, Request
+from ares_optimizer.solution import Solution
 from ares_optimizer.solve import solve
 from ares_studies.random_vehicles import random_coasting_mission
 
 #: s; the longest coast of the grid, and points along one.
 LONGEST = 2600.0
 POINTS = 20
-#: kg that the grid may save before a solution counts as wrong.
+#: kg that the grid may save before a solution counts as wrong, and s of the last burn: where the
+#: other burns reach the target by themselves, what is left of it has no optimum but 0.
 SAME_KG = 0.05
+SAME_S = 0.1
+#: s, of the direct solution of one vehicle.
+LIMIT_S = 60.0
+
+Best = tuple[float, NDArray[np.float64]]
 
 
-def best_of_grid(mission: Mission) -> tuple[float, NDArray[np.float64]] | None:
-    """Least propellant of the free burn on the grid, kg, and its lengths, s; None: none arrives."""
-    arrays, start = mission.arrays(), mission.start().navigation()
-    low, high = length_bounds(arrays, start[0])
+def grid(mission: Mission) -> Iterator[NDArray[np.float64]]:
+    """Lengths of the coasts, s: closer where they are short."""
+    low, high = length_bounds(mission.arrays(), mission.start().navigation()[0])
     points = POINTS if len(low) == 1 else POINTS // 2
     axes = [
-        np.geomspace(max(a, 1.0), min(b, LONGEST), points) for a, b in zip(low, high, strict=True)
+        np.geomspace(max(a, 1.0), min(b, LONGEST), points - 1)
+        for a, b in zip(low, high, strict=True)
     ]
+    axes = [np.append(a, axis) for a, axis in zip(low, axes, strict=True)]
+    for point in itertools.product(*axes):
+        yield np.clip(np.array(point), low, high)
+
+
+def best_of_grid(mission: Mission) -> Best | None:
+    """Least propellant of the free burn on the grid, kg, and its lengths, s; None: none arrives."""
+    arrays, start = mission.arrays(), mission.start().navigation()
     ground = (1.0 - DEEPEST) * float(arrays.environment[0]["polar_radius"])
     last = arrays.arcs[-1]
     best = None
-    for point in itertools.product(*axes):
-        lengths = np.clip(np.array(point), low, high)
+    for lengths in grid(mission):
         solver = TwoPointSolver(with_lengths(arrays, start[0], lengths))
-        solver.options["step"] = 40.0
         root = solver.solve(start)
         if not root.converged:
             continue
@@ -52,34 +71,54 @@ def best_of_grid(mission: Mission) -> tuple[float, NDArray[np.float64]] | None:
     return best
 
 
+def best_direct(mission: Mission) -> Best | None:
+    """The same by `direct11` from every point of the grid, and made better from there."""
+    arrays, start = mission.arrays(), mission.start().navigation()
+    with Deadline(LIMIT_S) as deadline:
+        heating = Heating(mission.heating_limit_holds)
+        request = Request(arrays, start, "direct11", heating, deadline)
+        solution = solve_direct_planned(request, grid(mission))
+    return taken_by(mission, solution) if solution.converged else None
+
+
+def taken_by(mission: Mission, solution: Solution) -> Best:
+    """Propellant of the free burn of a solution, kg, and its lengths, s."""
+    arrays, start = mission.arrays(), mission.start().navigation()[0]
+    lengths = np.array(solution.lengths_s)
+    burn = solution.t_meco_s - last_begin(arrays, start, lengths)
+    return spent(arrays, start, lengths, burn), lengths
+
+
 def main() -> None:
     """Run from the command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("-n", type=int, default=200, help="seeds")
     parser.add_argument("--first", type=int, default=0, help="first of them")
+    parser.add_argument("--direct", action="store_true", help="beside direct solutions")
     arguments = parser.parse_args()
     solve(random_coasting_mission(0), "indirect")
-    solved = reached = 0
+    solved = missed = wrong = better = 0
     times = []
     for seed in range(arguments.first, arguments.first + arguments.n):
         mission = random_coasting_mission(seed)
         solution = solve(mission, "indirect")
-        grid = best_of_grid(mission)
+        other = best_direct(mission) if arguments.direct else best_of_grid(mission)
         times.append(solution.solve_ms)
-        reached += solution.converged or grid is not None
         solved += solution.converged
-        if grid is None:
+        if not solution.converged and other is not None:
+            missed += 1
+            print(f"{mission.name}: missed, {other[0]:.2f} kg at {other[1]}; {solution.reason}")
+        if not solution.converged or other is None:
+            better += solution.converged
             continue
-        if not solution.converged:
-            print(f"{mission.name}: missed, {solution.reason}")
-            continue
-        arrays, start = mission.arrays(), mission.start().navigation()
-        lengths = np.array(solution.lengths_s)
-        burn = solution.t_meco_s - last_begin(arrays, start[0], lengths)
-        more = spent(arrays, start[0], lengths, burn) - grid[0]
-        if more > SAME_KG and "within" not in solution.reason:
-            print(f"{mission.name}: wrong, the grid takes {more:.2f} kg less at {grid[1]}")
-    print(f"{solved} of {reached} that something solves")
+        more = taken_by(mission, solution)[0] - other[0]
+        same = max(SAME_KG, SAME_S * float(mission.arrays().arcs[-1]["mass_flow"]))
+        better += more < -same
+        if more > same:
+            wrong += 1
+            print(f"{mission.name}: wrong, {more:.2f} kg less at {other[1]}; {solution.reason}")
+    print(f"{solved} solved of {solved + missed} that something solves, {missed} missed")
+    print(f"{wrong} worse than the grid, {better} better than it or where it finds nothing")
     print(
         f"ms: median {np.median(times):.1f}, 99 % {np.percentile(times, 99):.1f}, "
         f"greatest {max(times):.1f}"

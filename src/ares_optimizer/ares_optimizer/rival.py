@@ -14,21 +14,41 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import HEATING_LIMIT, MissionArrays
+from ares_models.arrays import BURN, HEATING_LIMIT, MissionArrays
 from ares_models.kernels.targets import desired_state, plane_normal, project_to_plane
-from ares_models.kernels.vectors import cross, load, norm, sub
+from ares_models.kernels.vectors import Vector, cross, dot, load, norm, sub
+from ares_optimizer.direct.free_arcs import reach_without
 from ares_optimizer.direct.search import Found, find_direct, steering_laws
 from ares_optimizer.indirect.solve import solve_indirect
 from ares_optimizer.indirect.solver import IndirectGuess, TwoPointOptions
-from ares_optimizer.plan import held_ahead, plans_arcs, throttled_ahead, with_lengths
+from ares_optimizer.plan import (
+    held_ahead,
+    last_begin,
+    plans_arcs,
+    spent,
+    throttled_ahead,
+    with_lengths,
+)
 from ares_optimizer.request import DIRECT_METHODS, Heating, Request
-from ares_optimizer.solution import Cause, OptimizerError, Solution, Status, UnfitMethod
+from ares_optimizer.solution import (
+    Cause,
+    OptimizerError,
+    Solution,
+    Status,
+    UnfitMethod,
+    next_to_nothing,
+)
 
 _SAME_KG = 1.0
+_RIVAL_NOTE = "direct11_m_f_kg"
 #: For a direct solution beside free arcs, s: over long coasts it often finds none.
 _RIVAL_S = 1.0
+#: For a flight that takes nothing, s.
+_NOTHING_SOUGHT_S = 3.0
 #: Of the velocity that takes a vehicle to its target in two manoeuvres, one after the other.
 _DETOUR = 2.0
+#: By what is dropped on the way the burns may gain more velocity than their stacks tell.
+_LIGHTER = 1.05
 
 
 @dataclass(frozen=True)
@@ -88,10 +108,7 @@ def ample_delta_v(arrays: MissionArrays, start: NDArray[np.void]) -> float:
     """
     r = load(start[0]["position"])
     v = load(start[0]["velocity"])
-    target = arrays.target[0]
-    mu = float(arrays.environment[0]["mu"])
-    normal, _ = plane_normal(target, r, cross(r, v))
-    wanted_r, wanted_v, _ = desired_state(target, mu, project_to_plane(r, normal), normal)
+    wanted_r, wanted_v = _end_above(arrays, start)
     last = arrays.arcs[-1]
     mass = float(last["stack_mass"])
     if start[0]["mass"] > 0.0:
@@ -99,6 +116,46 @@ def ample_delta_v(arrays: MissionArrays, start: NDArray[np.void]) -> float:
     acceleration = float(last["thrust"]) / mass
     distance = norm(sub(wanted_r, r))
     return norm(sub(wanted_v, v)) + 2.0 * math.sqrt(acceleration * distance)
+
+
+def _end_above(arrays: MissionArrays, start: NDArray[np.void]) -> tuple[Vector, Vector]:
+    """Position and velocity of the target on the ray of the present position, m and m/s."""
+    r = load(start[0]["position"])
+    v = load(start[0]["velocity"])
+    target = arrays.target[0]
+    mu = float(arrays.environment[0]["mu"])
+    normal, _ = plane_normal(target, r, cross(r, v))
+    wanted_r, wanted_v, _ = desired_state(target, mu, project_to_plane(r, normal), normal)
+    return wanted_r, wanted_v
+
+
+def fixed_burns_fall_short(arrays: MissionArrays, start: NDArray[np.void]) -> bool:
+    """Whether the burns of fixed length surely lack the energy for the target, however steered.
+
+    The speed that a flight would have at the ground, w = sqrt(2 (E + mu/r)), rises by T/m at most:
+    w dw = dE = (T/m) . V dt, and |V| <= w.
+
+    Args:
+        arrays: the mission.
+        start: shape (1,), dtype NAVIGATION.
+    """
+    mu = float(arrays.environment[0]["mu"])
+    ground = float(arrays.environment[0]["polar_radius"])
+
+    def at_ground(r: Vector, v: Vector) -> float:
+        return math.sqrt(max(0.0, dot(v, v) + 2.0 * mu * (1.0 / ground - 1.0 / norm(r))))
+
+    wanted = at_ground(*_end_above(arrays, start))
+    gain = wanted - at_ground(load(start[0]["position"]), load(start[0]["velocity"]))
+    mass = float(start[0]["mass"])
+    for arc in arrays.arcs[int(start[0]["arc"]) :]:
+        if arc["begins_stage"] == 1:
+            mass = float(arc["stack_mass"])
+        if arc["kind"] == BURN and math.isfinite(arc["duration"]):
+            after = mass - float(arc["mass_flow"] * arc["duration"])
+            gain -= _LIGHTER * float(arc["exhaust_velocity"]) * math.log(mass / after)
+            mass = after
+    return gain > 0.0
 
 
 def detour_line(arrays: MissionArrays, start: NDArray[np.void], solution: Solution) -> str:
@@ -147,7 +204,7 @@ def beside_rival(
                 reason=f"no optimum found: the extremal that was found reaches "
                 f"{solution.m_f_kg:,.1f} kg, direct11 {rival.m_f_kg:,.1f} kg",
             )
-    return replace(solution, notes={**solution.notes, "direct11_m_f_kg": rival.m_f_kg})
+    return replace(solution, notes={**solution.notes, _RIVAL_NOTE: rival.m_f_kg})
 
 
 def solve_beside_rival(request: Request) -> Solution:
@@ -180,7 +237,11 @@ def solve_beside_rival(request: Request) -> Solution:
 
     solution = extremal(guess)
     if plans_arcs(arrays, state[0]):
-        return _beside_planned(request, options, solution)
+        judged = _beside_planned(request, options, solution)
+        believed = not request.verify or _RIVAL_NOTE in judged.notes
+        if judged.converged and believed:
+            return judged
+        return _without_free_burns(request, judged)
     # no direct method flies throttled burns
     if throttled_ahead(arrays, state[0]).any():
         return solution
@@ -233,6 +294,46 @@ def _beside_planned(
         deadline=request.deadline,
     )
     return _beside_planned(request, options, found, again=False)
+
+
+def _without_free_burns(request: Request, solution: Solution) -> Solution:
+    """A solution, or the flight of ``direct11`` that takes next to nothing, if there is one.
+
+    Where the burns of fixed length reach the target by themselves, the two-point problem has no
+    root but those of other flights.
+
+    Args:
+        request: as the indirect method was asked.
+        solution: what it came to, with no direct solution beside it, or not converged.
+    """
+    arrays, start = request.arrays, request.state[0]
+    if throttled_ahead(arrays, start).any() or fixed_burns_fall_short(arrays, request.state):
+        return solution
+    flown = reach_without(replace(request, deadline=request.deadline.within(_NOTHING_SOUGHT_S)))
+    if flown is None:
+        return solution
+    taken = _taken(request, flown)
+    if solution.converged and _taken(request, solution) < taken + _SAME_KG:
+        return solution
+    return replace(
+        flown,
+        method=solution.method,
+        reason=next_to_nothing(taken),
+        # its own are none for the two-point problem
+        parameters=None,
+        iterations=solution.iterations + flown.iterations,
+        restarts=solution.restarts + flown.restarts + 1,
+        solve_ms=solution.solve_ms + flown.solve_ms,
+        notes={**flown.notes, _RIVAL_NOTE: flown.m_f_kg},
+    )
+
+
+def _taken(request: Request, solution: Solution) -> float:
+    """Propellant that the free burns of a solution take, kg."""
+    start = request.state[0]
+    lengths = np.array(solution.lengths_s)
+    burn = solution.t_meco_s - last_begin(request.arrays, start, lengths)
+    return spent(request.arrays, start, lengths, burn)
 
 
 def _beaten(better: Solution) -> Cause:

@@ -345,6 +345,14 @@ def _number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
+def next_to_nothing(taken_kg: float) -> str:
+    """Why no optimum is sought where the free burns take next to nothing."""
+    return (
+        f"optimal within {taken_kg:.3g} kg, which is all that the free burns take: those of fixed "
+        "length all but reach the target"
+    )
+
+
 def failed(method: str, cause: Cause, *, iterations: int = 0, solve_ms: float = 0.0) -> Solution:
     """A failure without a trajectory."""
     return Solution(method, *cause, (), math.nan, math.nan, iterations, solve_ms)

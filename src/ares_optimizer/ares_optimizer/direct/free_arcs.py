@@ -7,16 +7,19 @@ Ragonneau and Zhang, 2022) from the best of several trials.
 
 import math
 import time
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from itertools import islice, product
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
-from ares_models.arrays import MissionArrays
+from ares_models.arrays import BURN, MissionArrays
 from ares_optimizer.direct.solve import solve_direct
 from ares_optimizer.plan import (
     DEEPEST,
+    free_arcs,
     last_begin,
     length_bounds,
     spent,
@@ -38,6 +41,9 @@ _LAST_RADIUS = 1e-5
 _NO_FLIGHT = 1e3  # scaled cost of lengths that lead nowhere, beyond that of the best
 _SPARE = 0.4  # of a last burn of fixed length, in the search
 _SAME_LENGTH = 1e-3  # s, of a last burn of fixed length
+_NEXT_TO_NOTHING_S = 0.1  # of the last burn
+_LONGEST_WAIT_S = 600.0  # of a coast beyond its shortest, where nothing has to be burnt
+_ROUNDING = 1e-9
 
 
 @dataclass
@@ -109,24 +115,31 @@ def _planned(request: Request, lengths: Array, spare_s: float) -> MissionArrays:
     return planned
 
 
-def solve_direct_planned(request: Request) -> Solution:
+def solve_direct_planned(request: Request, trials: Iterable[Array] | None = None) -> Solution:
     """The optimal ascent by a direct method, with all free arcs at their best lengths.
+
+    Args:
+        request: what is asked.
+        trials: lengths of the free arcs to begin with, s, of which the best are made better;
+            None: the likeliest.
 
     Raises:
         OptimizerError: a guess that is none for a direct method.
     """
     began = time.perf_counter()
     search = _Search(request)
-    trials = []
-    for count, lengths in enumerate(trial_lengths(request.arrays, request.state)):
-        if count == _MOST_TRIALS or request.deadline.passed:
+    if trials is None:
+        trials = islice(trial_lengths(request.arrays, request.state), _MOST_TRIALS)
+    flown = []
+    for lengths in trials:
+        if request.deadline.passed:
             break
         solution = search.fly(lengths)
         if solution.converged:
-            trials.append(solution)
-    trials.sort(key=search.cost)
+            flown.append(solution)
+    flown.sort(key=search.cost)
     refined: list[Solution] = []
-    for trial in trials:
+    for trial in flown:
         if len(refined) == _REFINED:
             break
         if search.stays_up(trial):
@@ -138,6 +151,44 @@ def solve_direct_planned(request: Request) -> Solution:
         assert search.last is not None
         return replace(search.last, solve_ms=elapsed, iterations=search.iterations)
     return _finished(search, best, elapsed)
+
+
+def reach_without(request: Request) -> Solution | None:
+    """A flight that takes next to nothing of the free burns: those of fixed length reach.
+
+    There a steering that wastes what is too much is as good as another, and no extremal.
+
+    Args:
+        request: with any method; its guess is not used.
+
+    Returns:
+        the flight, proven, or None where none was found.
+    """
+    began = time.perf_counter()
+    arrays, start = request.arrays, request.state
+    # wasteful steering may turn faster than the search's own steps follow: not without a proof
+    search = _Search(replace(request, method="direct11", guess=None, verify=True))
+    nothing = _NEXT_TO_NOTHING_S * float(arrays.arcs[-1]["mass_flow"])
+    for lengths in _waits(arrays, start):
+        if request.deadline.passed:
+            break
+        solution = search.fly(lengths)
+        if solution.converged and search.cost(solution) < nothing:
+            proven = _finished(search, solution, 1e3 * (time.perf_counter() - began))
+            if proven.converged:
+                return proven
+    return None
+
+
+def _waits(arrays: MissionArrays, start: NDArray[np.void]) -> Iterator[Array]:
+    """Lengths of the free arcs, s: burns at their shortest, coasts each short and longer."""
+    free = free_arcs(arrays, start[0])
+    low, high = length_bounds(arrays, start[0])
+    coasts = arrays.arcs["kind"][free] != BURN
+    each = int(_MOST_TRIALS ** (1.0 / max(1, coasts.sum())) + _ROUNDING)
+    waits = np.linspace(0.0, _LONGEST_WAIT_S, each)
+    for point in product(*(waits if coast else waits[:1] for coast in coasts)):
+        yield np.minimum(low + np.array(point), high)
 
 
 def _refine(search: _Search, first: Solution) -> Solution:

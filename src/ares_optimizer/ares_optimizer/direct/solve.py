@@ -120,7 +120,9 @@ def solve_direct(request: Request) -> Solution:
         cause = OUT_OF_TIME
     else:
         cause = cause or why_no_flight(arrays, found)
-    if not found.miss <= _FLIES or found.cutoff_s <= start["time"]:
+    # short of its end a search may burn more than the vehicle
+    flies = found.miss <= _FLIES and found.cutoff_s > start["time"] and found.final[7] > 0.0
+    if not flies:
         solution = failed(method, cause, iterations=found.iterations, solve_ms=elapsed)
         return replace(solution, restarts=found.restarts)
     solution = Solution(

@@ -12,13 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from ares_models.arrays import BURN, COAST
 from ares_optimizer.indirect.solver import Root, TwoPointSolver
 from ares_optimizer.kernels.timetable import COLUMN_CUTOFF, COLUMN_JETTISON
 from ares_optimizer.plan import free_arcs, length_bounds, longest_burn, trial_lengths
-from ares_optimizer.two_point.arrays import LAMBDA_R, NOT_HELD, PRIMER
+from ares_optimizer.two_point.arrays import HELD, LAMBDA_R, NOT_HELD, PRIMER
 from ares_optimizer.two_point.kernels.tangential import (
     carried_back,
     next_ignition,
@@ -41,10 +40,17 @@ _NEARLY_BURNT = 0.85
 _MOVE_S = 1.0
 _MOVE_PART = 0.01
 _SAME_KG = 1e-4
-#: Of the last stage's propellant: so little is as good as nothing, and less is none to solve for.
+#: Of the last stage's propellant: where so little is taken, there is a way to take nothing.
 _NEXT_TO_NOTHING = 1e-2
-_NOTHING = 1e-4
+#: Of the last burn, s: so little is as good as nothing, and less is none to solve for.
+_NOTHING_S = 0.05
 _DESCENTS = 40  # flights on one way downhill
+#: Of lengths on the way downhill, s, and the part of the expected gain that a step must bring.
+_FIRST_STEP = 50.0
+_LONGEST_STEP = 400.0
+_LAST_STEP = 1e-2
+_ARMIJO = 1e-3
+_TINY = 1e-300
 
 
 @dataclass
@@ -78,6 +84,7 @@ class _Search:
     def release(self, root: Root) -> None:
         """Let the arcs of a root go; keep what becomes of it, if it is the best."""
         self.solver.hold(self.start, {})
+        self.solver.press(self.start, root.lengths)
         self.consider(self.take(self.solver.solve(self.start, root.unknowns, restart=False)))
 
     def consider(self, root: Root) -> None:
@@ -89,50 +96,95 @@ class _Search:
             if is_least(self.solver, self.start, root):
                 self.best = root
                 self.again = 0
-        elif self.best is not None and root.taken_kg < self.best.taken_kg + _SAME_KG:
+        elif self.best is not None and abs(root.taken_kg - self.best.taken_kg) < _SAME_KG:
             self.again += 1
 
     def beats(self, root: Root) -> bool:
-        """Whether a root takes less than the best so far."""
-        return self.best is None or root.taken_kg < self.best.taken_kg - _SAME_KG
+        """Whether a root takes less than the best so far, or that alone dips below the ground."""
+        if self.best is None:
+            return True
+        dips, best_dips = self.dips(root), self.dips(self.best)
+        if dips != best_dips:
+            return best_dips
+        return root.taken_kg < self.best.taken_kg - _SAME_KG
+
+    def dips(self, root: Root) -> bool:
+        """Whether a flight goes below the ground: shown only where no other is found."""
+        return root.lowest_m < float(self.solver.arrays.environment[0]["polar_radius"])
 
     def descend(self, root: Root, held: Mapping[int, float]) -> None:
-        """From a flight of held lengths that beats the best: downhill, then let go.
-
-        The gradient of what is taken is the worth of a second of each arc.
-        """
-        solver, start = self.solver, self.start
-        names = list(held)
-        low, high = length_bounds(solver.arrays, start[0])
-        lowest = [root]
-        full = float(solver.arrays.arcs[-1]["propellant"])
-
-        def taken(x: Array) -> tuple[float, Array]:
-            solver.hold(start, dict(zip(names, x, strict=True)))
-            there = self.take(solver.solve(start, lowest[0].unknowns, restart=False))
-            if not there.converged or there.taken_kg < _NOTHING * full:
-                return root.taken_kg + 1.0, np.zeros(x.size)
-            worth = solver.work["switches"]["worth"][0, names] / solver.work["price"][0]
-            if there.taken_kg < lowest[0].taken_kg:
-                lowest[0] = there
-            if there.taken_kg < _NEXT_TO_NOTHING * full:
-                raise StopIteration
-            return there.taken_kg, -worth
-
-        try:
-            minimize(
-                taken,
-                np.array([held[f] for f in names]),
-                jac=True,
-                method="L-BFGS-B",
-                bounds=list(zip(low[names], high[names], strict=True)),
-                options={"maxfun": _DESCENTS},
-            )
-        except StopIteration:
-            self.vanishes = True
-            self.best = lowest[0]
+        """From a flight of held lengths that beats the best: downhill, then let go."""
+        little = _NEXT_TO_NOTHING * float(self.solver.arrays.arcs[-1]["propellant"])
+        there = self.downhill(root, held, little)
+        if not there.converged:
             return
-        self.release(lowest[0])
+        if there.taken_kg >= little:
+            self.release(there)
+        elif self.beats(there) and not self.dips(there):
+            self.vanishes = True
+            self.best = there
+
+    def downhill(self, root: Root, held: Mapping[int, float], enough_kg: float) -> Root:
+        """From a flight of held lengths to one that takes least, or hardly enough.
+
+        The gradient of what is taken is the worth of a second of each arc. Quasi-Newton steps
+        (BFGS) between the bounds, no longer than flights follow one another.
+        """
+        names = list(held)
+        bounds = length_bounds(self.solver.arrays, self.start[0])
+        low, high = bounds[0][names], bounds[1][names]
+        x = np.clip(np.array([held[f] for f in names]), low, high)
+        there, slope = self._held(root, names, x)
+        radius = _FIRST_STEP
+        inverse = np.zeros((x.size, x.size))
+        for _ in range(_DESCENTS):
+            if not there.converged or there.taken_kg < enough_kg:
+                break
+            free = ~((x <= low) & (slope > 0.0) | (x >= high) & (slope < 0.0))
+            step = _step_down(inverse, slope, free, radius)
+            moved = np.clip(x + step, low, high) - x
+            # where nothing is taken there is no flight to go on from
+            beyond = there.taken_kg - 0.8 * enough_kg
+            moved *= min(1.0, beyond / max(-float(slope @ moved), _TINY))
+            if not np.abs(moved).max(initial=0.0) > _LAST_STEP:
+                break
+            further, next_slope = self._held(there, names, x + moved)
+            gain = there.taken_kg - further.taken_kg
+            if not further.converged or gain < _ARMIJO * -float(slope @ moved):
+                radius = 0.25 * float(np.abs(moved).max())
+                continue
+            inverse = _updated(inverse, moved, next_slope - slope)
+            radius = min(2.0 * radius, _LONGEST_STEP)
+            x, there, slope = x + moved, further, next_slope
+        return there
+
+    def _held(self, root: Root, names: list[int], x: Array) -> tuple[Root, Array]:
+        """The flight with arcs held, and the slope of what it takes, kg/s."""
+        solver, start = self.solver, self.start
+        solver.hold(start, dict(zip(names, x, strict=True)))
+        there = self.take(solver.solve(start, root.unknowns, restart=False))
+        return there, -solver.work["switches"]["worth"][0, names] / solver.work["price"][0]
+
+
+def _step_down(inverse: Array, slope: Array, free: NDArray[np.bool_], radius: float) -> Array:
+    """Quasi-Newton step along the free lengths, no longer than a radius."""
+    step = np.where(free, -(inverse @ np.where(free, slope, 0.0)), 0.0)
+    if not step @ slope < 0.0:
+        step = np.where(free, -slope, 0.0)
+        size = float(np.abs(step).max(initial=0.0))
+        return step * (radius / size) if size > 0.0 else step
+    return step * min(1.0, radius / float(np.abs(step).max()))
+
+
+def _updated(inverse: Array, moved: Array, change: Array) -> Array:
+    """Inverse Hessian by BFGS; as it was where the curvature is not positive."""
+    curvature = float(moved @ change)
+    if curvature <= 0.0:
+        return np.zeros_like(inverse)
+    if not inverse.any():
+        inverse = np.eye(moved.size) * curvature / float(change @ change)
+    turn = np.eye(moved.size) - np.outer(moved, change) / curvature
+    return turn @ inverse @ turn.T + np.outer(moved, moved) / curvature
 
 
 def unknowns_of(
@@ -161,6 +213,22 @@ def unknowns_of(
     drops = unknowns[COLUMN_JETTISON : solver.ends(start).start : 2]
     drops[:] = np.linspace(float(start["time"][0]), time, drops.size + 2)[1:-1]
     return unknowns
+
+
+def lengths_of(solver: TwoPointSolver, start: NDArray[np.void], unknowns: Array) -> Array:
+    """Lengths of the free arcs that unknowns have, s: the reverse of :func:`unknowns_of`."""
+    arcs = solver.arrays.arcs
+    free = free_arcs(solver.arrays, start[0])
+    ends = unknowns[solver.ends(start)]
+    lengths = np.zeros(len(free))
+    time = float(start["arc_start_time"][0])
+    for k in range(int(start["arc"][0]), len(arcs) - 1):
+        if k in free:
+            lengths[free.index(k)] = ends[free.index(k)] - time
+            time = float(ends[free.index(k)])
+        else:
+            time += float(arcs[k]["duration"])
+    return lengths
 
 
 def along_velocity(solver: TwoPointSolver, start: NDArray[np.void], unknowns: Array) -> Array:
@@ -194,7 +262,8 @@ def find_planned(
     solver.options["max_iterations"] = _ITERATIONS
     try:
         if guess is not None:
-            search.release(_as_root(guess, solver, start))
+            search.consider(search.take(solver.solve(start, guess, restart=False)))
+            _from_held(search, lengths_of(solver, start, guess), guess)
         for trial, lengths in enumerate(trial_lengths(solver.arrays, start)):
             if trial == _MOST_TRIALS or search.vanishes or solver.deadline.passed:
                 break
@@ -213,30 +282,28 @@ def find_planned(
     return replace(root, iterations=search.iterations, restarts=max(0, search.restarts - 1))
 
 
-def _as_root(guess: Array, solver: TwoPointSolver, start: NDArray[np.void]) -> Root:
-    count = len(free_arcs(solver.arrays, start[0]))
-    holds = (NOT_HELD,) * count
-    drops = solver.drops(start)
-    return Root(guess, 0, math.inf, 0, -1, drops, np.zeros(count), holds, math.nan)
+def made_finer(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> Root:
+    """A root of :func:`find_planned` on the solver's present grid.
+
+    One that takes next to nothing goes on downhill, to a flight that takes nothing to speak of.
+    """
+    held = {f: root.lengths[f] for f, hold in enumerate(root.holds) if hold == HELD}
+    if not held:
+        return solver.solve(start, root.unknowns, restart=False)
+    search = _Search(solver, start)
+    nothing = _NOTHING_S * float(solver.arrays.arcs[-1]["mass_flow"])
+    there = search.downhill(root, held, nothing)
+    if there.converged and there.taken_kg >= nothing:
+        search.release(there)
+    found = search.best or there
+    return replace(found, iterations=search.iterations, restarts=search.restarts)
 
 
 def _try(search: _Search, lengths: Array) -> None:
     """From one set of lengths: held first, and along the velocity at once."""
     solver, start = search.solver, search.start
     longest = _longest_last(solver)
-    unknowns = unknowns_of(solver, start, lengths, _BURNT * longest)
-    held = dict(enumerate(lengths))
-    if math.isfinite(solver.arrays.arcs[-1]["duration"]):
-        # one burn has to pay
-        held.pop(_last_free_burn(solver, start))
-    solver.hold(start, held)
-    solver.options["max_iterations"] = _ITERATIONS_HELD
-    root = search.take(solver.solve(start, None, times=unknowns))
-    solver.options["max_iterations"] = _ITERATIONS
-    if root.converged:
-        search.release(root)
-        if search.beats(root) and not search.vanishes:
-            search.descend(root, held)
+    _from_held(search, lengths)
     solver.hold(start, {})
     # from an orbit most is burnt at the end, in one go
     orbits = solver.arrays.arcs[int(start["arc"][0])]["kind"] == COAST
@@ -244,6 +311,25 @@ def _try(search: _Search, lengths: Array) -> None:
         unknowns = unknowns_of(solver, start, lengths, part * longest)
         ahead = along_velocity(solver, start, unknowns)
         search.consider(search.take(solver.solve(start, ahead, restart=False)))
+
+
+def _from_held(search: _Search, lengths: Array, guess: Array | None = None) -> None:
+    """From flights of held lengths, by a guess or by the solver's own; then let go, or downhill."""
+    solver, start = search.solver, search.start
+    times = unknowns_of(solver, start, lengths, _BURNT * _longest_last(solver))
+    held = dict(enumerate(lengths))
+    if math.isfinite(solver.arrays.arcs[-1]["duration"]):
+        # one burn has to pay
+        held.pop(_last_free_burn(solver, start))
+    solver.hold(start, held)
+    fewer = int(solver.options["max_iterations"][0])
+    solver.options["max_iterations"] = _ITERATIONS_HELD
+    root = search.take(solver.solve(start, guess, times=times, restart=guess is None))
+    solver.options["max_iterations"] = fewer
+    if root.converged:
+        search.release(root)
+        if search.beats(root) and not search.vanishes:
+            search.descend(root, held)
 
 
 def _last_free_burn(solver: TwoPointSolver, start: NDArray[np.void]) -> int:

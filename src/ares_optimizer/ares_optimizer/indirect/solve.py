@@ -25,7 +25,7 @@ from ares_models.arrays import (
 )
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.indirect.closed_form import flight_errors
-from ares_optimizer.indirect.free_arcs import find_planned
+from ares_optimizer.indirect.free_arcs import find_planned, made_finer
 from ares_optimizer.indirect.kernels import sample
 from ares_optimizer.indirect.solver import (
     Guess,
@@ -56,6 +56,7 @@ from ares_optimizer.solution import (
     Trajectory,
     failed,
     infeasible,
+    next_to_nothing,
 )
 from ares_optimizer.targets import figures_of, half_turn, in_unit, target_rows
 from ares_optimizer.two_point.arrays import (
@@ -221,6 +222,8 @@ def _find(solver: TwoPointSolver, start: NDArray[np.void], guess: Array | None) 
         return root
     if solver.options["propagator"][0] == RUNGE_KUTTA:
         solver.options["step"] = _fine(fine, start, root)
+    if planned:
+        return _added(made_finer(solver, start, root), root, 0)
     return _added(solver.solve(start, root.unknowns, restart=False), root, 0)
 
 
@@ -630,11 +633,7 @@ def _how_good(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> Ca
     inside = (root.lengths > low + _SAME_LENGTH) & (root.lengths < high - _SAME_LENGTH)
     if not any(hold == HELD and free for hold, free in zip(root.holds, inside, strict=True)):
         return OPTIMAL
-    return Cause(
-        Status.CONVERGED,
-        f"optimal within {root.taken_kg:.3g} kg, which is all that the free burns take: those of "
-        "fixed length all but reach the target",
-    )
+    return Cause(Status.CONVERGED, next_to_nothing(root.taken_kg))
 
 
 def _length_checks(

@@ -13,10 +13,13 @@ from ares_optimizer.deadline import Deadline
 from ares_optimizer.indirect.kernels import sample
 from ares_optimizer.kernels import timetable
 from ares_optimizer.kernels.timetable import COLUMN_CUTOFF, COLUMN_JETTISON, MAX_UNKNOWNS
-from ares_optimizer.plan import free_arcs, plans_arcs
+from ares_optimizer.plan import free_arcs, length_bounds, plans_arcs
 from ares_optimizer.request import Heating
 from ares_optimizer.solution import OptimizerError
 from ares_optimizer.two_point.arrays import (
+    AT_LONGEST,
+    AT_SHORTEST,
+    DRY,
     HELD,
     INVERSE_SQUARE,
     LAMBDA_R,
@@ -52,6 +55,7 @@ STEP_S = 10.0
 #: Arc of the closed form, s.
 ARC_LENGTH_S = 5.0
 _SAMPLE_S = 2.0
+_AT_BOUND_S = 1e-6
 
 
 @dataclass(frozen=True)
@@ -120,6 +124,7 @@ class Root:
         holds: what held each of them: ``two_point.arrays``: NOT_HELD, AT_SHORTEST, ...
         taken_kg: propellant that the free burns take from now on, but for the tail-off of the
             last; nan where nothing is planned.
+        lowest_m: least radius of the flight.
     """
 
     unknowns: Array
@@ -131,6 +136,7 @@ class Root:
     lengths: Array
     holds: tuple[int, ...]
     taken_kg: float
+    lowest_m: float
 
     @property
     def cutoff_s(self) -> float:
@@ -380,6 +386,7 @@ class TwoPointSolver:
         n = self.size(start)
         lengths = np.zeros(0)
         taken = math.nan
+        lowest = float(self.work["lowest"][0])
         if self.plans_arcs(start):
             begin_flight(start[0], self._mission, self.options[0], unknowns, self.work[0])
             arcs = self.arrays.arcs
@@ -400,6 +407,7 @@ class TwoPointSolver:
             lengths,
             holds,
             taken,
+            lowest,
         )
 
     def hold(self, start: NDArray[np.void], lengths: Mapping[int, float]) -> None:
@@ -414,6 +422,22 @@ class TwoPointSolver:
         for f, length in lengths.items():
             switches[f]["hold"] = HELD
             switches[f]["length"] = length
+
+    def press(self, start: NDArray[np.void], lengths: Array) -> None:
+        """Hold free arcs that are at a bound of their length there, until they would leave it.
+
+        Args:
+            start: shape (1,), dtype NAVIGATION.
+            lengths: s, of :func:`plan.free_arcs`.
+        """
+        switches = self.work["switches"][0]
+        low, high = length_bounds(self.arrays, start[0])
+        for f, k in enumerate(free_arcs(self.arrays, start[0])):
+            if lengths[f] <= low[f] + _AT_BOUND_S:
+                switches[f]["hold"] = AT_SHORTEST
+            elif lengths[f] >= high[f] - _AT_BOUND_S:
+                dry = high[f] < self.arrays.arcs[k]["longest"]
+                switches[f]["hold"] = DRY if dry else AT_LONGEST
 
     def newton(self, start: NDArray[np.void], unknowns: Array) -> Root:
         """Newton's method from a guess and nothing else: what a guidance cycle calls."""

@@ -59,6 +59,7 @@ _ROUNDING = 1e-13  # of the residuals: under a micrometre; near cut-off no step 
 _CLOSE = 0.1  # scaled step within which a trial goes without a Jacobian
 _CONTRACTION = 0.1  # of simplified corrections, to go on with the same factors
 _NEAR_FLOOR = 1.0  # s
+_INSIDE = 0.5  # s, of a guessed drop to its bounds at most: so near it can run into its floor
 _FAR = 1e7  # s, a cut-off beyond every event
 _NEAR_BOUND = 0.02  # of the span between the bounds of an arc
 _LONGEST_SPAN = 100.0  # s, of an arc without a longest length, in that sense
@@ -220,8 +221,10 @@ def _move_inside(start: Record, unknowns: NDArray[np.float64], work: Record) -> 
             unknowns[i] = work.floor[i] + AT_ONCE
             continue
         span = unknowns[COLUMN_CUTOFF] - work.floor[i]
+        # after a long coast a hundredth is a long time
+        inside = min(0.01 * span, _INSIDE)
         unknowns[i] = min(
-            max(unknowns[i], work.floor[i] + 0.01 * span), unknowns[COLUMN_CUTOFF] - 0.01 * span
+            max(unknowns[i], work.floor[i] + inside), unknowns[COLUMN_CUTOFF] - inside
         )
 
 
