@@ -101,7 +101,7 @@ class SteeringArc:
         end_mass_kg: just before ``end_s``, drops not done.
         delta_v_m_s: integral of thrust acceleration.
         primer_rate: shape (3,), 1/s, of the primer that is ``direction`` at ``start_s``; nan: the
-            method has none.
+            method has none, or the direction is held.
     """
 
     start_s: float

@@ -239,6 +239,14 @@ class TestProof:
         ours, theirs = (t.direction[np.searchsorted(t.time_s, middle)] for t in (own, flown))
         assert ours == pytest.approx(theirs, abs=1e-9)
 
+    def test_the_laws_of_a_solution(self, solved):
+        """What guidance is served: the direction stands still, and no primer has it."""
+        laws = {arc.start_s: arc for arc in solved[MIDDLE].arcs}
+        held = laws[135.0]
+        assert held.direction_rate == (0.0, 0.0, 0.0)
+        assert np.isnan(held.primer_rate).all()
+        assert np.isfinite(laws[185.0].primer_rate).all()
+
     def test_another_direction_is_found_out(self, solved):
         solution = solved[MIDDLE]
         (check,) = [c for c in solution.constraints if c.key is Check.HELD_DIRECTION]

@@ -511,6 +511,9 @@ def _steering_arcs(pieces: NDArray[np.void], flight: Array) -> tuple[SteeringArc
         direction = primer / size
         rate = change / (size * length)
         primer_rate = -first[sample.LAMBDA_R : sample.LAMBDA_R + 3] / size
+        if piece["held"]:
+            # its direction is no primer
+            primer_rate = np.full(3, math.nan)
         laws.append(
             SteeringArc(
                 float(piece["start"]),
