@@ -106,6 +106,16 @@ def test_a_search_that_burns_the_vehicle_up_is_a_failure():
     assert solution.trajectory is None
 
 
+def test_a_direct_flight_through_the_ground_is_no_solution():
+    """Of the lengths tried none leads to a flight that stays up."""
+    mission = random_coasting_mission(139)
+    deep = [np.array([2600.0, 623.96871956])]
+    asked = replace(request(mission, "direct11"), verify=False)
+    solution = solve_direct_planned(asked, deep)
+    assert not solution.converged
+    assert "goes through the ground" in solution.reason
+
+
 def test_lengths_of_unknowns():
     mission = random_coasting_mission(3)
     start = mission.start().navigation()
