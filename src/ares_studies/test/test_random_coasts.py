@@ -82,7 +82,7 @@ def test_burns_that_lack_the_energy_are_not_tried():
     assert not fixed_burns_fall_short(with_lengths(arrays, state[0], low), there)
 
 
-@pytest.mark.parametrize("seed", [3, 45])
+@pytest.mark.parametrize("seed", [45, 476])
 def test_direct_solutions_of_a_grid_do_no_better(seed):
     mission = random_coasting_mission(seed)
     solution = solve(mission, "indirect")
