@@ -82,7 +82,7 @@ def test_burns_that_lack_the_energy_are_not_tried():
     assert not fixed_burns_fall_short(with_lengths(arrays, state[0], low), there)
 
 
-@pytest.mark.parametrize("seed", [3, 45])
+@pytest.mark.parametrize("seed", [45, 476])
 def test_direct_solutions_of_a_grid_do_no_better(seed):
     mission = random_coasting_mission(seed)
     solution = solve(mission, "indirect")
@@ -104,6 +104,16 @@ def test_a_search_that_burns_the_vehicle_up_is_a_failure():
     solution = solve(planned, "direct11", state=start)
     assert not solution.converged
     assert solution.trajectory is None
+
+
+def test_a_direct_flight_through_the_ground_is_no_solution():
+    """Of the lengths tried none leads to a flight that stays up."""
+    mission = random_coasting_mission(139)
+    deep = [np.array([2600.0, 623.96871956])]
+    asked = replace(request(mission, "direct11"), verify=False)
+    solution = solve_direct_planned(asked, deep)
+    assert not solution.converged
+    assert "goes through the ground" in solution.reason
 
 
 def test_lengths_of_unknowns():
