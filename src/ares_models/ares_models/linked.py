@@ -90,14 +90,10 @@ class _LinkedDispatcher(CPUDispatcher):
 class _MachineCode(FunctionCache):
     """What is on disk, loaded without all that numba compiles with: 0.3 s of imports."""
 
-    def __init__(self, function: FunctionType, counts_references: bool) -> None:
-        super().__init__(function)
-        self._counts_references = counts_references
-
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """See the base class; whoever compiles after all imports the rest then."""
-        if self._counts_references:
-            rtsys.initialize(target_context)
+        # what kernels that make arrays call, and those that call them in turn
+        rtsys.initialize(target_context)
         with self._guard_against_spurious_io_errors():
             return self._load_overload(sig, target_context)
 
@@ -105,7 +101,7 @@ class _MachineCode(FunctionCache):
 class _MachineCodeDispatcher(CPUDispatcher):
     def __init__(self, function: FunctionType, options: dict[str, Any]) -> None:
         super().__init__(function, targetoptions=options, pipeline_class=_ClosedCompiler)
-        self._cache = _MachineCode(function, options["_nrt"])
+        self._cache = _MachineCode(function)
 
     def _compilation_chain_init_hook(self) -> None:
         """Look for no extensions of numba in all that is installed: 0.02 s."""

@@ -159,3 +159,28 @@ def test_a_kernel_is_linked_once_for_all_literals_and_compiled_when_python_calls
     for linked in (1, 0):
         done = run_kernels(LINKED, tmp_path)
         assert (done.stdout, done.stderr) == (f"5.0 {linked} []\n4.0\n", "")
+
+
+ALLOCATES = """
+import numpy as np
+from ares_models.jit import allocating, kernel
+
+
+@allocating
+def summed(n):
+    return np.ones(n).sum()
+
+
+@kernel
+def twice(n):
+    return 2.0 * summed(n)
+
+
+print(twice(3))
+"""
+
+
+def test_a_kernel_loaded_from_the_cache_may_call_one_that_makes_arrays(tmp_path):
+    for _ in range(2):
+        done = run_kernels(ALLOCATES, tmp_path)
+        assert (done.stdout, done.stderr) == ("6.0\n", "")
