@@ -41,13 +41,18 @@ MISSIONS = (
 )
 
 
-@pytest.mark.parametrize("name", MISSIONS)
-def test_the_optimum_is_flown(name):
+def flown_by(law, name):
+    """A mission, its optimum, and the flight by a law that starts from it."""
     flight = mission(name)
     optimum = solve(flight, "indirect")
-    law = make_law("optimal", flight.arrays(foreseen=True))
-    law.start_from(offline_trajectory(optimum))
-    flown = fly_compiled(flight, law=law)
+    ready = make_law(law, flight.arrays(foreseen=True))
+    ready.start_from(offline_trajectory(optimum))
+    return flight, optimum, fly_compiled(flight, law=ready)
+
+
+@pytest.mark.parametrize("name", MISSIONS)
+def test_the_optimum_is_flown(name):
+    flight, optimum, flown = flown_by("optimal", name)
     assert flown.plant["mass"] == pytest.approx(optimum.m_f_kg, abs=0.1)
     events = flown.events
     ends = events[np.isin(events["type"], (ARC_ENDED, CUTOFF))]["time"]
@@ -62,11 +67,8 @@ def test_the_optimum_is_flown(name):
 
 @pytest.mark.parametrize("name", MISSIONS)
 def test_peg_on_a_plan_loses_little(name):
-    flight = mission(name)
-    optimum = solve(flight, "indirect")
-    law = make_law("peg", flight.arrays(foreseen=True))
-    law.start_from(offline_trajectory(optimum))
-    flown = fly_compiled(flight, law=law).plant
+    flight, optimum, flight_by_peg = flown_by("peg", name)
+    flown = flight_by_peg.plant
     assert flown["inserted"] == 1
     arcs = flight.arrays().arcs
     lost = arcs["exhaust_velocity"][-1] * np.log(optimum.m_f_kg / flown["mass"])
