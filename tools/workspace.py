@@ -51,13 +51,14 @@ ALSO = {
     "montecarlo": ("pages.txt",),
     "plot": ("pages.txt",),
     "prepare": EVERYTHING,
+    "report": ("pages.txt",),
     "reproduce": ("pages.txt",),
     "test": EVERYTHING,
 }
 #: What of the kernels a verb needs; the name of a law: what a flight by it calls.
 ALL_KERNELS = "all"
 NO_KERNELS = ""
-FEW_KERNELS = ("", "-h", "bag", "env", "missions", "plot", "replay")
+FEW_KERNELS = ("", "-h", "bag", "env", "missions", "plot", "replay", "report")
 #: The law whose kernels compile while the messages are built: it is known without a registry.
 FIRST_LAW = "peg"
 COMPILING = {True: "once, until they change: a minute", False: "once, half a minute"}
