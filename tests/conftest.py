@@ -1,5 +1,7 @@
 """What the tests that cross packages share."""
 
+import importlib.util
+import os
 import shutil
 import sys
 from collections.abc import Callable
@@ -19,10 +21,17 @@ from ares_msgs.msg import FlightEvent, FlightMember, NavState
 from ares_node.node import FlightNode
 from ares_node.qos import EVENTS, FLIGHT, FLIGHT_MEMBER, MEMBERS, reliable
 from ares_node.testing import ros_context, ros_domain, ros_environment, spin_until
+from ares_studies.pages.testing import SIZES
 
 __all__ = ["graph", "ros_context", "ros_domain", "ros_environment"]
 
 DIAGNOSTICS = reliable(1000)
+
+ROOT = Path(__file__).parent.parent
+BROWSER_FLAGS = [
+    *("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
+    *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
+]
 
 
 class Graph:
@@ -112,3 +121,55 @@ def ros2() -> list[str]:
 def graph(ros_context):
     with ExitStack() as stack:
         yield Graph(ros_context, stack)
+
+
+def find_browser() -> str:
+    spec = importlib.util.spec_from_file_location("workspace", ROOT / "tools" / "workspace.py")
+    workspace = importlib.util.module_from_spec(spec)
+    sys.modules["workspace"] = workspace
+    spec.loader.exec_module(workspace)
+    found = workspace.find_browser(os.environ)
+    assert found, workspace.NO_BROWSER
+    return found
+
+
+@pytest.fixture(scope="module")
+def browser():
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as play:
+        opened = play.chromium.launch(executable_path=find_browser(), args=BROWSER_FLAGS)
+        yield opened
+        opened.close()
+
+
+@pytest.fixture
+def open_file(browser):
+    """Opens a page as a reader would, network off; afterwards nothing may have gone wrong."""
+    complaints = []
+    contexts = []
+
+    def opener(path: Path, size: str, theme: str, **settings):
+        width, height = SIZES[size]
+        context = browser.new_context(
+            viewport={"width": width, "height": height},
+            color_scheme=theme,
+            offline=True,
+            **settings,
+        )
+        contexts.append(context)
+        page = context.new_page()
+        page.on("console", lambda message: complaints.append(message.text))
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on(
+            "request",
+            lambda request: request.url.startswith("file://") or complaints.append(request.url),
+        )
+        page.goto(path.as_uri())
+        page.wait_for_function("document.documentElement.dataset.drawn", timeout=240_000)
+        return page
+
+    yield opener
+    for context in contexts:
+        context.close()
+    assert not complaints

@@ -1,101 +1,18 @@
 """The page of `ares reproduce` in a browser: legible, complete, and without a network."""
 
-import importlib.util
 import json
 import math
-import os
-import sys
-from pathlib import Path
+from functools import partial
 
 import pytest
-from playwright.sync_api import sync_playwright
 
 from ares_bringup.commands.cli import main
 from ares_bringup.commands.reproduce import DATA, PAGE
+from ares_studies.pages.testing import FIGURES, SIZES, TEXTS, THEMES
 
-ROOT = Path(__file__).parent.parent
-THEMES = ("light", "dark")
-SIZES = {"wide": (1280, 900), "narrow": (390, 844)}
-FLAGS = [
-    *("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
-    *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
-]
 LEAST_CONTRAST = 4.5
 LEAST_FONT_PX = 12.0
 LEAST_TAP_PX = 44.0
-
-#: Every piece of text that is shown: what it is, its size, its contrast, where it is.
-TEXTS = """() => {
-  const canvas = new OffscreenCanvas(1, 1).getContext("2d", { willReadFrequently: true });
-  const paint = (colour) => {
-    canvas.clearRect(0, 0, 1, 1);
-    canvas.fillStyle = colour;
-    canvas.fillRect(0, 0, 1, 1);
-    return [...canvas.getImageData(0, 0, 1, 1).data];
-  };
-  const light = ([r, g, b]) => {
-    const [x, y, z] = [r, g, b].map((c) => {
-      const s = c / 255;
-      return s <= 0.04045 ? s / 12.92 : ((s + 0.055) / 1.055) ** 2.4;
-    });
-    return 0.2126 * x + 0.7152 * y + 0.0722 * z;
-  };
-  const behind = (element) => {
-    for (let e = element; e; e = e.parentElement) {
-      const colour = paint(getComputedStyle(e).backgroundColor);
-      if (colour[3] === 255) return colour;
-    }
-    return [255, 255, 255, 255];
-  };
-  const found = [];
-  const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
-  while (walker.nextNode()) {
-    const node = walker.currentNode;
-    const element = node.parentElement;
-    if (!node.textContent.trim() || element.closest("script, style, noscript")) continue;
-    const range = document.createRange();
-    range.selectNodeContents(node);
-    const box = range.getBoundingClientRect();
-    if (box.width === 0 || !element.checkVisibility()) continue;
-    const style = getComputedStyle(element);
-    const svg = element.closest("svg");
-    const ink = light(paint(svg ? style.fill : style.color));
-    const ground = light(behind(svg ? svg.parentElement : element));
-    found.push({
-      text: node.textContent.trim().slice(0, 40), size: parseFloat(style.fontSize),
-      contrast: (Math.max(ink, ground) + 0.05) / (Math.min(ink, ground) + 0.05),
-      chart: svg !== null,
-    });
-  }
-  return found;
-}"""
-
-#: Per figure: size of its drawing, its traces, its words that overlap or stick out.
-FIGURES = """() => [...document.querySelectorAll(".plot")].map((plot) => {
-  const frame = plot.getBoundingClientRect();
-  const words = [...plot.querySelectorAll("svg text")]
-    .map((text) => [text.textContent, text.getBoundingClientRect()])
-    .filter(([text, box]) => text && box.width > 0);
-  const cropped = words.filter(([, box]) => box.left < frame.left - 1 || box.right > frame.right + 1
-    || box.top < frame.top - 1 || box.bottom > frame.bottom + 1);
-  const overlapping = [];
-  words.forEach(([one, a], i) => words.slice(i + 1).forEach(([other, b]) => {
-    const across = Math.min(a.right, b.right) - Math.max(a.left, b.left);
-    const down = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
-    if (across > 1 && down > 2) overlapping.push(`${one} | ${other}`);
-  }));
-  const drawn = [...plot.querySelectorAll(".trace.scatter")].filter((trace) =>
-    [...trace.querySelectorAll("path")].some((path) => {
-      const box = path.getBoundingClientRect();
-      return box.width + box.height > 0;
-    }));
-  const svg = plot.querySelector("svg").getBoundingClientRect();
-  return {
-    key: plot.dataset.key, width: svg.width, height: svg.height, traces: drawn.length,
-    cropped: cropped.map(([text]) => text), overlapping, words: words.length,
-    data: plot.data.map(({ x, y }) => [x, y]),
-  };
-})"""
 
 TABLES = """() => Object.fromEntries(
   [...document.querySelectorAll(".item.table table")].map((table) => [
@@ -107,16 +24,6 @@ TABLES = """() => Object.fromEntries(
         ? row.nextElementSibling.textContent : "",
     })),
   ]))"""
-
-
-def find_browser():
-    spec = importlib.util.spec_from_file_location("workspace", ROOT / "tools" / "workspace.py")
-    workspace = importlib.util.module_from_spec(spec)
-    sys.modules["workspace"] = workspace
-    spec.loader.exec_module(workspace)
-    found = workspace.find_browser(os.environ)
-    assert found, workspace.NO_BROWSER
-    return found
 
 
 @pytest.fixture(scope="module")
@@ -131,44 +38,9 @@ def report(folder):
     return json.loads((folder / DATA).read_text(encoding="utf-8"))
 
 
-@pytest.fixture(scope="module")
-def browser():
-    with sync_playwright() as play:
-        opened = play.chromium.launch(executable_path=find_browser(), args=FLAGS)
-        yield opened
-        opened.close()
-
-
 @pytest.fixture
-def open_page(browser, folder):
-    """Opens the page as a reader would, network off; afterwards nothing may have gone wrong."""
-    complaints = []
-    contexts = []
-
-    def opener(size, theme, **settings):
-        width, height = SIZES[size]
-        context = browser.new_context(
-            viewport={"width": width, "height": height},
-            color_scheme=theme,
-            offline=True,
-            **settings,
-        )
-        contexts.append(context)
-        page = context.new_page()
-        page.on("console", lambda message: complaints.append(message.text))
-        page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.on(
-            "request",
-            lambda request: request.url.startswith("file://") or complaints.append(request.url),
-        )
-        page.goto((folder / PAGE).as_uri())
-        page.wait_for_function("document.documentElement.dataset.drawn", timeout=240_000)
-        return page
-
-    yield opener
-    for context in contexts:
-        context.close()
-    assert not complaints
+def open_page(open_file, folder):
+    return partial(open_file, folder / PAGE)
 
 
 @pytest.mark.parametrize("theme", THEMES)

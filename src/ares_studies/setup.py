@@ -12,7 +12,9 @@ setup(
     maintainer="Ares maintainers",
     maintainer_email="ares-maintainers@example.org",
     packages=find_packages(exclude=["test", "test.*"]),
-    package_data={PACKAGE: ["py.typed", "*/*.yaml", "*/*.html", "*/*.css", "*/*.js"]},
+    package_data={
+        PACKAGE: ["py.typed", "*/*.yaml", "*/*.html", "*/*.css", "*/*.js", "*/*.json", "*/*.md"]
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

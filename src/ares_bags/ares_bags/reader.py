@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ares_bags.contents import topic_of
 from ares_bags.decoded import numbers
 from ares_bags.errors import BagError, cause
+from ares_bags.layout import fixed_layout
 from ares_bags.metadata import (
     METADATA_FILE,
     RECORD_NAME,
@@ -208,9 +209,16 @@ class Bag:
         Raises:
             BagError: unknown topic, or the file is damaged.
         """
+        name = self.name_of(topic)
+        layout = fixed_layout(self.topics[name].type_name, self.topics[name].definition)
+        if layout is not None:
+            raw = [(log_time, data) for _, log_time, data in self._raw([name])]
+            read = layout.columns([data for _, data in raw])
+            if read is not None:
+                return {LOG_TIME: np.array([time for time, _ in raw], dtype=np.int64)} | read
         times: list[int] = []
         rows: list[dict[str, Any]] = []
-        for log_time, message in self.messages(topic):
+        for log_time, message in self.messages(name):
             times.append(log_time)
             rows.append(dict(numbers(message)))
         columns = {LOG_TIME: np.array(times, dtype=np.int64)}

@@ -25,6 +25,7 @@ from ares_bringup.summary import (
     EXIT_INTERRUPTED,
     FlightSummary,
     MissionFacts,
+    facts_of,
 )
 from ares_bringup.watch import PATIENCE, START_TIMEOUT, Watch
 from ares_node.domains import claim_domain
@@ -87,21 +88,11 @@ def mission_facts(name: str) -> MissionFacts:
 
     try:
         mission = load_mission(name)
-        arrays = mission.arrays()
+        mission.atmosphere()
     except ValueError as error:
         # a wrong file, or an atmosphere that cannot be had
         raise CannotStart(" ".join(str(error).split())) from error
-    heating = [jettison.heating_limit_w_m2 is not None for jettison in mission.jettisons]
-    return MissionFacts(
-        name=mission.name,
-        title=mission.title,
-        mu=mission.environment.mu_m3_s2,
-        target=arrays.target[0],
-        arcs=mission.arc_names,
-        stages=mission.stage_names,
-        jettisons=mission.jettison_names,
-        fairing=heating.index(True) if True in heating else None,
-    )
+    return facts_of(mission)
 
 
 def absolute_namespace(namespace: str) -> str:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ares_models.arrays import (
     LONGEST_FLIGHT,
@@ -38,6 +38,9 @@ from ares_vehicle_sim.arrays import (
     STAGING,
     TIME_LIMIT,
 )
+
+if TYPE_CHECKING:
+    from ares_models.mission import Mission
 
 EVENT_NAMES = {
     FLIGHT_STARTED: "flight started",
@@ -123,6 +126,23 @@ class MissionFacts:
     stages: Sequence[str] = ()
     jettisons: Sequence[str] = ()
     fairing: int | None = None
+
+
+def facts_of(mission: "Mission") -> MissionFacts:
+    """What is needed of a mission."""
+    from ares_models.mission_target import target_record
+
+    heating = [jettison.heating_limit_w_m2 is not None for jettison in mission.jettisons]
+    return MissionFacts(
+        name=mission.name,
+        title=mission.title,
+        mu=mission.environment.mu_m3_s2,
+        target=target_record(mission)[0],
+        arcs=mission.arc_names,
+        stages=mission.stage_names,
+        jettisons=mission.jettison_names,
+        fairing=heating.index(True) if True in heating else None,
+    )
 
 
 @dataclass(frozen=True)

@@ -195,25 +195,15 @@ class Mission(Part):
             MissionError: a package that the atmosphere needs is missing.
         """
         return MissionArrays(
-            environment=self._environment_array(),
+            environment=self.environment_array(),
             atmosphere=self.atmosphere().table.copy(),
             arcs=self._arc_array(foreseen),
             jettisons=self._jettison_array(),
             target=target_record(self),
         )
 
-    def describe(self) -> dict[str, str]:
-        """Short texts for a listing: name, title, stages, jettisons, target, source."""
-        return {
-            "name": self.name,
-            "title": self.title,
-            "stages": ", ".join(self.stage_names),
-            "jettisons": ", ".join(self.jettison_names) or "none",
-            "target": self.target.describe(),
-            "source": " ".join(self.source.split()),
-        }
-
-    def _environment_array(self) -> NDArray[np.void]:
+    def environment_array(self) -> NDArray[np.void]:
+        """Gravity, figure and rotation as kernels take them, shape (1,), dtype ENVIRONMENT."""
         part = self.environment
         record = np.zeros(1, layout.ENVIRONMENT)
         record["mu"] = part.mu_m3_s2
@@ -227,6 +217,17 @@ class Mission(Part):
             layout.ALTITUDE_ELLIPSOID if part.altitude == "ellipsoid" else layout.ALTITUDE_SPHERICAL
         )
         return record
+
+    def describe(self) -> dict[str, str]:
+        """Short texts for a listing: name, title, stages, jettisons, target, source."""
+        return {
+            "name": self.name,
+            "title": self.title,
+            "stages": ", ".join(self.stage_names),
+            "jettisons": ", ".join(self.jettison_names) or "none",
+            "target": self.target.describe(),
+            "source": " ".join(self.source.split()),
+        }
 
     def _arc_array(self, foreseen: bool) -> NDArray[np.void]:
         rows = []

@@ -9,6 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from ares_studies.flight_page.geometry import thrust_angles
+
 Columns = Mapping[str, NDArray[np.float64]]
 
 INK = "#1f2933"
@@ -48,7 +50,8 @@ def draw_flight(
     _line(axes[1, 0], t, np.degrees(truth["flight_path_angle"]), "flight-path angle, deg")
     _level(axes[1, 0], target.get("flight_path_angle_deg"), "target")
     # the first sample stands before the first command
-    _line(axes[1, 1], t[1:], _pitch(truth)[1:], "pitch of the thrust above the horizon, deg")
+    pitch, _ = thrust_angles(truth["position"], truth["velocity"], truth["thrust_direction"])
+    _line(axes[1, 1], t[1:], pitch[1:], "pitch of the thrust above the horizon, deg")
     _line(axes[2, 0], t, truth["heating_rate"], "free molecular heating, W/m²")
     axes[2, 0].set_yscale("log")
     _level(axes[2, 0], heating_limit_w_m2, "limit")
@@ -73,12 +76,6 @@ def draw_flight(
     for panel in axes[2]:
         panel.set_xlabel("mission elapsed time, s", fontsize=9, color=INK)
     return figure
-
-
-def _pitch(truth: Columns) -> NDArray[np.float64]:
-    radial = truth["position"] / np.linalg.norm(truth["position"], axis=1, keepdims=True)
-    sine = np.sum(radial * truth["thrust_direction"], axis=1)
-    return np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0)))
 
 
 def _line(

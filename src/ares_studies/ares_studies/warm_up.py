@@ -14,6 +14,7 @@ from ares_guidance.laws import find_law
 from ares_guidance.registry import law_names
 from ares_models.mission import load_mission
 from ares_studies.closed_loop import fly_compiled, fly_stepwise
+from ares_studies.flight_page.geometry import impact_time
 from ares_studies.montecarlo.flights import Range, Settings
 from ares_vehicle_sim.dispersions import Dispersions
 
@@ -45,6 +46,13 @@ def compile_solvers() -> None:
     solve(load_mission("ares_v"), "jump")
 
 
+def compile_pages() -> None:
+    """What the page on a recorded flight calls."""
+    mission = load_mission("ares_v")
+    start = mission.start()
+    impact_time(start.position, start.velocity, mission.environment_array()[0])
+
+
 def compile_flights() -> None:
     """Solve by the indirect methods, whose kernels law `optimal` takes, and fly every law."""
     from ares_optimizer.solve import solve
@@ -53,6 +61,7 @@ def compile_flights() -> None:
     solve(load_mission("ares_v"), "indirect", verify=False)
     solve(load_mission("ares_v"), "closed_form", verify=False)
     compile_laws(*law_names())
+    compile_pages()
 
 
 def run(*parts: Callable[[], None]) -> int:

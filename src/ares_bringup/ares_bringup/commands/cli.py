@@ -453,6 +453,26 @@ def plot(
     typer.echo(plot_bag(bag, out))
 
 
+@app.command()
+def report(
+    bags: Annotated[
+        list[Path], typer.Argument(metavar="BAG...", help="Folders of bags, 5 at most.")
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="The page; default: report.html in the bag, of several comparison.html in the "
+            "first."
+        ),
+    ] = None,
+) -> None:
+    """Show a recorded flight, or several over each other, on one HTML page."""
+    _needs_pages()
+    from ares_bringup.commands.report import report as write_report
+
+    typer.echo(write_report(bags, out))
+
+
 NODES = {
     "sim": "ares_vehicle_sim",
     "guidance": "ares_guidance",

@@ -1,4 +1,5 @@
 // Draws every figure from the numbers that the page carries, in the colours of the theme.
+// Says "drawn" to the document each time it has drawn them all.
 "use strict";
 const report = JSON.parse(document.getElementById("report").textContent);
 const plots = [...document.querySelectorAll(".plot")];
@@ -8,6 +9,8 @@ const figures = Object.fromEntries(
     .map((item) => [item.key, item.content]),
 );
 const coarse = matchMedia("(pointer: coarse)").matches;
+// figures with one cursor over all: no pointer of their own, and zoomed in time only
+const linked = document.documentElement.dataset.figures === "linked";
 const dark = matchMedia("(prefers-color-scheme: dark)");
 const FONT = { family: "system-ui, -apple-system, 'Segoe UI', Roboto, Arial, sans-serif", size: 13 };
 const WIDTH = { line: 2, dashes: 2, dots: 2.5, step: 1.6, bars: 1.2, band: 8 };
@@ -83,13 +86,13 @@ function layout(figure) {
     paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
     margin: { l: 44, r: 10, t: 22, b: 26 }, showlegend: false,
     dragmode: coarse ? false : "zoom",
-    hovermode: innerWidth > 700 ? "x unified" : "closest",
+    hovermode: linked ? false : innerWidth > 700 ? "x unified" : "closest",
     hoverlabel: {
       bgcolor: colour("panel"), bordercolor: colour("edge"), font: { ...FONT, color: colour("ink") },
       namelength: -1,
     },
     xaxis: { ...axis, range, showgrid: false, nticks: innerWidth > 700 ? 8 : 6, hoverformat: ".2f" },
-    yaxis: { ...axis, ...vertical },
+    yaxis: { ...axis, ...vertical, ...(linked && { fixedrange: true }) },
     shapes: [
       ...figure.instants.map((instant) => ({
         type: "line", x0: instant.at, x1: instant.at, yref: "paper", y0: 0, y1: 1, layer: "below",
@@ -124,11 +127,33 @@ function draw(plot) {
 }
 
 async function drawAll() {
+  if (!window.Plotly) return;
   for (const plot of plots) {
     await draw(plot);
     await new Promise((resume) => setTimeout(resume));
   }
   document.documentElement.dataset.drawn = String(plots.length);
+  document.dispatchEvent(new Event("drawn"));
+}
+
+// the library that draws lies compressed in the page
+async function unpack() {
+  const packed = document.getElementById("plotly");
+  const bytes = Uint8Array.from(atob(packed.textContent), (letter) => letter.charCodeAt(0));
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+  const script = document.createElement("script");
+  script.textContent = await new Response(stream).text();
+  document.head.append(script);
+  packed.remove();
+}
+
+async function begin() {
+  if (!("DecompressionStream" in window)) {
+    document.getElementById("too-old").hidden = false;
+    return;
+  }
+  await unpack();
+  await drawAll();
 }
 
 document.querySelectorAll(".legend button").forEach((button) => {
@@ -172,4 +197,4 @@ const watcher = new IntersectionObserver(
 );
 document.querySelectorAll(".item").forEach((item) => watcher.observe(item));
 
-drawAll();
+begin();

@@ -1,0 +1,64 @@
+"""Time of `ares report`: the whole command, and its parts in a warm process."""
+
+import argparse
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from ares_bringup.commands.report import report
+from ares_bringup.recorded import read_flight
+from ares_studies.flight_page.data import Recording, make_flight
+from ares_studies.pages.templates import plotly
+
+
+def median(work: Callable[[], object], repeats: int) -> float:
+    """Median wall time, s, after a first call that is not counted."""
+    work()
+    times = []
+    for _ in range(repeats):
+        begun = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - begun)
+    return statistics.median(times)
+
+
+def main() -> None:
+    """Print medians over repeats."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("bag", type=Path, help="folder of a bag")
+    parser.add_argument("--repeats", type=int, default=5)
+    options = parser.parse_args()
+    flown = read_flight(options.bag)
+    recording = Recording(
+        "flight",
+        flown.law,
+        flown.mission,
+        flown.columns["vehicle_state"],
+        flown.columns["nav_state"],
+        flown.columns["guidance_status"],
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        page = Path(folder) / "report.html"
+        command = [sys.executable, "-m", "ares_bringup", "report", str(options.bag)]
+        parts: dict[str, Callable[[], object]] = {
+            "the command": lambda: subprocess.run(
+                [*command, "--out", str(page)], check=True, capture_output=True
+            ),
+            "  in a warm process": lambda: report([options.bag], page),
+            "    read and judge": lambda: read_flight(options.bag),
+            "    series": lambda: make_flight(recording),
+            "    pack plotly.js": plotly,
+        }
+        states = len(recording.truth["time"])
+        print(f"{states:,} states")
+        for name, work in parts.items():
+            print(f"{name:<24}{median(work, options.repeats):8.3f} s")
+        print(f"page {page.stat().st_size / 1e6:.2f} MB")
+
+
+if __name__ == "__main__":
+    main()

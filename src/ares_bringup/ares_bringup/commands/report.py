@@ -1,0 +1,301 @@
+"""What `ares report` does: flights from their bags onto a page. No ROS."""
+
+import math
+import os
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from ares_bags.reader import find_file
+from ares_bringup.options import CannotStart
+from ares_bringup.recorded import RecordedFlight, read_flight
+from ares_bringup.report import ORBIT_ERRORS, number, shown_path
+from ares_bringup.summary import (
+    Diagnostic,
+    FlightSummary,
+    Outcome,
+    insertion_tolerances,
+    orbit_state,
+)
+from ares_models.orbits import Elements
+from ares_studies.flight_page.data import Recording, make_flight
+from ares_studies.flight_page.page import (
+    MAX_FLIGHTS,
+    Account,
+    Complaint,
+    Happening,
+    make_report,
+    render,
+)
+from ares_studies.pages import parts
+from ares_studies.pages.parts import Cell, Column, Guide, Row, Table, small, word
+from ares_vehicle_sim.arrays import CUTOFF, JETTISON_DONE, STAGING
+
+PAGE = "report.html"
+COMPARISON = "comparison.html"
+#: Texts of diagnostics on a page.
+MAX_COMPLAINTS = 100
+
+#: Outcomes in a few words; more is said below them.
+VERDICTS = {
+    Outcome.TARGET: "Flown to the target",
+    Outcome.TARGET_MISSED: "Target missed",
+    Outcome.DEPLETION: "Propellant ran out",
+    Outcome.IMPACT: "Met the ground",
+    Outcome.TIME_LIMIT: "Not over in time",
+    Outcome.INCOMPLETE: "Incomplete: no end in this bag",
+}
+#: What the last mark on the globe is called.
+ENDINGS = {Outcome.TARGET: "insertion", Outcome.IMPACT: "impact"}
+#: Words for the marks of the charts.
+MARKS = {STAGING: "staging", JETTISON_DONE: "jettison", CUTOFF: "cut-off"}
+
+#: Judged quantities that every state has: name, unit and decimals. Others: `ORBIT_ERRORS`.
+STATE_QUANTITIES = {
+    "radius_m": ("radius", " m", 2),
+    "speed_m_s": ("speed", " m/s", 4),
+    "flight_path_angle_deg": ("flight-path angle", " deg", 6),
+    "inclination_deg": ("inclination", " deg", 6),
+    "ascending_node_deg": ("ascending node", " deg", 6),
+}
+_DECIMALS = {"eccentricity": 7, "argument_of_perigee_deg": 5, "true_anomaly_deg": 5}
+QUANTITIES = STATE_QUANTITIES | {
+    key: (name, unit, _DECIMALS.get(key, 1)) for key, (name, unit) in ORBIT_ERRORS.items()
+}
+
+
+def report(paths: Sequence[Path], out: Path | None) -> Path:
+    """Write the page on one flight, or on several that lie over each other.
+
+    Args:
+        paths: bags, MAX_FLIGHTS at most; of whatever missions.
+        out: the page; None: `report.html`, of several `comparison.html`, in the folder of the
+            first bag.
+
+    Returns:
+        The page.
+
+    Raises:
+        CannotStart: no such bag, no flight in it, its mission cannot be read, or the page
+            cannot be written; one line.
+    """
+    if len(paths) > MAX_FLIGHTS:
+        raise CannotStart(f"{len(paths)} bags; expected {MAX_FLIGHTS} at most, a colour each")
+    flown = [read_flight(path) for path in paths]
+    if out is None:
+        out = find_file(paths[0]).parent / (PAGE if len(paths) == 1 else COMPARISON)
+    names = short_names(flown)
+    accounts = [_account(name, flight) for name, flight in zip(names, flown, strict=True)]
+    flights = [make_flight(_recording(name, one)) for name, one in zip(names, flown, strict=True)]
+    comparison = _comparison(names, flown) if len(flown) > 1 else None
+    _write(out, render(make_report(flights, accounts, comparison)))
+    return out
+
+
+def _recording(name: str, flown: RecordedFlight) -> Recording:
+    return Recording(
+        name=name,
+        law=flown.law,
+        mission=flown.mission,
+        truth=flown.columns["vehicle_state"],
+        navigation=flown.columns["nav_state"],
+        status=flown.columns["guidance_status"],
+    )
+
+
+def short_names(flown: Sequence[RecordedFlight]) -> list[str]:
+    """A name for each flight: its law if no other has it, else its bag too, else a number too."""
+    names = [flight.law for flight in flown]
+    if len(set(names)) < len(names):
+        names = [f"{flight.law}, {_bag_name(flight.path)}" for flight in flown]
+    if len(set(names)) < len(names):
+        names = [f"{k + 1}: {name}" for k, name in enumerate(names)]
+    return names
+
+
+def _bag_name(path: Path) -> str:
+    return find_file(path).absolute().parent.name
+
+
+def _write(out: Path, page: str) -> None:
+    """Write the page whole, or not at all."""
+    partial = out.with_name(f".{out.name}.partial")
+    try:
+        partial.write_text(page, encoding="utf-8")
+        os.replace(partial, out)
+    except OSError as error:
+        raise CannotStart(
+            f"--out is {str(out)!r}, which cannot be written: {error.strerror}"
+        ) from error
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+# ---- what is told of a flight
+
+
+def _account(name: str, flown: RecordedFlight) -> Account:
+    summary = flown.summary
+    problems = summary.shortcomings()
+    verdict = VERDICTS[summary.outcome]
+    if summary.outcome is Outcome.TARGET and problems:
+        verdict += ", but not all is as it should be"
+    return Account(
+        name=name,
+        bag=shown_path(str(flown.path)),
+        law=flown.law,
+        title=flown.mission.title,
+        verdict=verdict,
+        good=not problems,
+        problems=tuple(problems),
+        key_numbers=tuple(_key_numbers(summary)),
+        facts=tuple(_facts(flown)),
+        insertion=_insertion(summary),
+        end=ENDINGS.get(summary.outcome, "end"),
+        events=tuple(
+            Happening(event.time, summary.event_name(event), event.mass) for event in summary.events
+        ),
+        marks=tuple(_marks(summary)),
+        diagnostics=tuple(_complaints(summary.diagnostics)),
+    )
+
+
+def _key_numbers(summary: FlightSummary) -> list[tuple[str, str, str]]:
+    """Name, value, unit of what is known."""
+    fairing = summary.facts.fairing
+    jettison = "" if fairing is None else f"jettison of {summary.facts.jettisons[fairing]}"
+    values = (
+        ("final mass", summary.m_f_kg, 2, "kg"),
+        ("cut-off", summary.t_meco_s, 3, "s"),
+        (jettison, summary.t_plf_s, 3, "s"),
+    )
+    return [
+        (name, number(value, decimals), unit)
+        for name, value, decimals, unit in values
+        if value is not None
+    ]
+
+
+def _facts(flown: RecordedFlight) -> list[tuple[str, str]]:
+    summary = flown.summary
+    times = flown.columns["vehicle_state"]["time"]
+    lines = [
+        ("bag", shown_path(str(flown.path))),
+        ("mission", summary.facts.name),
+        ("guidance", flown.law),
+        ("flown", f"{number(times[0], 2)} to {number(times[-1], 2)} s, {len(times):,} states"),
+    ]
+    if summary.guidance_cycles:
+        iterations = summary.first_convergence_iterations
+        lines.append(
+            (
+                "cycles",
+                f"{summary.guidance_cycles:,}"
+                + (f", first solution after {iterations} iterations" if iterations else "")
+                + (f", {summary.lost_messages:,} not recorded" if summary.lost_messages else ""),
+            )
+        )
+    if summary.diagnostic_count:
+        lines.append(("warnings", f"{summary.diagnostic_count:,}"))
+    return lines
+
+
+def _marks(summary: FlightSummary) -> list[Guide]:
+    """One mark an instant: a word is not printed over another."""
+    marks: dict[float, str] = {}
+    for event in summary.events:
+        if event.type in MARKS:
+            marks.setdefault(round(event.time, 3), MARKS[event.type])
+    return [Guide(time, text) for time, text in marks.items()]
+
+
+def _complaints(diagnostics: Sequence[Diagnostic]) -> list[Complaint]:
+    """Each text once, with its first time and how often it was said."""
+    counts = Counter((line.level, line.node, line.message) for line in diagnostics)
+    first = {(line.level, line.node, line.message): line.time for line in reversed(diagnostics)}
+    found = [Complaint(first[key], *key, count) for key, count in counts.items()]
+    return sorted(found, key=lambda complaint: complaint.time_s)[:MAX_COMPLAINTS]
+
+
+# ---- tables
+
+
+def _insertion(summary: FlightSummary) -> Table | None:
+    """Flown, target, error and tolerance of what the mission asks for."""
+    end = summary.end
+    if end is None:
+        return None
+    values = _judged(summary)
+    allowed = insertion_tolerances(summary.facts, end.position, end.velocity)
+    rows = []
+    for key, error in summary.insertion_error.items():
+        name, unit, decimals = QUANTITIES[key]
+        tolerance = allowed.get(key)
+        flown = values[key]
+        rows.append(
+            Row(
+                f"{name},{unit}" if unit else name,
+                (
+                    parts.number(flown, decimals),
+                    parts.number(flown - error, decimals),
+                    small(error),
+                    word("not judged") if tolerance is None else _tolerance(tolerance),
+                ),
+            )
+        )
+    columns = (Column("flown"), Column("target"), Column("error"), Column("tolerance"))
+    return Table(columns, tuple(rows), f"At {number(end.time, 3)} s, when the flight was over.")
+
+
+def _tolerance(value: float) -> Cell:
+    return Cell(f"{value:,.3g}" if 1e-3 <= value < 1e3 else parts.power(value, 2).text, value)
+
+
+def _judged(summary: FlightSummary) -> dict[str, float]:
+    """Flown values of all that may be judged, by the names of the errors."""
+    end = summary.end
+    assert end is not None
+    elements = Elements.from_state(end.position, end.velocity, summary.facts.mu)
+    return vars(orbit_state(end.position, end.velocity)) | {
+        "perigee_radius_m": elements.perigee_radius,
+        "apogee_radius_m": elements.apogee_radius,
+        "semi_major_axis_m": elements.semi_major_axis,
+        "eccentricity": elements.eccentricity,
+        "c3_m2_s2": -summary.facts.mu / elements.semi_major_axis,
+        "argument_of_perigee_deg": math.degrees(elements.argument_of_perigee),
+        "true_anomaly_deg": math.degrees(elements.true_anomaly),
+    }
+
+
+def _comparison(names: Sequence[str], flown: Sequence[RecordedFlight]) -> Table:
+    """The flights beside each other, and each minus the first."""
+    summaries = [flight.summary for flight in flown]
+    columns = [Column(names[0])]
+    for name in names[1:]:
+        columns += [Column(name), Column("minus the first")]
+    rows = [
+        _compared("final mass, kg", [summary.m_f_kg for summary in summaries], 2),
+        _compared("cut-off, s", [summary.t_meco_s for summary in summaries], 3),
+        _compared("jettison, s", [summary.t_plf_s for summary in summaries], 3),
+    ]
+    errors = [summary.insertion_error for summary in summaries]
+    for key in dict.fromkeys(key for error in errors for key in error):
+        name, unit, _ = QUANTITIES[key]
+        label = f"error of {name},{unit}" if unit else f"error of {name}"
+        rows.append(_compared(label, [error.get(key) for error in errors], None))
+    return Table(tuple(columns), tuple(rows))
+
+
+def _compared(label: str, values: Sequence[float | None], decimals: int | None) -> Row:
+    """A row of `_comparison`; None of the decimals: two figures."""
+
+    def cell(value: float, *, signed: bool = False) -> Cell:
+        if math.isnan(value):
+            return word(parts.BLANK)
+        return small(value) if decimals is None else parts.number(value, decimals, signed=signed)
+
+    known = [math.nan if value is None else value for value in values]
+    cells = [cell(known[0])]
+    for value in known[1:]:
+        cells += [cell(value), cell(value - known[0], signed=True)]
+    return Row(label, tuple(cells))

@@ -1,0 +1,179 @@
+"""A flight as its bag has it, and the verdict on it. No ROS."""
+
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_bags.errors import BagError
+from ares_bags.reader import LOG_TIME, Bag, open_bag
+from ares_bags.repair import repair
+from ares_bags.writer import INCOMPLETE_KEY
+from ares_bringup.options import CannotStart
+from ares_bringup.summary import Diagnostic, Event, FlightSummary, Status, facts_of
+from ares_models.mission import Mission, MissionError, load_mission
+
+Columns = Mapping[str, NDArray[Any]]
+
+#: What is read of a bag: topics and their fields.
+TOPICS = {
+    "vehicle_state": (
+        *("sequence", "position", "velocity", "mass", "thrust_direction", "thrust", "altitude"),
+        *("relative_speed", "flight_path_angle", "inclination", "heating_rate"),
+        *("arc", "jettisoned"),
+    ),
+    "nav_state": ("sequence", "position", "velocity"),
+    "guidance_status": (
+        *("cycle", "converged", "iterations", "total_iterations", "stale_cycles", "time_to_go"),
+        *("cutoff_time", "jettison_time", "predicted_position", "predicted_velocity"),
+    ),
+    "flight_event": ("type", "index", "time", "position", "velocity", "mass"),
+}
+DIAGNOSTICS = "/diagnostics"
+#: Of DiagnosticStatus; what is OK is no complaint.
+LEVELS = {1: "WARN", 2: "ERROR", 3: "STALE"}
+NANOSECONDS = 1e9
+
+
+@dataclass(frozen=True)
+class RecordedFlight:
+    """What a bag holds of a flight.
+
+    Attributes:
+        path: of the bag, as given.
+        mission: that was flown.
+        law: that steered.
+        columns: of TOPICS, with `time` in s; of a topic without messages only that.
+        summary: the verdict; what is missing of the bag is one of its problems.
+    """
+
+    path: Path
+    mission: Mission
+    law: str
+    columns: Mapping[str, Columns]
+    summary: FlightSummary
+
+
+@dataclass(frozen=True)
+class _Contents:
+    """What can be read of a bag, and what is missing: one line, empty if nothing is."""
+
+    custom: Mapping[str, str]
+    columns: Mapping[str, Columns]
+    complaints: Sequence[Diagnostic]
+    missing: str
+
+
+def read_flight(path: Path) -> RecordedFlight:
+    """A flight from its bag; of a damaged bag what is intact, and said to be so.
+
+    Raises:
+        CannotStart: there is no such bag, nothing in it can be read, it holds no flight, or
+            its mission cannot be read; one line.
+    """
+    try:
+        contents = _read(path, open_bag(path))
+    except BagError as error:
+        contents = _salvage(path, error)
+    if not len(contents.columns["vehicle_state"]["time"]):
+        raise CannotStart(f"bag {path} holds no flight: vehicle_state is empty")
+    mission = _mission(path, contents.custom)
+    law = contents.custom.get("law", "unknown")
+    summary = FlightSummary(facts_of(mission), law, str(path))
+    for event in _events(contents.columns["flight_event"]):
+        summary.add_event(event)
+    for status in _statuses(contents.columns["guidance_status"]):
+        summary.add_status(status)
+    for complaint in contents.complaints:
+        summary.add_diagnostic(complaint)
+    if contents.missing:
+        summary.problems.append(contents.missing)
+    return RecordedFlight(path, mission, law, contents.columns, summary)
+
+
+def _read(path: Path, bag: Bag) -> _Contents:
+    ends = {name.rsplit("/", maxsplit=1)[-1] for name in bag.topics}
+    if "vehicle_state" not in ends:
+        raise CannotStart(f"bag {path} holds no flight: it has no vehicle_state")
+    columns = {name: _columns(bag, name) if name in ends else _NOTHING for name in TOPICS}
+    complaints = list(_complaints(bag)) if DIAGNOSTICS in bag.topics else []
+    why = bag.custom_data.get(INCOMPLETE_KEY)
+    return _Contents(bag.custom_data, columns, complaints, f"bag incomplete: {why}" if why else "")
+
+
+_NOTHING: Columns = {"time": np.empty(0)}
+
+
+def _columns(bag: Bag, topic: str) -> Columns:
+    columns = bag.columns(topic)
+    times = columns[LOG_TIME] / NANOSECONDS
+    absent = [name for name in TOPICS[topic] if name not in columns]
+    if absent and len(times):
+        raise CannotStart(f"bag {bag.path} holds another kind of {topic}: it has no {absent[0]}")
+    # events have a time of their own, which is not rounded
+    return {"time": times, **columns}
+
+
+def _salvage(path: Path, error: BagError) -> _Contents:
+    """What is intact of a damaged bag, by way of a repaired copy."""
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            saved = repair(path, Path(folder) / "saved")
+            contents = _read(path, open_bag(saved.path))
+        except BagError:
+            raise CannotStart(str(error)) from error
+    return replace(contents, missing=f"{saved.problem}; {saved.loss}")
+
+
+def _mission(path: Path, custom: Mapping[str, str]) -> Mission:
+    name = custom.get("mission")
+    if not name:
+        raise CannotStart(f"bag {path} does not say which mission was flown")
+    try:
+        return load_mission(name)
+    except MissionError as error:
+        raise CannotStart(f"bag {path} is of a mission that cannot be read: {error}") from error
+
+
+def _events(columns: Columns) -> Iterator[Event]:
+    for i in range(len(columns["time"])):
+        yield Event(
+            type=int(columns["type"][i]),
+            index=int(columns["index"][i]),
+            time=float(columns["time"][i]),
+            position=_vector(columns["position"][i]),
+            velocity=_vector(columns["velocity"][i]),
+            mass=float(columns["mass"][i]),
+        )
+
+
+def _statuses(columns: Columns) -> Iterator[Status]:
+    for i in range(len(columns["time"])):
+        yield Status(
+            time=float(columns["time"][i]),
+            cycle=int(columns["cycle"][i]),
+            converged=bool(columns["converged"][i]),
+            total_iterations=int(columns["total_iterations"][i]),
+            stale_cycles=int(columns["stale_cycles"][i]),
+            cutoff_time=float(columns["cutoff_time"][i]),
+            predicted_position=_vector(columns["predicted_position"][i]),
+            predicted_velocity=_vector(columns["predicted_velocity"][i]),
+        )
+
+
+def _vector(values: NDArray[np.float64]) -> tuple[float, float, float]:
+    x, y, z = values.tolist()
+    return x, y, z
+
+
+def _complaints(bag: Bag) -> Iterator[Diagnostic]:
+    for time, message in bag.messages(DIAGNOSTICS):
+        for status in message.status:
+            level = LEVELS.get(int(status.level))
+            if level is not None:
+                node = status.name.rsplit("/", maxsplit=1)[-1]
+                yield Diagnostic(time / NANOSECONDS, node, level, status.message)

@@ -1,0 +1,1 @@
+"""Recorded flights on a page: their columns as series, the globe, the charts."""

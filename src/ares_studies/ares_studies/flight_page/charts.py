@@ -1,0 +1,331 @@
+"""The charts of a page on flights: what each shows, in which unit."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_studies.flight_page.data import Flight, span_of
+from ares_studies.pages.parts import (
+    Axis,
+    Chapter,
+    Figure,
+    Guide,
+    Item,
+    Role,
+    Series,
+    Shape,
+    line,
+)
+
+Array = NDArray[np.float64]
+
+#: Colours of flights that lie over each other, and of the lines of one flight.
+ROLES: tuple[Role, ...] = ("here", "thesis", "other", "otis", "third")
+#: How the first, the second and the third line of each flight are drawn where several lie
+#: over each other.
+_SHAPES: tuple[Shape, ...] = ("line", "dashes", "dots")
+#: Room above and below a line that stays level, in units of its last decimal.
+_LEVEL_ROOM = 5.0
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of a chart: its name where a chart has several, its points, kept decimals."""
+
+    name: str
+    x: Array
+    y: Array
+    digits: int
+    step: bool = False
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A chart.
+
+    Attributes:
+        title: what it shows.
+        see: what to look at.
+        axis: name and unit of y.
+        lines: of a flight; none: it has nothing to show there.
+        level: name and height of a horizontal line; None: none.
+    """
+
+    title: str
+    see: str
+    axis: Axis
+    lines: Callable[[Flight], Sequence[Line]]
+    level: Callable[[Flight], tuple[str, float] | None] = lambda _flight: None
+
+
+def _state(name: str, scale: float = 1.0, digits: int = 3) -> Callable[[Flight], Sequence[Line]]:
+    """One line: a column of the states."""
+
+    def lines(flight: Flight) -> Sequence[Line]:
+        y = getattr(flight.states, name) * scale
+        return [Line("", flight.states.time_s, y, digits)]
+
+    return lines
+
+
+def _speeds(flight: Flight) -> Sequence[Line]:
+    states = flight.states
+    return [
+        Line("inertial", states.time_s, states.speed_m_s, 2),
+        Line("against the air", states.time_s, states.relative_speed_m_s, 2),
+    ]
+
+
+def _orbit_altitudes(flight: Flight) -> Sequence[Line]:
+    states = flight.states
+    return [
+        Line("perigee", states.time_s, states.perigee_m / 1e3, 2),
+        Line("apogee", states.time_s, states.apogee_m / 1e3, 2),
+    ]
+
+
+def _heating(flight: Flight) -> Sequence[Line]:
+    heating = flight.states.heating_w_m2
+    return [Line("", flight.states.time_s, np.where(heating > 0.0, heating, np.nan), 4)]
+
+
+def _heating_limit(flight: Flight) -> tuple[str, float] | None:
+    limit = flight.heating_limit_w_m2
+    return None if limit is None else (f"limit, {limit:,.0f} W/m2", limit)
+
+
+def _guidance(name: str, digits: int, *, step: bool = False) -> Callable[[Flight], Sequence[Line]]:
+    """One line: a column of what guidance said; nothing where it is never known."""
+
+    def lines(flight: Flight) -> Sequence[Line]:
+        if flight.guidance is None:
+            return []
+        y = getattr(flight.guidance, name)
+        if not np.any(np.isfinite(y)):
+            return []
+        return [Line("", flight.guidance.time_s, y, digits, step)]
+
+    return lines
+
+
+def _navigation(name: str, scale: float, digits: int) -> Callable[[Flight], Sequence[Line]]:
+    def lines(flight: Flight) -> Sequence[Line]:
+        if flight.navigation is None:
+            return []
+        return [
+            Line("", flight.navigation.time_s, getattr(flight.navigation, name) * scale, digits)
+        ]
+
+    return lines
+
+
+CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
+    (
+        "Trajectory",
+        "The truth, as the simulator published it.",
+        (
+            Chart(
+                "Altitude", "Above the ground.", Axis("altitude", "km"), _state("altitude_m", 1e-3)
+            ),
+            Chart(
+                "Speed",
+                "Inertial, and against the air that turns with the Earth.",
+                Axis("speed", "m/s"),
+                _speeds,
+            ),
+            Chart(
+                "Flight-path angle",
+                "Of the inertial velocity above the local horizontal.",
+                Axis("flight-path angle", "deg"),
+                _state("flight_path_angle_deg", digits=4),
+            ),
+            Chart(
+                "Ground range",
+                "Length of the way along the ground track.",
+                Axis("ground range", "km"),
+                _state("range_m", 1e-3, 2),
+            ),
+        ),
+    ),
+    (
+        "Vehicle",
+        "Where the thrust points, what it does, and what the air does.",
+        (
+            Chart(
+                "Pitch of the thrust",
+                "Above the local horizontal.",
+                Axis("pitch", "deg"),
+                _state("pitch_deg", digits=4),
+            ),
+            Chart(
+                "Yaw of the thrust",
+                "Azimuth of the thrust minus that of the inertial velocity; positive to the right.",
+                Axis("yaw", "deg"),
+                _state("yaw_deg", digits=5),
+            ),
+            Chart("Mass", "Of the vehicle.", Axis("mass", "t"), _state("mass_kg", 1e-3)),
+            Chart("Thrust", "Of all engines.", Axis("thrust", "kN"), _state("thrust_n", 1e-3, 2)),
+            Chart(
+                "Acceleration",
+                "As sensed on board: thrust over mass.",
+                Axis("acceleration", "m/s2"),
+                _state("acceleration_m_s2", digits=4),
+            ),
+            Chart(
+                "Heating",
+                "Free molecular heating rate.",
+                Axis("heating rate", "W/m2", log=True),
+                _heating,
+                _heating_limit,
+            ),
+        ),
+    ),
+    (
+        "Orbit",
+        "The orbit on which the vehicle would go on without thrust.",
+        (
+            Chart(
+                "Perigee and apogee",
+                "Altitudes above the equatorial radius; below zero the orbit meets the ground.",
+                Axis("altitude", "km"),
+                _orbit_altitudes,
+            ),
+            Chart(
+                "Inclination",
+                "Of the osculating orbit.",
+                Axis("inclination", "deg"),
+                _state("inclination_deg", digits=7),
+            ),
+            Chart(
+                "Eccentricity",
+                "Of the osculating orbit.",
+                Axis("eccentricity", ""),
+                _state("eccentricity", digits=6),
+            ),
+        ),
+    ),
+    (
+        "Guidance",
+        "What guidance said of its own solution, a point per cycle.",
+        (
+            Chart(
+                "Time to go",
+                "From each cycle to its predicted cut-off.",
+                Axis("time to go", "s"),
+                _guidance("time_to_go_s", 3),
+            ),
+            Chart(
+                "Iterations",
+                "Of the predictor-corrector, per cycle.",
+                Axis("iterations", "per cycle"),
+                _guidance("iterations", 0, step=True),
+            ),
+            Chart(
+                "Predicted cut-off",
+                "When the main engine will be cut off.",
+                Axis("predicted cut-off", "s"),
+                _guidance("cutoff_s", 4, step=True),
+            ),
+            Chart(
+                "Predicted jettison",
+                "When the next part will be dropped, as long as one is left.",
+                Axis("predicted jettison", "s"),
+                _guidance("jettison_s", 4, step=True),
+            ),
+        ),
+    ),
+    (
+        "Navigation",
+        "Navigation minus truth.",
+        (
+            Chart(
+                "Position error",
+                "Distance of the navigated from the true position.",
+                Axis("position error", "m"),
+                _navigation("position_m", 1.0, 4),
+            ),
+            Chart(
+                "Velocity error",
+                "Size of the difference of navigated and true velocity.",
+                Axis("velocity error", "m/s"),
+                _navigation("velocity_m_s", 1.0, 6),
+            ),
+        ),
+    ),
+)
+
+
+def make_chapters(
+    flights: Sequence[Flight], names: Sequence[str], instants: Sequence[Guide]
+) -> tuple[Chapter, ...]:
+    """The charts of some flights that have something to show, numbered.
+
+    Args:
+        flights: one, or several that lie over each other.
+        names: of the flights, for legends.
+        instants: to mark in each chart.
+    """
+    first, last = span_of(flights)
+    room = 0.01 * (last - first)
+    time = Axis("mission elapsed time", "s", span=(first - room, last + room))
+    chapters: list[Chapter] = []
+    figures = 0
+    for title, text, charts in CHAPTERS:
+        items = []
+        for chart in charts:
+            series = _series(chart, flights, names)
+            if not series:
+                continue
+            figures += 1
+            axis = _with_room(chart.axis, series)
+            figure = Figure(time, axis, series, tuple(instants), _levels(chart, flights))
+            key, name = f"figure-{figures}", f"Figure {figures}"
+            items.append(Item(key, "figure", name, chart.title, chart.see, figure))
+        if items:
+            chapters.append(Chapter(len(chapters) + 1, title, text, tuple(items)))
+    return tuple(chapters)
+
+
+def _series(chart: Chart, flights: Sequence[Flight], names: Sequence[str]) -> tuple[Series, ...]:
+    """One flight: a colour per line; several: a colour per flight."""
+    found = []
+    for k, flight in enumerate(flights):
+        for i, one in enumerate(chart.lines(flight)):
+            together = len(flights) > 1
+            name = one.name or chart.axis.title
+            if together:
+                name = f"{names[k]}, {one.name}" if one.name else names[k]
+            shape: Shape = _SHAPES[i] if together else "line"
+            drawn = line(
+                name,
+                ROLES[k] if together else ROLES[2 * i],
+                one.x,
+                one.y,
+                one.digits,
+                "step" if one.step and shape == "line" else shape,
+                log=chart.axis.log,
+            )
+            found.append(drawn)
+    return tuple(found)
+
+
+def _levels(chart: Chart, flights: Sequence[Flight]) -> tuple[Guide, ...]:
+    """The level that all flights share."""
+    levels = {chart.level(flight) for flight in flights}
+    level = levels.pop()
+    return () if levels or level is None else (Guide(level[1], level[0]),)
+
+
+def _with_room(axis: Axis, series: Sequence[Series]) -> Axis:
+    """An axis on which the noise of a level line does not fill the height."""
+    values = [y for one in series for y in one.y if y is not None]
+    if axis.log or not values:
+        return axis
+    low, high = min(values), max(values)
+    least = 1e-5 * max(abs(low), abs(high), 1e-3)
+    if high - low >= least:
+        return axis
+    middle = 0.5 * (low + high)
+    return replace(axis, span=(middle - _LEVEL_ROOM * least, middle + _LEVEL_ROOM * least))

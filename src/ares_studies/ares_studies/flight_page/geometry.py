@@ -1,0 +1,156 @@
+"""Where a vehicle is over the ground, where its thrust points, where it would fall."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models.arrays import Record
+from ares_models.earth import Earth
+from ares_models.kernels.environment import altitude
+from ares_models.kernels.kepler import kepler
+from ares_models.orbits import Elements
+
+Array = NDArray[np.float64]
+
+#: Time of an impact is found to this, s.
+_IMPACT_TIME = 1e-3
+
+
+@dataclass(frozen=True)
+class Track:
+    """Places under a way, each shape (n,), deg: geocentric latitude, longitude east of zero."""
+
+    latitude_deg: Array
+    longitude_deg: Array
+
+
+def thrust_angles(position: Array, velocity: Array, direction: Array) -> tuple[Array, Array]:
+    """Pitch and yaw of the thrust.
+
+    Pitch is the angle of the thrust above the local horizontal, that is above the plane
+    normal to the radius. Yaw is the azimuth of the thrust minus that of the inertial velocity:
+    the angle between their horizontal parts, positive to the right of the velocity as seen
+    from above. Thrust in the vertical plane of the velocity has no yaw.
+
+    Args:
+        position: inertial, shape (n, 3), m.
+        velocity: inertial, shape (n, 3), m/s.
+        direction: of the thrust, shape (n, 3), unit vectors.
+
+    Returns:
+        Pitch and yaw, shape (n,) each, deg; yaw is 0 where thrust or velocity is vertical.
+    """
+    up = position / np.linalg.norm(position, axis=1, keepdims=True)
+    right = np.cross(velocity, up)
+    along = np.cross(up, right)
+    sine = np.sum(direction * up, axis=1)
+    across = np.sum(direction * right, axis=1)
+    ahead = np.sum(direction * along, axis=1)
+    return np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0))), np.degrees(np.arctan2(across, ahead))
+
+
+def ground_track(time: Array, position: Array, earth: Earth) -> Track:
+    """The places under a flight, on the Earth that turns.
+
+    The inertial x axis points to longitude zero at mission time 0, as in the thesis.
+
+    Args:
+        time: mission elapsed time, shape (n,), s.
+        position: inertial, shape (n, 3), m.
+        earth: its rotation.
+    """
+    places = [earth.latitude_longitude(r, t) for t, r in zip(time, position, strict=True)]
+    degrees = np.degrees(np.array(places).reshape(-1, 2))
+    return Track(degrees[:, 0], degrees[:, 1])
+
+
+def ground_range(track: Track, radius: float) -> Array:
+    """Length of the way along a track on a sphere, shape (n,), m.
+
+    Args:
+        track: n places.
+        radius: of the sphere, m.
+    """
+    latitude, longitude = np.radians(track.latitude_deg), np.radians(track.longitude_deg)
+    steps = np.sin(0.5 * np.diff(latitude)) ** 2
+    steps += np.cos(latitude[:-1]) * np.cos(latitude[1:]) * np.sin(0.5 * np.diff(longitude)) ** 2
+    return radius * np.concatenate(([0.0], np.cumsum(2.0 * np.arcsin(np.sqrt(steps)))))
+
+
+def impact_time(position: Array, velocity: Array, environment: Record) -> float:
+    """Time until the vehicle would meet the ground if its thrust ended now, s.
+
+    The fall is a Kepler arc without air; the ground is where the mission's altitude is zero.
+
+    Args:
+        position: inertial, shape (3,), m.
+        velocity: inertial, shape (3,), m/s.
+        environment: record of dtype ENVIRONMENT.
+
+    Returns:
+        nan where it would not: the perigee lies above the ground, or the way leads outwards
+        for ever.
+    """
+    r, v, mu = tuple(position.tolist()), tuple(velocity.tolist()), float(environment["mu"])
+    try:
+        orbit = Elements.from_state(position, velocity, mu)
+    except ValueError:
+        return math.nan
+    e = orbit.eccentricity
+    if not e < 1.0:
+        return math.nan
+    # Kepler's equation, from the true anomaly
+    eccentric = 2.0 * math.atan2(
+        math.sqrt(1.0 - e) * math.sin(0.5 * orbit.true_anomaly),
+        math.sqrt(1.0 + e) * math.cos(0.5 * orbit.true_anomaly),
+    )
+    mean = (eccentric - e * math.sin(eccentric)) % (2.0 * math.pi)
+    motion = math.sqrt(mu / orbit.semi_major_axis**3)
+    # the altitude falls all the way from the apogee to the perigee
+    low = max(0.0, (math.pi - mean) / motion)
+    high = (2.0 * math.pi - mean) / motion
+
+    def height(time: float) -> float:
+        return altitude(kepler(r, v, time, mu)[0], environment)
+
+    if not height(high) < 0.0:
+        return math.nan
+    if height(low) <= 0.0:
+        return low
+    while high - low > _IMPACT_TIME:
+        middle = 0.5 * (low + high)
+        if height(middle) > 0.0:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def impact_track(
+    time: Array, position: Array, velocity: Array, environment: Record, earth: Earth
+) -> Track:
+    """Instantaneous impact points: where the vehicle would fall if its thrust ended now.
+
+    Args:
+        time: mission elapsed time, shape (n,), s.
+        position: inertial, shape (n, 3), m.
+        velocity: inertial, shape (n, 3), m/s.
+        environment: record of dtype ENVIRONMENT.
+        earth: it turns below while the vehicle falls.
+
+    Returns:
+        n places; nan where nothing falls.
+    """
+    mu = float(environment["mu"])
+    places = []
+    for t, r, v in zip(time, position, velocity, strict=True):
+        fall = impact_time(r, v, environment)
+        if math.isnan(fall):
+            places.append((math.nan, math.nan))
+            continue
+        down, _ = kepler(tuple(r.tolist()), tuple(v.tolist()), fall, mu)
+        places.append(earth.latitude_longitude(down, float(t) + fall))
+    degrees = np.degrees(np.array(places).reshape(-1, 2))
+    return Track(degrees[:, 0], degrees[:, 1])

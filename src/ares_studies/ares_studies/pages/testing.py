@@ -1,0 +1,78 @@
+"""What tests of pages ask of a browser; nothing else uses this module."""
+
+#: As a person may see a page: its colours, and the width and height of the window in px.
+THEMES = ("light", "dark")
+SIZES = {"wide": (1280, 900), "narrow": (390, 844)}
+
+#: Every piece of text that is shown: what it is, its size, its contrast, where it is.
+TEXTS = """() => {
+  const canvas = new OffscreenCanvas(1, 1).getContext("2d", { willReadFrequently: true });
+  const paint = (colour) => {
+    canvas.clearRect(0, 0, 1, 1);
+    canvas.fillStyle = colour;
+    canvas.fillRect(0, 0, 1, 1);
+    return [...canvas.getImageData(0, 0, 1, 1).data];
+  };
+  const light = ([r, g, b]) => {
+    const [x, y, z] = [r, g, b].map((c) => {
+      const s = c / 255;
+      return s <= 0.04045 ? s / 12.92 : ((s + 0.055) / 1.055) ** 2.4;
+    });
+    return 0.2126 * x + 0.7152 * y + 0.0722 * z;
+  };
+  const behind = (element) => {
+    for (let e = element; e; e = e.parentElement) {
+      const colour = paint(getComputedStyle(e).backgroundColor);
+      if (colour[3] === 255) return colour;
+    }
+    return [255, 255, 255, 255];
+  };
+  const found = [];
+  const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  while (walker.nextNode()) {
+    const node = walker.currentNode;
+    const element = node.parentElement;
+    if (!node.textContent.trim() || element.closest("script, style, noscript")) continue;
+    const range = document.createRange();
+    range.selectNodeContents(node);
+    const box = range.getBoundingClientRect();
+    if (box.width === 0 || !element.checkVisibility()) continue;
+    const style = getComputedStyle(element);
+    const svg = element.closest("svg");
+    const ink = light(paint(svg ? style.fill : style.color));
+    const ground = light(behind(svg ? svg.parentElement : element));
+    found.push({
+      text: node.textContent.trim().slice(0, 40), size: parseFloat(style.fontSize),
+      contrast: (Math.max(ink, ground) + 0.05) / (Math.min(ink, ground) + 0.05),
+      chart: svg !== null,
+    });
+  }
+  return found;
+}"""
+
+#: Per figure: size of its drawing, its traces, its words that overlap or stick out.
+FIGURES = """() => [...document.querySelectorAll(".plot")].map((plot) => {
+  const frame = plot.getBoundingClientRect();
+  const words = [...plot.querySelectorAll("svg text")]
+    .map((text) => [text.textContent, text.getBoundingClientRect()])
+    .filter(([text, box]) => text && box.width > 0);
+  const cropped = words.filter(([, box]) => box.left < frame.left - 1 || box.right > frame.right + 1
+    || box.top < frame.top - 1 || box.bottom > frame.bottom + 1);
+  const overlapping = [];
+  words.forEach(([one, a], i) => words.slice(i + 1).forEach(([other, b]) => {
+    const across = Math.min(a.right, b.right) - Math.max(a.left, b.left);
+    const down = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+    if (across > 1 && down > 2) overlapping.push(`${one} | ${other}`);
+  }));
+  const drawn = [...plot.querySelectorAll(".trace.scatter")].filter((trace) =>
+    [...trace.querySelectorAll("path")].some((path) => {
+      const box = path.getBoundingClientRect();
+      return box.width + box.height > 0;
+    }));
+  const svg = plot.querySelector("svg").getBoundingClientRect();
+  return {
+    key: plot.dataset.key, width: svg.width, height: svg.height, traces: drawn.length,
+    cropped: cropped.map(([text]) => text), overlapping, words: words.length,
+    data: plot.data.map(({ x, y }) => [x, y]),
+  };
+})"""

@@ -1,0 +1,322 @@
+"""A recorded flight as series, places and charts: no bag, no browser."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from ares_models.kernels.environment import altitude, gravity
+from ares_models.mission import load_mission
+from ares_models.orbits import Elements
+from ares_studies.flight_page import data
+from ares_studies.flight_page.charts import make_chapters
+from ares_studies.flight_page.data import Recording, make_flight
+from ares_studies.flight_page.geometry import (
+    ground_range,
+    ground_track,
+    impact_time,
+    impact_track,
+    thrust_angles,
+)
+from ares_studies.flight_page.globe import make_globe, read_land
+from ares_studies.flight_page.page import Account, Happening, make_report, render
+
+MISSION = load_mission("ares_v")
+ENVIRONMENT = MISSION.environment_array()[0]
+EARTH = MISSION.environment.earth.earth()
+DEGREE = math.pi / 180.0
+
+
+def columns(count=4000, *, end=700.0):
+    """A made-up climb of two arcs and a jettison."""
+    time = np.linspace(0.0, end, count)
+    angle = 1e-3 * time
+    radius = EARTH.equatorial_radius + 200.0 * time
+    up = np.column_stack((np.cos(angle), np.sin(angle), np.zeros(count)))
+    along = np.column_stack((-np.sin(angle), np.cos(angle), np.zeros(count)))
+    position = radius[:, None] * up
+    velocity = 200.0 * up + (1e-3 * radius)[:, None] * along
+    return {
+        "time": time,
+        "sequence": np.arange(count),
+        "position": position,
+        "velocity": velocity,
+        "mass": 1e6 - 1e3 * time,
+        "thrust_direction": along,
+        "thrust": np.where(time < 400.0, 2e7, 1e6),
+        "altitude": 200.0 * time,
+        "relative_speed": np.full(count, 5e3),
+        "flight_path_angle": np.full(count, 0.1),
+        "inclination": np.full(count, 0.5),
+        "heating_rate": np.exp(-time / 50.0),
+        "arc": (time >= 400.0).astype(int),
+        "jettisoned": (time >= 500.0).astype(int),
+    }
+
+
+def status(count=700):
+    time = np.arange(float(count))
+    cutoff = np.where(time < 3.0, math.nan, 650.0)
+    return {
+        "time": time,
+        "time_to_go": cutoff - time,
+        "iterations": np.ones(count, dtype=int),
+        "cutoff_time": cutoff,
+        "jettison_time": np.full(count, math.nan),
+    }
+
+
+EMPTY = {"time": np.empty(0)}
+
+
+def recording(**changes):
+    given = {
+        "name": "made up",
+        "law": "peg",
+        "mission": MISSION,
+        "truth": columns(),
+        "navigation": EMPTY,
+        "status": status(),
+    }
+    return Recording(**(given | changes))
+
+
+def account(name="peg", **changes):
+    given = {
+        "name": name,
+        "bag": "bags/made_up",
+        "law": "peg",
+        "title": "A <made-up> flight",
+        "verdict": "Flown to the target",
+        "good": True,
+        "problems": (),
+        "key_numbers": (("final mass", "1.00", "kg"),),
+        "facts": (("bag", "bags/made_up"),),
+        "insertion": None,
+        "end": "insertion",
+        "events": (Happening(0.0, "flight started", 1e6),),
+        "marks": (),
+        "diagnostics": (),
+    }
+    return Account(**(given | changes))
+
+
+# ---- geometry
+
+
+@pytest.mark.parametrize("pitch", [-40.0, 0.0, 12.5, 80.0])
+@pytest.mark.parametrize("yaw", [-170.0, -3.0, 0.0, 45.0])
+def test_pitch_and_yaw_are_those_of_the_thrust(pitch, yaw):
+    # over the equator at x, flying north and up: right of it is east, +y
+    east, north, up = np.eye(3)[1], np.eye(3)[2], np.eye(3)[0]
+    p, y = pitch * DEGREE, yaw * DEGREE
+    level = math.cos(y) * north + math.sin(y) * east
+    direction = math.cos(p) * level + math.sin(p) * up
+    found = thrust_angles(7e6 * up[None], (7e3 * north + 500.0 * up)[None], direction[None])
+    np.testing.assert_allclose([angle[0] for angle in found], [pitch, yaw], atol=1e-9)
+
+
+def test_the_ground_track_is_that_of_a_known_place():
+    # Cape Canaveral's pad 39A, from 0 to an hour after the mission's start
+    times = np.array([0.0, 600.0, 3600.0])
+    latitude, longitude = 28.6 * DEGREE, -80.6 * DEGREE
+    places = [EARTH.position(latitude, longitude, 6.4e6, time) for time in times]
+    track = ground_track(times, np.array(places), EARTH)
+    np.testing.assert_allclose(track.latitude_deg, 28.6, atol=1e-12)
+    np.testing.assert_allclose(track.longitude_deg, -80.6, atol=1e-9)
+
+
+def test_the_earth_turns_below_and_longitude_zero_is_the_x_axis_at_time_zero():
+    still = np.tile([7e6, 0.0, 0.0], (2, 1))
+    track = ground_track(np.array([0.0, 3600.0]), still, EARTH)
+    np.testing.assert_allclose(track.longitude_deg, [0.0, -15.041], atol=1e-3)
+
+
+def test_the_ground_range_is_the_way():
+    quarter = ground_track(
+        np.zeros(91), [(math.cos(k * DEGREE), 0.0, math.sin(k * DEGREE)) for k in range(91)], EARTH
+    )
+    found = ground_range(quarter, EARTH.equatorial_radius)
+    assert found[0] == 0.0
+    assert found[-1] == pytest.approx(0.5 * math.pi * EARTH.equatorial_radius, rel=1e-12)
+
+
+def fall(position, velocity, step=0.05):
+    """Time to the ground, s, and the place, by Runge and Kutta; the last step cut by its chord."""
+
+    def rate(state):
+        return np.concatenate((state[3:], gravity(tuple(state[:3].tolist()), ENVIRONMENT)))
+
+    state, time = np.concatenate((position, velocity)), 0.0
+    height = altitude(tuple(state[:3].tolist()), ENVIRONMENT)
+    while True:
+        a = rate(state)
+        b = rate(state + 0.5 * step * a)
+        c = rate(state + 0.5 * step * b)
+        d = rate(state + step * c)
+        state = state + step / 6.0 * (a + 2.0 * b + 2.0 * c + d)
+        before, height = height, altitude(tuple(state[:3].tolist()), ENVIRONMENT)
+        if height < 0.0:
+            share = before / (before - height)
+            return time + step * share, state[:3] - (1.0 - share) * step * state[3:]
+        time += step
+
+
+@pytest.mark.parametrize("climb", [-300.0, 0.0, 900.0])
+def test_the_impact_point_is_where_an_integrated_fall_ends(climb):
+    position = 6.45e6 * np.array([0.6, 0.64, 0.48])
+    up = position / np.linalg.norm(position)
+    along = np.cross([0.0, 0.0, 1.0], up)
+    velocity = 5500.0 * along / np.linalg.norm(along) + climb * up
+    expected, down = fall(position, velocity)
+    assert impact_time(position, velocity, ENVIRONMENT) == pytest.approx(expected, abs=2e-3)
+    track = impact_track(np.array([100.0]), position[None], velocity[None], ENVIRONMENT, EARTH)
+    latitude, longitude = EARTH.latitude_longitude(down, 100.0 + expected)
+    # a thousandth of a second is some five metres
+    assert track.latitude_deg[0] == pytest.approx(latitude / DEGREE, abs=2e-4)
+    assert track.longitude_deg[0] == pytest.approx(longitude / DEGREE, abs=2e-4)
+
+
+@pytest.mark.parametrize(
+    ("perigee", "apogee"), [(150e3, 300e3), (150e3, math.inf)], ids=["orbit", "hyperbola"]
+)
+def test_what_stays_above_has_no_impact_point(perigee, apogee):
+    low = EARTH.equatorial_radius + perigee
+    e = 1.3 if math.isinf(apogee) else (apogee - perigee) / (2 * EARTH.equatorial_radius + 450e3)
+    orbit = Elements(low / (1.0 - e), e, 0.5, 1.0, 2.0, true_anomaly=1.0)
+    assert math.isnan(impact_time(*orbit.state(float(ENVIRONMENT["mu"])), ENVIRONMENT))
+
+
+def test_what_rests_on_the_ground_falls_there():
+    position = EARTH.position(0.5, 1.0, EARTH.surface_radius(0.5) - 1.0, 0.0)
+    velocity = np.cross([0.0, 0.0, EARTH.rotation_rate], position)
+    assert impact_time(position, velocity, ENVIRONMENT) == 0.0
+
+
+# ---- series
+
+
+def test_states_are_chosen_evenly_and_at_each_change():
+    truth = columns(60_000)
+    rows = data.chosen(truth)
+    assert data.MAX_STATES <= len(rows) <= data.MAX_STATES + 4
+    assert (rows[0], rows[-1]) == (0, 59_999)
+    for name in ("arc", "jettisoned"):
+        edge = int(np.flatnonzero(np.diff(truth[name]))[0])
+        assert {edge, edge + 1} <= set(rows.tolist())
+
+
+def test_a_short_flight_keeps_every_state():
+    assert data.chosen(columns(50)).tolist() == list(range(50))
+
+
+def test_series_of_a_flight():
+    flight = make_flight(recording())
+    states = flight.states
+    np.testing.assert_allclose(states.acceleration_m_s2, states.thrust_n / states.mass_kg)
+    assert math.isnan(states.pitch_deg[0])
+    np.testing.assert_allclose(states.pitch_deg[1:], 0.0, atol=1e-9)
+    np.testing.assert_allclose(states.yaw_deg[1:], 0.0, atol=1e-9)
+    i = len(states.time_s) // 2
+    radius = EARTH.equatorial_radius + states.altitude_m[i]
+    v = math.hypot(200.0, 1e-3 * radius)
+    a = 1.0 / (2.0 / radius - v * v / float(ENVIRONMENT["mu"]))
+    size = states.perigee_m[i] + states.apogee_m[i] + 2.0 * EARTH.equatorial_radius
+    assert size == pytest.approx(2.0 * a, rel=1e-9)
+    assert states.apogee_m[i] - states.perigee_m[i] == pytest.approx(
+        2.0 * a * states.eccentricity[i], rel=1e-9
+    )
+    names = [phase.name for phase in flight.phases]
+    assert names == ["core", "upper stage", "upper stage, after payload fairing"]
+    assert len(flight.impact_time_s) == data.MAX_IMPACTS
+    assert flight.heating_limit_w_m2 == 1135.0
+
+
+def test_navigation_is_shown_where_it_differs_only():
+    truth = columns(100)
+    right = {name: truth[name] for name in ("time", "sequence", "position", "velocity")}
+    assert make_flight(recording(truth=truth, navigation=right)).navigation is None
+    # one state of the two is missing in the bag
+    wrong = {name: values[1:] for name, values in right.items()}
+    wrong["position"] = wrong["position"] + [3.0, 4.0, 0.0]
+    errors = make_flight(recording(truth=truth, navigation=wrong)).navigation
+    assert len(errors.time_s) == 99
+    np.testing.assert_allclose(errors.position_m, 5.0)
+    np.testing.assert_allclose(errors.velocity_m_s, 0.0)
+
+
+def test_a_flight_of_one_state_and_nothing_else():
+    truth = {name: values[:1] for name, values in columns().items()}
+    flight = make_flight(recording(truth=truth, status=EMPTY))
+    assert flight.guidance is None
+    report = make_report([flight], [account()], None)
+    assert "Guidance" not in [chapter.title for chapter in report.chapters]
+    assert "<canvas" in render(report)
+
+
+# ---- charts, globe, page
+
+
+def test_charts_leave_out_what_is_not_known_and_name_their_units():
+    chapters = make_chapters([make_flight(recording())], ["peg"], ())
+    items = [item for chapter in chapters for item in chapter.items]
+    titles = [item.title for item in items]
+    assert "Predicted jettison" not in titles
+    assert "Position error" not in titles
+    assert [item.name for item in items] == [f"Figure {k + 1}" for k in range(len(items))]
+    for item in items:
+        assert item.content.x.unit == "s"
+        assert item.content.y.unit or item.title == "Eccentricity"
+        assert len({item.content.x.span for item in items}) == 1
+    heating = items[titles.index("Heating")].content
+    assert heating.y.log
+    assert [level.at for level in heating.levels] == [1135.0]
+
+
+def test_flights_over_each_other_have_a_colour_each():
+    flights = [make_flight(recording()), make_flight(recording(truth=columns(end=600.0)))]
+    chapters = make_chapters(flights, ["one", "two"], ())
+    speed = next(item for item in chapters[0].items if item.title == "Speed").content
+    assert [(one.name, one.role, one.shape) for one in speed.series] == [
+        ("one, inertial", "here", "line"),
+        ("one, against the air", "here", "dashes"),
+        ("two, inertial", "thesis", "line"),
+        ("two, against the air", "thesis", "dashes"),
+    ]
+
+
+def test_the_globe_has_land_on_the_earth_only():
+    flight = make_flight(recording())
+    globe = make_globe([flight], ["peg"], ["insertion"])
+    assert [way.name for way in globe.flights[0].ways] == [p.name for p in flight.phases]
+    assert globe.flights[0].ways[-1].last == len(flight.states.time_s) - 1
+    assert globe.land == read_land()
+    moon = {"equatorial_radius_m": 1.738e6, "polar_radius_m": 1.736e6}
+    earth = MISSION.environment.earth.model_copy(update=moon)
+    environment = MISSION.environment.model_copy(update={"earth": earth})
+    elsewhere = recording(mission=MISSION.model_copy(update={"environment": environment}))
+    assert make_globe([make_flight(elsewhere)], ["peg"], ["end"]).land == ()
+
+
+def test_land_is_closed_rings_of_places():
+    rings = read_land()
+    assert len(rings) > 100
+    for ring in rings:
+        longitudes, latitudes = ring[::2], ring[1::2]
+        assert len(longitudes) == len(latitudes) >= 4
+        assert (longitudes[0], latitudes[0]) == (longitudes[-1], latitudes[-1])
+        assert max(map(abs, longitudes)) <= 180.0
+        assert max(map(abs, latitudes)) <= 90.0
+
+
+def test_the_page_carries_all_that_it_needs_and_no_more():
+    report = make_report([make_flight(recording())], [account()], None)
+    page = render(report)
+    assert len(page.encode()) < 4e6
+    assert "A &lt;made-up&gt; flight" in page
+    assert 'src="' not in page
+    assert "url(" not in page
+    assert '<script type="text/plain" id="plotly">' in page
+    numbers = page.split('id="report">', 1)[1].split("</script>", 1)[0]
+    assert json.loads(numbers.replace("<\\/", "</"))["globe"]["ends"] == ["insertion"]

@@ -1,0 +1,372 @@
+"""`ares report`: the page on a recorded flight, and on two, as a browser shows them."""
+
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from rclpy.serialization import serialize_message
+
+from ares_bags.testing import nav_state, topics, write_bag
+from ares_bags.writer import BagWriter
+from ares_bringup.commands.cli import main
+from ares_bringup.commands.report import short_names
+from ares_bringup.recorded import read_flight
+from ares_studies.pages.testing import FIGURES, SIZES, TEXTS, THEMES
+
+REFERENCE = Path(__file__).parent.parent / "bags" / "reference"
+LEAST_CONTRAST = 4.5
+LEAST_FONT_PX = 12.0
+
+#: Modules that take long to import, and that a page does without.
+HEAVY = {"rclpy", "plotly.offline", "matplotlib", "scipy.interpolate", "ares_optimizer.solve"}
+
+#: Colours of the canvas at places on the globe, looked at from above another place.
+SEEN = """([places, view]) => {
+  globe.view = { ...globe.view, ...view, zoom: 1 };
+  globe.lines = [];
+  globe.strokes = () => {};
+  globe.render();
+  const ratio = globe.canvas.width / globe.canvas.clientWidth;
+  return places.map(([longitude, latitude]) => {
+    const [x, y, depth] = globe.at(onSphere([longitude], [latitude]), 0);
+    if (depth < 0.3) return null;
+    const pixel = globe.pen.getImageData(Math.round(x * ratio), Math.round(y * ratio), 1, 1);
+    return [...pixel.data].slice(0, 3).join();
+  });
+}"""
+LAND = [(-105, 40), (20, 10), (0, -85), (100, 60), (135, -25), (-60, -10), (80, 25), (-45, 72)]
+SEA = [(-150, 0), (-30, 25), (0, 89), (80, -20), (160, 20), (-120, -45), (-10, -30), (50, 42)]
+#: Lines of cursors, in px from the left of their charts; null where hidden.
+CURSORS = """() => [...document.querySelectorAll(".plot .cursor")].map((line) => (
+  line.hidden ? null
+  : line.getBoundingClientRect().left - line.parentElement.getBoundingClientRect().left))"""
+PICTURE = "() => document.querySelector('.scene canvas').toDataURL()"
+SETTLED = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+
+
+@pytest.fixture(scope="module")
+def page_of_one(tmp_path_factory):
+    out = tmp_path_factory.mktemp("one") / "flight.html"
+    assert main(["report", str(REFERENCE), "--out", str(out)]) == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def dispersed(tmp_path_factory):
+    """A flight whose navigation errs."""
+    folder = tmp_path_factory.mktemp("flown")
+    bag, errors = folder / "dispersed", folder / "errors.yaml"
+    errors.write_text("thrust: 0.01\nnavigation:\n  position_bias_m: 30.0\n")
+    words = ["fly", "--in-process", "--nav-period", "1", "--dispersions", str(errors)]
+    assert main([*words, "--seed", "3", "--bag", str(bag)]) in (0, 1)
+    return bag
+
+
+@pytest.fixture(scope="module")
+def page_of_two(tmp_path_factory, dispersed):
+    out = tmp_path_factory.mktemp("two") / "flights.html"
+    assert main(["report", str(REFERENCE), str(dispersed), "--out", str(out)]) == 0
+    return out
+
+
+def run(capfd, *words):
+    capfd.readouterr()
+    status = main(["report", *map(str, words)])
+    return status, *capfd.readouterr()
+
+
+def refused(capfd, *words):
+    status, out, err = run(capfd, *words)
+    assert (status, out) == (2, "")
+    assert err.count("\n") == 1
+    assert err.startswith("ares: ")
+    return err
+
+
+# ---- in a browser
+
+
+@pytest.mark.parametrize("theme", THEMES)
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("which", ["page_of_one", "page_of_two"])
+def test_the_page_is_legible(open_file, request, which, size, theme):
+    page = open_file(request.getfixturevalue(which), size, theme)
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    figures = page.evaluate(FIGURES)
+    assert len(figures) == (17 if which == "page_of_one" else 19)
+    for figure in figures:
+        assert figure["width"] > 0.75 * min(SIZES[size][0], 480), figure["key"]
+        assert figure["height"] > 250, figure["key"]
+        assert figure["traces"] == len(figure["data"]), figure["key"]
+        assert not figure["cropped"], figure["key"]
+        assert not figure["overlapping"], figure["key"]
+    texts = page.evaluate(TEXTS)
+    assert not [text for text in texts if text["contrast"] < LEAST_CONTRAST]
+    assert not [text for text in texts if text["size"] < LEAST_FONT_PX]
+    assert all(text for text in page.locator(".axis").all_inner_texts())
+
+
+def test_one_cursor_goes_over_all_charts_and_moves_the_vehicle(open_file, page_of_one):
+    page = open_file(page_of_one, "wide", "light")
+    before = page.evaluate(PICTURE)
+    chart = page.locator(".plot").nth(2)
+    chart.scroll_into_view_if_needed()
+    box = chart.bounding_box()
+    page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 0.5 * box["height"])
+    page.evaluate(SETTLED)
+    cursors = page.evaluate(CURSORS)
+    assert None not in cursors
+    assert cursors[2] == pytest.approx(0.6 * box["width"], abs=1.5)
+    time = page.evaluate("now")
+    shown = page.evaluate("plots.map((plot) => plot._fullLayout.xaxis.range)")
+    assert len({tuple(ends) for ends in shown}) == 1
+    text = page.locator("#figure-1 .legend output").inner_text()
+    flight = read_flight(REFERENCE)
+    truth = flight.columns["vehicle_state"]
+    altitude = truth["altitude"][abs(truth["time"] - time).argmin()] / 1e3
+    assert float(text.removesuffix(" km")) == pytest.approx(altitude, abs=0.5)
+    assert page.evaluate(PICTURE) != before
+    assert f"{time:.2f} s" in page.locator(".transport .now").inner_text()
+
+
+def test_a_zoom_of_one_chart_is_a_zoom_of_all(open_file, page_of_one):
+    page = open_file(page_of_one, "wide", "light")
+    page.evaluate("Plotly.relayout(plots[3], { 'xaxis.range': [300, 400] })")
+    page.wait_for_function(
+        "plots.every((plot) => String(plot._fullLayout.xaxis.range) === '300,400')"
+    )
+    page.evaluate("setTime(500)")
+    page.evaluate(SETTLED)
+    assert set(page.evaluate(CURSORS)) == {None}
+
+
+def test_an_event_and_the_slider_set_the_time(open_file, page_of_one):
+    page = open_file(page_of_one, "wide", "light")
+    page.locator(".timeline button", has_text="337.150").first.click()
+    assert page.evaluate("now") == 337.15
+    page.locator(".transport .time").fill("0.5")
+    assert page.evaluate("now") == pytest.approx(0.5 * (155.9 + 767.127), abs=0.01)
+
+
+def test_the_globe_turns_zooms_and_plays(open_file, page_of_one):
+    page = open_file(page_of_one, "wide", "light")
+    canvas = page.locator(".scene canvas")
+    canvas.scroll_into_view_if_needed()
+    box = canvas.bounding_box()
+    x, y = box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
+
+    def picture():
+        page.evaluate(SETTLED)
+        return page.evaluate(PICTURE)
+
+    first = picture()
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 80, y + 30, steps=4)
+    page.mouse.up()
+    turned = picture()
+    page.mouse.wheel(0, -300)
+    page.wait_for_function("globe.view.zoom > 1")
+    nearer = picture()
+    canvas.press("ArrowLeft")
+    assert len({first, turned, nearer, picture()}) == 4
+    page.locator(".zoom button").last.click()
+    assert picture() == first
+    page.locator(".play").click()
+    page.wait_for_function("now > FIRST && now < LAST")
+    page.locator(".play").click()
+    assert page.evaluate("playing") == 0
+
+
+def test_the_wheel_scrolls_the_page_until_the_pointer_comes_to_the_globe(open_file, page_of_one):
+    page = open_file(page_of_one, "wide", "light")
+    assert page.evaluate(
+        """() => document.querySelector(".scene canvas")
+          .dispatchEvent(new WheelEvent("wheel", { deltaY: 100, cancelable: true }))"""
+    )
+    assert page.evaluate("globe.view.zoom === globe.home.zoom")
+
+
+def test_land_is_land_from_wherever_it_is_seen(browser, page_of_one):
+    # not by `open_file`: the browser remarks that a canvas is read so often
+    page = browser.new_page(color_scheme="light")
+    page.goto(page_of_one.as_uri())
+    # without the flight over it
+    page.evaluate("globe.flights = []")
+    colours = page.evaluate("[globe.colours.edge, globe.colours.ground]")
+    land, sea = (",".join(str(int(c[i : i + 2], 16)) for i in (1, 3, 5)) for c in colours)
+    checked = 0
+    for longitude in range(-180, 180, 20):
+        for latitude in (-80, -35, 0, 20, 55, 90):
+            view = {"longitude": longitude, "latitude": latitude}
+            seen = page.evaluate(SEEN, [LAND + SEA, view])
+            for place, colour, expected in zip(
+                LAND + SEA, seen, [land] * len(LAND) + [sea] * len(SEA), strict=True
+            ):
+                assert colour in (None, expected), (place, view)
+                checked += colour is not None
+    page.close()
+    assert checked > 500
+
+
+def test_fingers_move_the_cursor_and_may_tap_what_they_need(open_file, page_of_two):
+    page = open_file(page_of_two, "narrow", "dark", has_touch=True, is_mobile=True)
+    for name in (".play", ".zoom button", ".transport .time"):
+        for box in [one.bounding_box() for one in page.locator(name).all()]:
+            assert box["height"] >= 44
+    chart = page.locator(".plot").first
+    chart.scroll_into_view_if_needed()
+    box = chart.bounding_box()
+    page.touchscreen.tap(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
+    page.evaluate(SETTLED)
+    assert page.evaluate(CURSORS)[0] == pytest.approx(0.5 * box["width"], abs=1.5)
+
+
+def test_a_browser_that_cannot_unpack_is_told(browser, page_of_one):
+    page = browser.new_page()
+    page.add_init_script("delete window.DecompressionStream")
+    page.goto(page_of_one.as_uri())
+    assert page.locator("#too-old").is_visible()
+    assert "Flown to the target" in page.locator(".verdict").inner_text()
+    page.close()
+
+
+def test_the_numbers_of_the_page(open_file, page_of_one, page_of_two):
+    page = open_file(page_of_one, "wide", "light")
+    assert page.locator(".tiles dd").all_inner_texts() == [
+        "174,117.62 kg",
+        "767.127 s",
+        "434.027 s",
+    ]
+    rows = page.locator("#flight-1 tbody tr").all_inner_texts()
+    assert [row.split("\t")[0] for row in rows] == [
+        "radius, m",
+        "speed, m/s",
+        "flight-path angle, deg",
+        "inclination, deg",
+    ]
+    assert rows[0].split("\t")[1:] == ["6,518,889.01", "6,518,889.00", "+0.0053", "100"]
+    page = open_file(page_of_two, "wide", "light")
+    head = page.locator("#comparison thead th").all_inner_texts()
+    assert head[1:] == ["peg, reference", "peg, dispersed", "minus the first"]
+    mass = page.locator("#comparison tbody tr").first.inner_text().split("\t")
+    one, other, difference = (
+        float(cell.replace(",", "").replace("\N{MINUS SIGN}", "-")) for cell in mass[1:]
+    )
+    assert one == 174_117.62
+    assert difference == pytest.approx(other - one, abs=0.011)
+    assert page.locator("#globe .ways li").all_inner_texts()[:2] == [
+        "peg, reference",
+        "peg, dispersed",
+    ]
+
+
+# ---- the command
+
+
+def test_the_page_lies_in_the_bag(tmp_path, capfd):
+    bag, other = tmp_path / "one", tmp_path / "two"
+    for copy in (bag, other):
+        shutil.copytree(REFERENCE, copy)
+    status, out, err = run(capfd, bag)
+    assert (status, out, err) == (0, f"{bag / 'report.html'}\n", "")
+    assert (bag / "report.html").stat().st_size < 4e6
+    status, out, _ = run(capfd, bag / "reference_0.mcap", other)
+    assert (status, out) == (0, f"{bag / 'comparison.html'}\n")
+    assert sorted(path.name for path in other.iterdir()) == ["metadata.yaml", "reference_0.mcap"]
+
+
+def test_what_cannot_be_shown_is_one_line(tmp_path, capfd):
+    assert "does not exist" in refused(capfd, tmp_path / "nothing")
+    (tmp_path / "text").write_text("no bag")
+    assert "not a bag" in refused(capfd, tmp_path / "text")
+    states = write_bag(tmp_path / "made_up")
+    assert "holds no flight" in refused(capfd, states)
+    assert "5 at most" in refused(capfd, *[REFERENCE] * 6)
+    for out in (tmp_path, tmp_path / "no" / "page.html"):
+        assert "cannot be written" in refused(capfd, REFERENCE, "--out", out)
+    assert not [path for path in tmp_path.iterdir() if path.name.startswith(".")]
+
+
+def test_states_of_another_kind_are_one_line(tmp_path, capfd):
+    topic = replace(topics()[0], name="/ares/vehicle_state")
+    with BagWriter(tmp_path / "other", {"mission": "ares_v"}) as writer:
+        writer.add_topic(topic)
+        writer.write(topic.name, 0, serialize_message(nav_state(0)))
+    assert "another kind of vehicle_state" in refused(capfd, tmp_path / "other")
+
+
+def test_a_mission_that_is_gone_is_one_line(tmp_path, capfd):
+    bag = tmp_path / "flight"
+    shutil.copytree(REFERENCE, bag)
+    file, page = bag / "reference_0.mcap", bag / "metadata.yaml"
+    file.write_bytes(file.read_bytes().replace(b"ares_v", b"ares_w"))
+    page.write_text(page.read_text().replace("ares_v", "ares_w"))
+    assert "ares_w" in refused(capfd, bag)
+
+
+@pytest.mark.parametrize(
+    ("kept", "verdict"),
+    [
+        (0.4, "Incomplete: no end in this bag"),
+        # the end of the flight is in it, the end of the bag is not
+        (0.95, "Flown to the target, but not all is as it should be"),
+    ],
+)
+def test_a_cut_bag_is_shown_and_said_to_be_incomplete(tmp_path, capfd, kept, verdict):
+    bag = tmp_path / "cut"
+    shutil.copytree(REFERENCE, bag)
+    file = bag / "reference_0.mcap"
+    file.write_bytes(file.read_bytes()[: int(kept * file.stat().st_size)])
+    status, _, err = run(capfd, bag)
+    assert (status, err) == (0, "")
+    text = (bag / "report.html").read_text()
+    assert f'<p class="verdict bad">{verdict}</p>' in text
+    assert re.search(r'<ul class="problems">.*?has no end.*?lost', text, re.DOTALL)
+    whole = read_flight(REFERENCE).columns["vehicle_state"]["time"]
+    part = read_flight(bag).columns["vehicle_state"]["time"]
+    assert part.tolist() == whole[: len(part)].tolist()
+
+
+def test_a_damaged_bag_is_no_success(tmp_path, capfd):
+    bag = tmp_path / "damaged"
+    shutil.copytree(REFERENCE, bag)
+    file = bag / "reference_0.mcap"
+    data = bytearray(file.read_bytes())
+    data[len(data) // 3] ^= 0xFF
+    file.write_bytes(data)
+    status, _, _ = run(capfd, bag)
+    assert status == 0
+    flight = read_flight(bag)
+    assert flight.summary.shortcomings()
+    text = (bag / "report.html").read_text()
+    assert 'class="verdict bad"' in text
+    assert 'class="problems"' in text
+
+
+def test_names_differ():
+    flight = read_flight(REFERENCE)
+    assert short_names([flight]) == ["peg"]
+    assert short_names([flight, flight]) == ["1: peg, reference", "2: peg, reference"]
+
+
+def test_the_verdict_is_that_of_the_flight():
+    summary = read_flight(REFERENCE).summary
+    assert summary.exit_code == 0
+    assert summary.m_f_kg == pytest.approx(174_117.62, abs=0.01)
+    assert summary.first_convergence_iterations == 7
+    assert not summary.lost_messages
+
+
+def test_a_page_is_made_without_what_takes_long_to_import(tmp_path):
+    code = (
+        "import sys; from ares_bringup.commands.cli import main; "
+        f"status = main(['report', {str(REFERENCE)!r}, '--out', {str(tmp_path / 'p.html')!r}]); "
+        f"print(status, sorted({HEAVY!r} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "0 []"
