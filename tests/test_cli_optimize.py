@@ -2,10 +2,14 @@
 
 import json
 from importlib import resources
+from pathlib import Path
 
 import pytest
 
 from ares_bringup.commands.cli import main
+
+#: The second of its three stages burns in held attitude.
+HELD = Path(__file__).parents[1] / "src/ares_optimizer/test/missions/solid_middle.yaml"
 
 
 def test_json_is_one_object_with_the_promised_keys(capsys):
@@ -67,6 +71,8 @@ def test_a_mission_that_cannot_be_flown_is_exit_1_with_a_reason(capsys, tmp_path
         (["--method", "magic"], "'magic' is not one of"),
         (["--hold-jettison", "fairing=1"], "the name one of 'payload fairing'"),
         (["--hold-jettison", "payload fairing=soon"], "expected a number of seconds"),
+        (["--mission", str(HELD), "--method", "jump"], "arc 2: its attitude is held"),
+        (["--mission", str(HELD), "--method", "analytic"], "ares: "),
     ],
 )
 def test_bad_input_is_one_line_and_status_2(capsys, argv, words):

@@ -467,7 +467,7 @@ def report(
     ] = None,
 ) -> None:
     """Show a recorded flight, or several over each other, on one HTML page."""
-    _needs_pages()
+    _needs("pages")
     from ares_bringup.commands.report import report as write_report
 
     typer.echo(write_report(bags, out))
