@@ -1,8 +1,15 @@
 """Options, discovery settings and parameter files."""
 
+import fcntl
+import os
+import subprocess
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+
 import pytest
 
-from ares_bringup.discovery import PROFILE, discovery_settings
+from ares_bringup.discovery import PROFILE, PROFILE_VARIABLES, discovery_settings
 from ares_bringup.fly import node_parameters
 from ares_bringup.options import CannotStart, FlyOptions, domain_id
 from ares_bringup.params_file import node_values
@@ -35,6 +42,39 @@ def test_discovery_settings_are_added_but_replace_nothing():
         "FASTDDS_DEFAULT_PROFILES_FILE": "/mine.xml",
     }
     assert discovery_settings(own) == {}
+
+
+TALKER = """
+import rclpy
+rclpy.init()
+rclpy.create_node("talker")
+print("the result")
+rclpy.shutdown()
+"""
+
+
+def test_what_the_middleware_complains_of_is_no_result(ros_domain):
+    """Another process holds the ports in shared memory: a line on standard error."""
+    first = 7400 + 250 * ros_domain
+    with ExitStack() as held:
+        for port in range(first, first + 40):
+            path = Path(f"/dev/shm/fastrtps_port{port}_el")
+            held.callback(path.unlink, missing_ok=True)
+            fcntl.flock(held.enter_context(path.open("w")), fcntl.LOCK_EX)
+        environment = {**os.environ, "ROS_DOMAIN_ID": str(ros_domain)}
+        for name in PROFILE_VARIABLES:
+            environment.pop(name, None)
+        environment |= discovery_settings(environment)
+        done = subprocess.run(
+            [sys.executable, "-c", TALKER],
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=True,
+        )
+    assert done.stdout == "the result\n"
+    assert "Failed init_port" in done.stderr
 
 
 def test_values_of_a_node_in_a_parameter_file(tmp_path):
