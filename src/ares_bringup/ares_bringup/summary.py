@@ -56,6 +56,8 @@ EVENT_NAMES = {
     GUIDANCE_LOST: "no answer from guidance",
     GUIDANCE_BACK: "guidance answers again",
 }
+#: Events worth a mark in a picture, and the word beside it.
+MARKS = {STAGING: "staging", JETTISON_DONE: "jettison", CUTOFF: "cut-off"}
 
 ENDS = (FLIGHT_COMPLETE, IMPACT, TIME_LIMIT)
 

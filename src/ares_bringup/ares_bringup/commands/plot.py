@@ -10,19 +10,12 @@ from numpy.typing import NDArray
 from ares_bags.errors import BagError
 from ares_bags.reader import LOG_TIME, Bag, open_bag
 from ares_bringup.options import CannotStart
+from ares_bringup.summary import MARKS
 from ares_models.arrays import HEATING_LIMIT
 from ares_models.mission import Mission, MissionError, load_mission
 from ares_studies.plots import draw_flight
-from ares_vehicle_sim.arrays import CUTOFF, JETTISON_DONE, STAGING
 
 FORMATS = (".png", ".svg", ".pdf")
-
-#: Events worth a mark, and the word beside it.
-MARKS = {
-    STAGING: "staging",
-    JETTISON_DONE: "jettison",
-    CUTOFF: "cut-off",
-}
 
 
 def plot_bag(path: Path, out: Path | None) -> Path:

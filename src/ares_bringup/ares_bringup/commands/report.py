@@ -11,6 +11,7 @@ from ares_bringup.options import CannotStart
 from ares_bringup.recorded import RecordedFlight, read_flight
 from ares_bringup.report import ORBIT_ERRORS, number, shown_path
 from ares_bringup.summary import (
+    MARKS,
     Diagnostic,
     FlightSummary,
     Outcome,
@@ -29,7 +30,6 @@ from ares_studies.flight_page.page import (
 )
 from ares_studies.pages import parts
 from ares_studies.pages.parts import Cell, Column, Guide, Row, Table, small, word
-from ares_vehicle_sim.arrays import CUTOFF, JETTISON_DONE, STAGING
 
 PAGE = "report.html"
 COMPARISON = "comparison.html"
@@ -47,8 +47,6 @@ VERDICTS = {
 }
 #: What the last mark on the globe is called.
 ENDINGS = {Outcome.TARGET: "insertion", Outcome.IMPACT: "impact"}
-#: Words for the marks of the charts.
-MARKS = {STAGING: "staging", JETTISON_DONE: "jettison", CUTOFF: "cut-off"}
 
 #: Judged quantities that every state has: name, unit and decimals. Others: `ORBIT_ERRORS`.
 STATE_QUANTITIES = {
