@@ -397,6 +397,10 @@ def test_a_flight_compiles_its_own_law(arguments, kernels):
         (["missions"], ()),
         (["optimize"], ("solve.txt",)),
         (["montecarlo"], ("solve.txt", "pages.txt")),
+        # the extra `pages` asks for SciPy
+        (["plot"], ("solve.txt", "pages.txt")),
+        (["report"], ("solve.txt", "pages.txt")),
+        (["reproduce"], ("solve.txt", "pages.txt")),
         (["test"], ("solve.txt", "pages.txt", "dev.txt")),
     ],
 )

@@ -53,7 +53,7 @@ ALSO = {
     "optimize": ("solve.txt",),
     "plot": ("solve.txt", "pages.txt"),
     "prepare": EVERYTHING,
-    "report": ("pages.txt",),
+    "report": ("solve.txt", "pages.txt"),
     "reproduce": ("solve.txt", "pages.txt"),
     "test": EVERYTHING,
 }
