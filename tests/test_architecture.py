@@ -16,6 +16,7 @@ MAY_IMPORT = {
     "ares_studies": {"ares_models", "ares_guidance", "ares_vehicle_sim", "ares_optimizer"},
     "ares_node": {"ares_msgs"},
     "ares_bags": {"ares_node", "ares_msgs"},
+    "ares_view": {"ares_models", "ares_studies", "ares_node", "ares_msgs"},
     "ares_bringup": {
         "ares_models",
         "ares_guidance",
@@ -24,13 +25,14 @@ MAY_IMPORT = {
         "ares_studies",
         "ares_node",
         "ares_bags",
+        "ares_view",
         "ares_msgs",
     },
 }
 #: A node, and the entry of its process.
 NODES = {"node.py", "__main__.py"}
 NODES_ALSO = {"ares_node", "ares_msgs"}
-SPEAK_ROS = {"ares_node", "ares_bags", "ares_bringup"}
+SPEAK_ROS = {"ares_node", "ares_bags", "ares_view", "ares_bringup"}
 ROS = {"rclpy", "rosgraph_msgs", "diagnostic_msgs", "builtin_interfaces", "rcl_interfaces"}
 
 #: Rooms of the optimizer, and which others each may import. What is in none is shared, or joins

@@ -30,6 +30,7 @@ setup(
         "ares_optimizer",
         "ares_studies",
         "ares_vehicle_sim",
+        "ares_view",
         "numpy>=2.0",
         "pydantic>=2.5",
         "PyYAML>=6.0",

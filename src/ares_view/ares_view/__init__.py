@@ -1,0 +1,1 @@
+"""Flights as they happen: standard messages for other tools, a live page in the browser."""

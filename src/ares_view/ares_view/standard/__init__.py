@@ -1,0 +1,1 @@
+"""A flight in messages that every ROS tool knows."""

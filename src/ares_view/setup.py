@@ -1,0 +1,29 @@
+"""Packaging of ares_view."""
+
+from setuptools import find_packages, setup
+
+PACKAGE = "ares_view"
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    description="Flights as they happen: standard messages, a live page in the browser.",
+    license="Apache-2.0",
+    maintainer="Ares maintainers",
+    maintainer_email="ares-maintainers@example.org",
+    packages=find_packages(exclude=["test", "test.*"]),
+    package_data={PACKAGE: ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+    ],
+    python_requires=">=3.11",
+    install_requires=[
+        "ares_models",
+        "ares_msgs",
+        "ares_node",
+        "numpy>=2.0",
+    ],
+    extras_require={"test": ["pytest"]},
+    zip_safe=False,
+)
