@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -71,6 +72,22 @@ HEAD_START = 0.1
 RECORDER_STOP_TIMEOUT = 30.0
 
 Say = Callable[[str], None]
+Look = Callable[["FlightMonitor"], None]
+
+
+@dataclass(frozen=True)
+class Audience:
+    """Who is told of a flight while it goes on.
+
+    Attributes:
+        say: gets lines for a person.
+        begun: called once, when it has begun.
+        look: gets the monitor again and again.
+    """
+
+    say: Say
+    begun: Callable[[], None]
+    look: Look
 
 
 def say_on_standard_error(line: str) -> None:
@@ -251,6 +268,7 @@ def fly(
     modules: Mapping[str, str] = MODULES,
     begun: float | None = None,
     greet: Say = lambda _line: None,
+    look: Look = lambda _monitor: None,
 ) -> FlightSummary:
     """Fly a mission and say how it went.
 
@@ -262,6 +280,7 @@ def fly(
         say: gets lines for a person while the flight goes on.
         modules: module of each node, for the layout with several processes.
         greet: gets the line by which others find the flight, when it has begun.
+        look: gets the monitor about ten times a second, to show how the flight goes on.
         begun: when the command began, s of time.monotonic(), for `wall_s`; default now.
 
     Raises:
@@ -279,10 +298,11 @@ def fly(
     apply_discovery_settings()
     with ExitStack() as held:
         summary.domain_id = held.enter_context(_own_domain()) if domain is None else domain
+        audience = Audience(say, lambda: greet(_greeting(summary)), look)
         if options.in_process:
-            _fly_in_process(summary, parameters, say, lambda: greet(_greeting(summary)))
+            _fly_in_process(summary, parameters, audience)
         else:
-            _fly_in_processes(summary, parameters, say, lambda: greet(_greeting(summary)), modules)
+            _fly_in_processes(summary, parameters, audience, modules)
     if bag is not None and not Path(bag).exists():
         summary.bag = None
     summary.wall_s = time.monotonic() - begun
@@ -363,16 +383,10 @@ def _graph(
             context.try_shutdown()
 
 
-def _watch(
-    monitor: "FlightMonitor",
-    pace: float,
-    say: Say,
-    stop: "StopSignals",
-    begun: Callable[[], None],
-) -> Watch:
+def _watch(monitor: "FlightMonitor", pace: float, audience: Audience, stop: "StopSignals") -> Watch:
     # a program that reads the lines gets none that hangs on the speed of the machine
     patience = PATIENCE if sys.stderr.isatty() else math.inf
-    return Watch(monitor, pace, say, lambda: stop.requested, begun, patience)
+    return Watch(monitor, pace, audience.say, lambda: stop.requested, audience.begun, patience)
 
 
 @contextmanager
@@ -389,9 +403,12 @@ def _spinner(
         stop.wake_with(executor.wake)
 
 
-def _keep_watch(watch: Watch, spinner: "Spinner", lost: Callable[[], bool]) -> None:
+def _keep_watch(
+    watch: Watch, spinner: "Spinner", lost: Callable[[], bool], look: Callable[[], None]
+) -> None:
     """Spin until the flight is over, or is lost."""
     while not watch.over():
+        look()
         spinner.spin()
         if lost():
             return
@@ -403,11 +420,12 @@ def _keep_watch(watch: Watch, spinner: "Spinner", lost: Callable[[], bool]) -> N
 def _fly_in_processes(
     summary: FlightSummary,
     parameters: Mapping[str, Mapping[str, Any]],
-    say: Say,
-    begun: Callable[[], None],
+    audience: Audience,
     modules: Mapping[str, str],
 ) -> None:
     from ares_node.qos import SOLVE_TRAJECTORY
+
+    say = audience.say
 
     with Crew({**os.environ, "ROS_DOMAIN_ID": str(summary.domain_id)}) as crew:
 
@@ -429,9 +447,9 @@ def _fly_in_processes(
             if name not in late:
                 start(name)
         with _graph(summary, say, lambda: False) as (monitor, executor, stop):
-            watch = _watch(monitor, parameters[SIMULATOR]["pace"], say, stop, begun)
+            watch = _watch(monitor, parameters[SIMULATOR]["pace"], audience, stop)
             with _spinner(monitor, executor, stop) as spinner:
-                _keep_watch(watch, spinner, lost)
+                _keep_watch(watch, spinner, lost, lambda: audience.look(monitor))
 
             def listen() -> None:
                 executor.spin_once(timeout_sec=0.005)
@@ -495,11 +513,9 @@ def _end_crew(crew: Crew, summary: FlightSummary, say: Say, listen: Callable[[],
 
 
 def _fly_in_process(
-    summary: FlightSummary,
-    parameters: Mapping[str, Mapping[str, Any]],
-    say: Say,
-    begun: Callable[[], None],
+    summary: FlightSummary, parameters: Mapping[str, Mapping[str, Any]], audience: Audience
 ) -> None:
+    say = audience.say
     with _graph(summary, say, lambda: not summary.started) as (monitor, executor, stop):
         nodes: dict[str, FlightNode] = {}
         try:
@@ -507,11 +523,16 @@ def _fly_in_process(
             for name in (OPTIMIZER, GUIDANCE, SIMULATOR, RECORDER):
                 if name in parameters and not stop.requested:
                     nodes[name] = _started(name, parameters[name], executor, monitor.node)
-            watch = _watch(monitor, parameters[SIMULATOR]["pace"], say, stop, begun)
+            watch = _watch(monitor, parameters[SIMULATOR]["pace"], audience, stop)
             with _spinner(monitor, executor, stop) as spinner:
                 for node in nodes.values():
                     node.when_done = spinner.come_back
-                _keep_watch(watch, spinner, lambda: _node_lost(nodes, summary, say))
+                _keep_watch(
+                    watch,
+                    spinner,
+                    lambda: _node_lost(nodes, summary, say),
+                    lambda: audience.look(monitor),
+                )
             for node in _in_order_of_end(nodes):
                 if not node.done:
                     node.drain(executor)

@@ -8,6 +8,7 @@ import os
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -172,29 +173,38 @@ def fly(
         raise BadInput(f"--bag is {str(bag)!r}, which exists; expected a new folder")
     from ares_bringup.fly import fly as fly_mission
 
-    summary = fly_mission(
-        FlyOptions(
-            mission=mission,
-            guidance=guidance,
-            in_process=in_process,
-            record=not no_record,
-            bag=bag,
-            seed=seed,
-            dispersions=dispersions,
-            flight=flight,
-            pace=pace,
-            navigation_period_s=nav_period,
-            cycle_period_s=cycle_period,
-            hold_time_s=hold_time,
-            heating_source=heating_source,
-            initial_guess=initial_guess,
-            attitude_rate_limit_deg_s=attitude_rate_limit,
-            domain_id=domain_id,
-            namespace=namespace,
-        ),
-        begun=_BEGUN,
-        greet=(lambda _line: None) if as_json else typer.echo,
+    options = FlyOptions(
+        mission=mission,
+        guidance=guidance,
+        in_process=in_process,
+        record=not no_record,
+        bag=bag,
+        seed=seed,
+        dispersions=dispersions,
+        flight=flight,
+        pace=pace,
+        navigation_period_s=nav_period,
+        cycle_period_s=cycle_period,
+        hold_time_s=hold_time,
+        heating_source=heating_source,
+        initial_guess=initial_guess,
+        attitude_rate_limit_deg_s=attitude_rate_limit,
+        domain_id=domain_id,
+        namespace=namespace,
     )
+    with ExitStack() as shown:
+        look = None
+        if not as_json and sys.stderr.isatty():
+            from ares_bringup.report import console
+            from ares_bringup.terminal import TerminalView
+
+            look = shown.enter_context(TerminalView(console(sys.stderr))).look
+        summary = fly_mission(
+            options,
+            begun=_BEGUN,
+            greet=(lambda _line: None) if as_json else typer.echo,
+            look=look or (lambda _monitor: None),
+        )
     if as_json:
         typer.echo(json.dumps(summary.to_json(), indent=2, allow_nan=False))
     else:
