@@ -203,7 +203,8 @@ def keep(rows: list[Row], optimum: float) -> None:
     figures = Figures(__file__, "Time to the optimum of ares_v, warm process, medians.")
     for row in rows:
         if not _order(row, optimum)[0]:
-            figures.add(f"{row.name}, {row.guess}", row.median_ms, "ms")
+            grid = f", {row.note.partition(';')[0]}" if ";" in row.note else ""
+            figures.add(f"{row.name}, {row.guess}{grid}", row.median_ms, "ms")
     figures.keep()
 
 
