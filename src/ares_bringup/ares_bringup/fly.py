@@ -6,9 +6,11 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ares_bringup.audience import Audience
 from ares_bringup.bag_paths import new_bag
 from ares_bringup.crew import Crew, describe_end, ros_arguments
 from ares_bringup.discovery import apply_discovery_settings
@@ -276,13 +278,16 @@ def fly(
         bag = str((options.bag or new_bag(facts.name)).absolute())
     summary = FlightSummary(facts, options.guidance, bag, new_id(), namespace=namespace)
     parameters = node_parameters(options, bag, summary.flight_id)
+    audience = Audience(options, summary, say)
     apply_discovery_settings()
     with ExitStack() as held:
         summary.domain_id = held.enter_context(_own_domain()) if domain is None else domain
+        held.enter_context(audience)
+        terms = _Terms(say, lambda: greet(_greeting(summary)), audience)
         if options.in_process:
-            _fly_in_process(summary, parameters, say, lambda: greet(_greeting(summary)))
+            _fly_in_process(summary, parameters, terms)
         else:
-            _fly_in_processes(summary, parameters, say, lambda: greet(_greeting(summary)), modules)
+            _fly_in_processes(summary, parameters, terms, modules)
     if bag is not None and not Path(bag).exists():
         summary.bag = None
     summary.wall_s = time.monotonic() - begun
@@ -295,6 +300,21 @@ def _greeting(summary: FlightSummary) -> str:
         f"flight {id_text(summary.flight_id)}: "
         f"ROS_DOMAIN_ID={summary.domain_id} ros2 topic list (namespace {summary.namespace})"
     )
+
+
+@dataclass(frozen=True)
+class _Terms:
+    """What a flight has to do with the world.
+
+    Attributes:
+        say: gets lines for a person.
+        begun: called when the flight has begun.
+        audience: who looks at it.
+    """
+
+    say: Say
+    begun: Callable[[], None]
+    audience: Audience
 
 
 @contextmanager
@@ -363,16 +383,10 @@ def _graph(
             context.try_shutdown()
 
 
-def _watch(
-    monitor: "FlightMonitor",
-    pace: float,
-    say: Say,
-    stop: "StopSignals",
-    begun: Callable[[], None],
-) -> Watch:
+def _watch(monitor: "FlightMonitor", pace: float, terms: _Terms, stop: "StopSignals") -> Watch:
     # a program that reads the lines gets none that hangs on the speed of the machine
     patience = PATIENCE if sys.stderr.isatty() else math.inf
-    return Watch(monitor, pace, say, lambda: stop.requested, begun, patience)
+    return Watch(monitor, pace, terms.say, lambda: stop.requested, terms.begun, patience)
 
 
 @contextmanager
@@ -403,12 +417,12 @@ def _keep_watch(watch: Watch, spinner: "Spinner", lost: Callable[[], bool]) -> N
 def _fly_in_processes(
     summary: FlightSummary,
     parameters: Mapping[str, Mapping[str, Any]],
-    say: Say,
-    begun: Callable[[], None],
+    terms: _Terms,
     modules: Mapping[str, str],
 ) -> None:
     from ares_node.qos import SOLVE_TRAJECTORY
 
+    say, audience = terms.say, terms.audience
     with Crew({**os.environ, "ROS_DOMAIN_ID": str(summary.domain_id)}) as crew:
 
         def start(name: str) -> None:
@@ -422,6 +436,7 @@ def _fly_in_processes(
                 monitor.node.count_services(SOLVE_TRAJECTORY) or OPTIMIZER not in crew.running()
             ):
                 start(late.pop())
+            audience.look(monitor)
             return _crew_lost(crew, summary, say)
 
         # the children first: they take longer to start than what follows here
@@ -429,7 +444,8 @@ def _fly_in_processes(
             if name not in late:
                 start(name)
         with _graph(summary, say, lambda: False) as (monitor, executor, stop):
-            watch = _watch(monitor, parameters[SIMULATOR]["pace"], say, stop, begun)
+            audience.come(monitor)
+            watch = _watch(monitor, parameters[SIMULATOR]["pace"], terms, stop)
             with _spinner(monitor, executor, stop) as spinner:
                 _keep_watch(watch, spinner, lost)
 
@@ -437,6 +453,7 @@ def _fly_in_processes(
                 executor.spin_once(timeout_sec=0.005)
 
             _end_crew(crew, summary, say, listen)
+            audience.leave(monitor)
 
 
 def _crew_lost(crew: Crew, summary: FlightSummary, say: Say) -> bool:
@@ -497,21 +514,27 @@ def _end_crew(crew: Crew, summary: FlightSummary, say: Say, listen: Callable[[],
 def _fly_in_process(
     summary: FlightSummary,
     parameters: Mapping[str, Mapping[str, Any]],
-    say: Say,
-    begun: Callable[[], None],
+    terms: _Terms,
 ) -> None:
+    say, audience = terms.say, terms.audience
+
+    def lost() -> bool:
+        audience.look(monitor)
+        return _node_lost(nodes, summary, say)
+
     with _graph(summary, say, lambda: not summary.started) as (monitor, executor, stop):
+        audience.come(monitor)
         nodes: dict[str, FlightNode] = {}
         try:
             # the recorder last: a start that is abandoned while kernels compile leaves no bag
             for name in (OPTIMIZER, GUIDANCE, SIMULATOR, RECORDER):
                 if name in parameters and not stop.requested:
                     nodes[name] = _started(name, parameters[name], executor, monitor.node)
-            watch = _watch(monitor, parameters[SIMULATOR]["pace"], say, stop, begun)
+            watch = _watch(monitor, parameters[SIMULATOR]["pace"], terms, stop)
             with _spinner(monitor, executor, stop) as spinner:
                 for node in nodes.values():
                     node.when_done = spinner.come_back
-                _keep_watch(watch, spinner, lambda: _node_lost(nodes, summary, say))
+                _keep_watch(watch, spinner, lost)
             for node in _in_order_of_end(nodes):
                 if not node.done:
                     node.drain(executor)
@@ -522,6 +545,7 @@ def _fly_in_process(
                 node.destroy_node()
         if RECORDER in nodes and nodes[RECORDER].exit_code:
             summary.problems.append(f"{RECORDER} failed: the bag is incomplete")
+        audience.leave(monitor)
 
 
 def _in_order_of_end(nodes: Mapping[str, "FlightNode"]) -> list["FlightNode"]:
