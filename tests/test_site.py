@@ -50,7 +50,7 @@ def test_the_reference_names_every_field_and_parameter(site: Path) -> None:
     assert "a number from 0 to 60 s" in parameters
     # every process of a node has its table
     for path in ROOT.glob("src/*/setup.py"):
-        for node in re.findall(r'"(\w+) = ares_\w+\.(?:__main__|node)\b', path.read_text()):
+        for node in re.findall(r'"(\w+) = ares_[\w.]+\.(?:__main__|node)\b', path.read_text()):
             assert f"<h2>{node}<" in parameters or node in {"ares", "judge"}
 
 

@@ -52,6 +52,7 @@ NODES = {
     "guidance": "ares_guidance.node",
     "optimizer": "ares_optimizer.node",
     "recorder": "ares_bags.recorder",
+    "live": "ares_view.live.node",
 }
 INTERFACES = "src/ares_msgs"
 

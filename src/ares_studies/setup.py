@@ -39,6 +39,8 @@ setup(
             "pyarrow>=16.1",
             "scipy>=1.13",
         ],
+        # what the live page takes of the pages
+        "live": ["Jinja2>=3.1", "MarkupSafe>=2.1", "plotly>=5.20"],
         "solve": ["scipy>=1.13"],
         "test": ["pytest"],
     },

@@ -12,7 +12,7 @@ setup(
     maintainer="Ares maintainers",
     maintainer_email="ares-maintainers@example.org",
     packages=find_packages(exclude=["test", "test.*"]),
-    package_data={PACKAGE: ["py.typed"]},
+    package_data={PACKAGE: ["py.typed", "*/*.html", "*/*.css", "*/*.js"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
@@ -22,8 +22,14 @@ setup(
         "ares_models",
         "ares_msgs",
         "ares_node",
+        "ares_studies",
         "numpy>=2.0",
     ],
-    extras_require={"test": ["pytest"]},
+    extras_require={
+        # the live page; no flight needs it
+        "live": ["plotly>=5.20", "tornado>=6.4"],
+        "test": ["pytest"],
+    },
     zip_safe=False,
+    entry_points={"console_scripts": ["live = ares_view.live.__main__:main"]},
 )

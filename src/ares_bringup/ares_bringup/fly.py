@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ares_bringup.audience import Audience
 from ares_bringup.bag_paths import new_bag
 from ares_bringup.crew import Crew, describe_end, ros_arguments
 from ares_bringup.discovery import apply_discovery_settings
@@ -72,22 +73,7 @@ HEAD_START = 0.1
 RECORDER_STOP_TIMEOUT = 30.0
 
 Say = Callable[[str], None]
-Look = Callable[["FlightMonitor"], None]
-
-
-@dataclass(frozen=True)
-class Audience:
-    """Who is told of a flight while it goes on.
-
-    Attributes:
-        say: gets lines for a person.
-        begun: called once, when it has begun.
-        look: gets the monitor again and again.
-    """
-
-    say: Say
-    begun: Callable[[], None]
-    look: Look
+Show = Callable[["FlightMonitor"], None]
 
 
 def say_on_standard_error(line: str) -> None:
@@ -268,7 +254,7 @@ def fly(
     modules: Mapping[str, str] = MODULES,
     begun: float | None = None,
     greet: Say = lambda _line: None,
-    look: Look = lambda _monitor: None,
+    show: Show = lambda _monitor: None,
 ) -> FlightSummary:
     """Fly a mission and say how it went.
 
@@ -280,8 +266,8 @@ def fly(
         say: gets lines for a person while the flight goes on.
         modules: module of each node, for the layout with several processes.
         greet: gets the line by which others find the flight, when it has begun.
-        look: gets the monitor about ten times a second, to show how the flight goes on.
         begun: when the command began, s of time.monotonic(), for `wall_s`; default now.
+        show: gets the monitor about ten times a second, to show how the flight goes on.
 
     Raises:
         CannotStart: the flight cannot start; one line says why.
@@ -295,14 +281,16 @@ def fly(
         bag = str((options.bag or new_bag(facts.name)).absolute())
     summary = FlightSummary(facts, options.guidance, bag, new_id(), namespace=namespace)
     parameters = node_parameters(options, bag, summary.flight_id)
+    audience = Audience(options, summary, say)
     apply_discovery_settings()
     with ExitStack() as held:
         summary.domain_id = held.enter_context(_own_domain()) if domain is None else domain
-        audience = Audience(say, lambda: greet(_greeting(summary)), look)
+        held.enter_context(audience)
+        terms = _Terms(say, lambda: greet(_greeting(summary)), audience, show)
         if options.in_process:
-            _fly_in_process(summary, parameters, audience)
+            _fly_in_process(summary, parameters, terms)
         else:
-            _fly_in_processes(summary, parameters, audience, modules)
+            _fly_in_processes(summary, parameters, terms, modules)
     if bag is not None and not Path(bag).exists():
         summary.bag = None
     summary.wall_s = time.monotonic() - begun
@@ -315,6 +303,23 @@ def _greeting(summary: FlightSummary) -> str:
         f"flight {id_text(summary.flight_id)}: "
         f"ROS_DOMAIN_ID={summary.domain_id} ros2 topic list (namespace {summary.namespace})"
     )
+
+
+@dataclass(frozen=True)
+class _Terms:
+    """What a flight has to do with the world.
+
+    Attributes:
+        say: gets lines for a person.
+        begun: called when the flight has begun.
+        audience: who looks at it.
+        show: gets the monitor again and again.
+    """
+
+    say: Say
+    begun: Callable[[], None]
+    audience: Audience
+    show: Show
 
 
 @contextmanager
@@ -383,10 +388,10 @@ def _graph(
             context.try_shutdown()
 
 
-def _watch(monitor: "FlightMonitor", pace: float, audience: Audience, stop: "StopSignals") -> Watch:
+def _watch(monitor: "FlightMonitor", pace: float, terms: _Terms, stop: "StopSignals") -> Watch:
     # a program that reads the lines gets none that hangs on the speed of the machine
     patience = PATIENCE if sys.stderr.isatty() else math.inf
-    return Watch(monitor, pace, audience.say, lambda: stop.requested, audience.begun, patience)
+    return Watch(monitor, pace, terms.say, lambda: stop.requested, terms.begun, patience)
 
 
 @contextmanager
@@ -403,12 +408,9 @@ def _spinner(
         stop.wake_with(executor.wake)
 
 
-def _keep_watch(
-    watch: Watch, spinner: "Spinner", lost: Callable[[], bool], look: Callable[[], None]
-) -> None:
+def _keep_watch(watch: Watch, spinner: "Spinner", lost: Callable[[], bool]) -> None:
     """Spin until the flight is over, or is lost."""
     while not watch.over():
-        look()
         spinner.spin()
         if lost():
             return
@@ -420,13 +422,12 @@ def _keep_watch(
 def _fly_in_processes(
     summary: FlightSummary,
     parameters: Mapping[str, Mapping[str, Any]],
-    audience: Audience,
+    terms: _Terms,
     modules: Mapping[str, str],
 ) -> None:
     from ares_node.qos import SOLVE_TRAJECTORY
 
-    say = audience.say
-
+    say, audience = terms.say, terms.audience
     with Crew({**os.environ, "ROS_DOMAIN_ID": str(summary.domain_id)}) as crew:
 
         def start(name: str) -> None:
@@ -440,6 +441,8 @@ def _fly_in_processes(
                 monitor.node.count_services(SOLVE_TRAJECTORY) or OPTIMIZER not in crew.running()
             ):
                 start(late.pop())
+            audience.look(monitor)
+            terms.show(monitor)
             return _crew_lost(crew, summary, say)
 
         # the children first: they take longer to start than what follows here
@@ -447,14 +450,16 @@ def _fly_in_processes(
             if name not in late:
                 start(name)
         with _graph(summary, say, lambda: False) as (monitor, executor, stop):
-            watch = _watch(monitor, parameters[SIMULATOR]["pace"], audience, stop)
+            audience.come(monitor)
+            watch = _watch(monitor, parameters[SIMULATOR]["pace"], terms, stop)
             with _spinner(monitor, executor, stop) as spinner:
-                _keep_watch(watch, spinner, lost, lambda: audience.look(monitor))
+                _keep_watch(watch, spinner, lost)
 
             def listen() -> None:
                 executor.spin_once(timeout_sec=0.005)
 
             _end_crew(crew, summary, say, listen)
+            audience.leave(monitor)
 
 
 def _crew_lost(crew: Crew, summary: FlightSummary, say: Say) -> bool:
@@ -513,26 +518,30 @@ def _end_crew(crew: Crew, summary: FlightSummary, say: Say, listen: Callable[[],
 
 
 def _fly_in_process(
-    summary: FlightSummary, parameters: Mapping[str, Mapping[str, Any]], audience: Audience
+    summary: FlightSummary,
+    parameters: Mapping[str, Mapping[str, Any]],
+    terms: _Terms,
 ) -> None:
-    say = audience.say
+    say, audience = terms.say, terms.audience
+
+    def lost() -> bool:
+        audience.look(monitor)
+        terms.show(monitor)
+        return _node_lost(nodes, summary, say)
+
     with _graph(summary, say, lambda: not summary.started) as (monitor, executor, stop):
+        audience.come(monitor)
         nodes: dict[str, FlightNode] = {}
         try:
             # the recorder last: a start that is abandoned while kernels compile leaves no bag
             for name in (OPTIMIZER, GUIDANCE, SIMULATOR, RECORDER):
                 if name in parameters and not stop.requested:
                     nodes[name] = _started(name, parameters[name], executor, monitor.node)
-            watch = _watch(monitor, parameters[SIMULATOR]["pace"], audience, stop)
+            watch = _watch(monitor, parameters[SIMULATOR]["pace"], terms, stop)
             with _spinner(monitor, executor, stop) as spinner:
                 for node in nodes.values():
                     node.when_done = spinner.come_back
-                _keep_watch(
-                    watch,
-                    spinner,
-                    lambda: _node_lost(nodes, summary, say),
-                    lambda: audience.look(monitor),
-                )
+                _keep_watch(watch, spinner, lost)
             for node in _in_order_of_end(nodes):
                 if not node.done:
                     node.drain(executor)
@@ -543,6 +552,7 @@ def _fly_in_process(
                 node.destroy_node()
         if RECORDER in nodes and nodes[RECORDER].exit_code:
             summary.problems.append(f"{RECORDER} failed: the bag is incomplete")
+        audience.leave(monitor)
 
 
 def _in_order_of_end(nodes: Mapping[str, "FlightNode"]) -> list["FlightNode"]:

@@ -5,12 +5,24 @@ from collections.abc import Callable
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 
-from ares_bringup.summary import ENDS, Diagnostic, Event, FlightSummary, Status
+from ares_bringup.summary import Diagnostic, Event, FlightSummary, Status
 from ares_msgs.msg import FlightEvent, FlightMember, GuidanceStatus
-from ares_node.diagnostics import LONGEST_CYCLE_MS, Timing, hardware_id, of_another_flight
+from ares_node.diagnostics import (
+    GOOD,
+    LONGEST_CYCLE_MS,
+    PACE,
+    PAGES,
+    PAUSED,
+    VERDICT,
+    Timing,
+    hardware_id,
+    of_another_flight,
+    timing,
+)
 from ares_node.membership import Membership, Role, State
 from ares_node.qos import (
     DIAGNOSTIC,
@@ -22,12 +34,15 @@ from ares_node.qos import (
     TIMING,
 )
 from ares_node.time import seconds_from_stamp
+from ares_studies.event_words import ENDS
 
 _LEVELS = {
     DiagnosticStatus.WARN: "WARN",
     DiagnosticStatus.ERROR: "ERROR",
     DiagnosticStatus.STALE: "STALE",
 }
+#: Wall time in s for the verdict to arrive.
+VERDICT_TIMEOUT = 0.5
 #: Warnings and errors that are passed on while the flight goes on.
 MAX_SAID = 20
 
@@ -42,6 +57,8 @@ class FlightMonitor:
         summary: filled while the flight goes on.
         last_heard: wall time of the last message, s of time.monotonic().
         when_ended: called when the flight has ended.
+        held: the judge does not agree yet, and so the flight does not start; see `let_go`.
+        pages: browsers in which the live page is open; -1: it is not served yet.
     """
 
     def __init__(self, node: Node, summary: FlightSummary, say: Callable[[str], None]) -> None:
@@ -57,6 +74,8 @@ class FlightMonitor:
         self.last_heard = time.monotonic()
         self._membership = Membership(node, Role.JUDGE, flight_id=summary.flight_id)
         self.when_ended: Callable[[], None] = lambda: None
+        self.held = False
+        self.pages = -1
         self._ended = False
         self._say = say
         self._said = 0
@@ -71,7 +90,21 @@ class FlightMonitor:
                 (Timing, TIMING, self._on_timing, DIAGNOSTIC),
             )
         ]
+        self._timing_out = node.create_publisher(Timing, TIMING, DIAGNOSTIC)
         self._membership.listen(self._on_member)
+
+    def let_go(self) -> None:
+        """Agree to the flight now: it waits for nothing else."""
+        if self.held:
+            self.held = False
+            self._membership.witness()
+
+    def say_verdict(self) -> None:
+        """Tell the live page what the flight came to."""
+        summary = self.summary
+        words = {VERDICT: summary.verdict, GOOD: not summary.shortcomings()}
+        self._timing_out.publish(timing(self.node, summary.flight_id, words))
+        self._timing_out.wait_for_all_acked(Duration(seconds=VERDICT_TIMEOUT))
 
     @property
     def ended(self) -> bool:
@@ -85,11 +118,15 @@ class FlightMonitor:
     def leave(self) -> None:
         """Take part no more, and free the endpoints."""
         self._membership.close()
+        self.node.destroy_publisher(self._timing_out)
         for endpoint in self._inputs:
             self.node.destroy_subscription(endpoint)
 
     def _on_member(self, _member: FlightMember) -> None:
-        self._membership.witness()
+        if self.held:
+            self._membership.join()
+        else:
+            self._membership.witness()
         self.summary.flight_id = self._membership.flight_id
 
     def _is_ours(self, flight_id: int) -> bool:
@@ -160,9 +197,14 @@ class FlightMonitor:
     def _on_timing(self, status: Timing) -> None:
         if status.hardware_id != hardware_id(self.summary.flight_id):
             return
-        for item in status.values:
-            if item.key == LONGEST_CYCLE_MS:
-                self.summary.longest_cycle_ms = float(item.value)
+        said = {item.key: item.value for item in status.values}
+        if LONGEST_CYCLE_MS in said:
+            self.summary.longest_cycle_ms = float(said[LONGEST_CYCLE_MS])
+        if PAGES in said:
+            self.pages = int(said[PAGES])
+        if said.get(PAUSED) == str(True) or float(said.get(PACE, 0.0)) > 0.0:
+            # it waits for the wall clock, and is not stuck
+            self.last_heard = time.monotonic()
 
     def _pass_on(self, line: str) -> None:
         self._said += 1

@@ -1,6 +1,7 @@
 """What a flight is asked to be. No ROS."""
 
 import os
+import sys
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -12,6 +13,8 @@ MAX_FLIGHTS = 10**8
 PEG = "peg"
 #: Highest ROS domain id; the ports of a higher one do not exist.
 MAX_DOMAIN_ID = 232
+#: Highest port.
+MAX_PORT = 65535
 
 
 class CannotStart(Exception):
@@ -76,6 +79,23 @@ class Heating(StrEnum):
 
 
 @dataclass(frozen=True)
+class LiveOptions:
+    """The page that follows a flight.
+
+    Attributes:
+        host: address to serve on; beyond this machine the page has a token.
+        port: 0 takes a free one.
+        browser: open the page.
+        wait: let the flight begin when the page is open, or after a while.
+    """
+
+    host: str = "127.0.0.1"
+    port: int = 0
+    browser: bool = False
+    wait: bool = False
+
+
+@dataclass(frozen=True)
 class FlyOptions:
     """One flight.
 
@@ -100,6 +120,7 @@ class FlyOptions:
         attitude_rate_limit_deg_s: fastest turn of the thrust; 0: none.
         domain_id: ROS domain; None: that of ROS_DOMAIN_ID, else one that no other flight has.
         namespace: namespace of all nodes and topics.
+        live: the page that follows the flight; None: none.
     """
 
     mission: str = "ares_v"
@@ -119,6 +140,13 @@ class FlyOptions:
     attitude_rate_limit_deg_s: float = 0.0
     domain_id: int | None = None
     namespace: str = "ares"
+    live: LiveOptions | None = None
+
+
+def has_display() -> bool:
+    """Whether a browser would be seen here."""
+    names = ("DISPLAY", "WAYLAND_DISPLAY")
+    return sys.platform == "darwin" or any(os.environ.get(name) for name in names)
 
 
 def domain_id(options: FlyOptions) -> int | None:

@@ -24,42 +24,19 @@ from ares_models.tolerances import (
     RADIUS_M,
     SPEED_M_S,
 )
+from ares_studies.event_words import ENDS, event_name
 from ares_vehicle_sim.arrays import (
-    ARC_ENDED,
     CUTOFF,
-    DEPLETION,
-    FLIGHT_COMPLETE,
     FLIGHT_STARTED,
     GUIDANCE_BACK,
     GUIDANCE_LOST,
-    IGNITION,
     IMPACT,
     JETTISON_DONE,
-    STAGING,
     TIME_LIMIT,
 )
 
 if TYPE_CHECKING:
     from ares_models.mission import Mission
-
-EVENT_NAMES = {
-    FLIGHT_STARTED: "flight started",
-    IGNITION: "ignition",
-    ARC_ENDED: "arc ended",
-    STAGING: "staging",
-    JETTISON_DONE: "jettison",
-    CUTOFF: "main-engine cut-off",
-    DEPLETION: "propellant depleted",
-    FLIGHT_COMPLETE: "flight complete",
-    IMPACT: "impact",
-    TIME_LIMIT: "time limit",
-    GUIDANCE_LOST: "no answer from guidance",
-    GUIDANCE_BACK: "guidance answers again",
-}
-#: Events worth a mark in a picture, and the word beside it.
-MARKS = {STAGING: "staging", JETTISON_DONE: "jettison", CUTOFF: "cut-off"}
-
-ENDS = (FLIGHT_COMPLETE, IMPACT, TIME_LIMIT)
 
 #: Exit statuses of `ares fly`.
 EXIT_TARGET = 0
@@ -103,6 +80,18 @@ class Outcome(StrEnum):
     TIME_LIMIT = "time_limit"
     INCOMPLETE = "incomplete"
     INTERRUPTED = "interrupted"
+
+
+#: Outcomes in a few words; more is said below them.
+VERDICTS = {
+    Outcome.TARGET: "Flown to the target",
+    Outcome.TARGET_MISSED: "Target missed",
+    Outcome.DEPLETION: "Propellant ran out",
+    Outcome.IMPACT: "Met the ground",
+    Outcome.TIME_LIMIT: "Not over in time",
+    Outcome.INCOMPLETE: "Incomplete",
+    Outcome.INTERRUPTED: "Interrupted",
+}
 
 
 @dataclass(frozen=True)
@@ -560,6 +549,14 @@ class FlightSummary:
         return lines + self.problems
 
     @property
+    def verdict(self) -> str:
+        """The outcome in a few words."""
+        text = VERDICTS[self.outcome]
+        if self.outcome is Outcome.TARGET and self.shortcomings():
+            text += ", but not all is as it should be"
+        return text
+
+    @property
     def exit_code(self) -> int:
         """Exit status of `ares fly`."""
         if self.outcome is Outcome.INTERRUPTED:
@@ -570,16 +567,8 @@ class FlightSummary:
 
     def event_name(self, event: Event) -> str:
         """An event in words, with the mission's names."""
-        lists: dict[int, Sequence[str]] = {
-            IGNITION: self.facts.arcs,
-            ARC_ENDED: self.facts.arcs,
-            STAGING: self.facts.stages,
-            JETTISON_DONE: self.facts.jettisons,
-            DEPLETION: self.facts.stages,
-        }
-        name = EVENT_NAMES.get(event.type, f"event {event.type}")
-        names = lists.get(event.type, ())
-        return f"{name}: {names[event.index]}" if event.index < len(names) else name
+        facts = self.facts
+        return event_name(event.type, event.index, facts.arcs, facts.stages, facts.jettisons)
 
     def to_json(self) -> dict[str, Any]:
         """The object that `ares fly --json` prints; unknown numbers are None."""

@@ -12,10 +12,11 @@ from rich.table import Table
 from rich.text import Text
 
 from ares_bringup.report import BLANK, number, small
-from ares_bringup.summary import EVENT_NAMES, FlightSummary, Status, insertion_error
+from ares_bringup.summary import FlightSummary, Status, insertion_error
 from ares_msgs.msg import VehicleState
 from ares_node.qos import LATEST, VEHICLE_STATE
 from ares_node.time import seconds_from_stamp
+from ares_studies.event_words import event_name
 
 if TYPE_CHECKING:
     from rclpy.subscription import Subscription
@@ -36,7 +37,7 @@ ERRORS = {
 
 
 class TerminalView:
-    """Drawn anew in every look, over itself; gone when the flight is over.
+    """Drawn anew ten times a second, over itself; gone when the flight is over.
 
     It reads the last state only, and only when it draws: the flight does not wait for it.
     """
@@ -61,7 +62,7 @@ class TerminalView:
         self._passed: deque[tuple[float, float]] = deque()
 
     def __enter__(self) -> Self:
-        """It appears with the first look at a flight that has begun."""
+        """It appears when the flight has begun."""
         return self
 
     def __exit__(
@@ -73,8 +74,8 @@ class TerminalView:
         """Give the terminal back."""
         self._live.stop()
 
-    def look(self, monitor: "FlightMonitor") -> None:
-        """Draw what is known now; called about ten times a second."""
+    def show(self, monitor: "FlightMonitor") -> None:
+        """Draw what is known now."""
         if self._monitor is None:
             self._monitor = monitor
             self._input = monitor.node.create_subscription(
@@ -120,9 +121,10 @@ def picture(
     lines.add_row(_figures(summary, state, now))
     lines.add_row(_prediction(summary))
     if summary.events:
-        last = summary.events[-1]
-        word = f"last event: {EVENT_NAMES[last.type]} at {number(last.time, 2)} s"
-        lines.add_row(Text(word, style="dim"))
+        last, facts = summary.events[-1], summary.facts
+        word = event_name(last.type, last.index, facts.arcs, facts.stages, facts.jettisons)
+        line = f"last event: {word} at {number(last.time, 2)} s"
+        lines.add_row(Text(line, style="dim", overflow="ellipsis"))
     return lines
 
 

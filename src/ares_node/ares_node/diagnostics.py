@@ -16,6 +16,14 @@ from ares_node.time import stamp_from_ns
 Timing = DiagnosticStatus
 #: What guidance tells of its timing when its last solution stands.
 LONGEST_CYCLE_MS = "longest_cycle_ms"
+#: What the simulator tells of the wall clock: its real-time factor, and whether it pauses.
+PACE = "pace"
+PAUSED = "paused"
+#: What the live page tells: in how many browsers it is open.
+PAGES = "pages"
+#: What the judge tells the live page in the end, and whether all was as it should be.
+VERDICT = "verdict"
+GOOD = "good"
 
 
 class Level(Enum):

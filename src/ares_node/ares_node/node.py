@@ -11,6 +11,7 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.executors import Executor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter as RosParameter
 from rclpy.timer import Timer
 
 from ares_node.diagnostics import Diagnostics, folded
@@ -35,8 +36,8 @@ class NodeError(Exception):
 class FlightNode(LifecycleNode):
     """Lifecycle node of the graph.
 
-    A subclass overrides `configure`, `activate`, `deactivate`, `cleanup` and `drain`, never
-    the `on_...` callbacks. Raising NodeError (or OSError or ValueError with a one-line text)
+    A subclass overrides `configure`, `activate`, `deactivate`, `cleanup`, `adjust` and `drain`,
+    never the `on_...` callbacks. Raising NodeError (or OSError or ValueError with a one-line text)
     refuses the transition: the reason is kept in `failure` and goes to /rosout.
 
     Attributes:
@@ -79,6 +80,7 @@ class FlightNode(LifecycleNode):
         self._table = [*parameters, AUTOSTART]
         try:
             self.values = declare_parameters(self, self._table, self._why_fixed)
+            self.add_post_set_parameters_callback(self._on_set)
             self.diagnostics = Diagnostics(self, lambda: self.flight_id)
         except Exception:
             self.destroy_node()
@@ -95,6 +97,9 @@ class FlightNode(LifecycleNode):
 
     def cleanup(self) -> None:
         """Free what `configure` allocated. Also called before the node shuts down."""
+
+    def adjust(self) -> None:
+        """Take what was set of the parameters that may be set `at_any_time`."""
 
     def drain(self, executor: Executor) -> None:
         """Finish what is under way before the process tears the node down.
@@ -145,11 +150,22 @@ class FlightNode(LifecycleNode):
         """The lifecycle state."""
         return str(self._state_machine.current_state[1])
 
-    def _why_fixed(self) -> str | None:
-        """Why parameters cannot be set in this state; None if they can."""
-        if self._label == "unconfigured":
+    def _why_fixed(self, row: Parameter) -> str | None:
+        """Why a parameter cannot be set in this state; None if it can."""
+        if self._label == "unconfigured" or row.at_any_time:
             return None
         return f"the node is {self._label}, and configured with it; clean it up first"
+
+    def _on_set(self, parameters: list[RosParameter]) -> None:
+        if self._label not in ("inactive", "active"):
+            # `configure` reads them all
+            return
+        rows = {row.name: row for row in self._table if row.at_any_time}
+        changed = [parameter for parameter in parameters if parameter.name in rows]
+        for parameter in changed:
+            self.values[parameter.name] = rows[parameter.name].checked(parameter.value)
+        if changed:
+            self.adjust()
 
     def _attempt(self, work: Callable[[], None]) -> TransitionCallbackReturn:
         self.failure = None

@@ -43,6 +43,7 @@ class Parameter:
         maximum: largest allowed value of a number.
         choices: allowed texts; empty allows any.
         read_only: fixed once the node is constructed; the others are read by `configure`.
+        at_any_time: may be set when the node is configured too, and counts from then on.
         may_be_nan: NaN is a value with a meaning ("not given").
     """
 
@@ -54,6 +55,7 @@ class Parameter:
     maximum: float | None = None
     choices: tuple[str, ...] = ()
     read_only: bool = False
+    at_any_time: bool = False
     may_be_nan: bool = False
 
     @property
@@ -121,7 +123,7 @@ class Parameter:
 
 
 def declare_parameters(
-    node: Node, table: Sequence[Parameter], refusal: Callable[[], str | None]
+    node: Node, table: Sequence[Parameter], refusal: Callable[[Parameter], str | None]
 ) -> dict[str, Any]:
     """Declare a node's whole table and return the values in force.
 
@@ -131,7 +133,7 @@ def declare_parameters(
     Args:
         node: the node, after its own constructor.
         table: every parameter of the node; call this once per node.
-        refusal: why no parameter of the table may be set now, one line; None if it may.
+        refusal: why a parameter may not be set now, one line; None if it may.
 
     Raises:
         ParameterError: an unknown name, a wrong type or a value out of range.
@@ -158,7 +160,7 @@ def declare_parameters(
     def check(parameters: list[RosParameter]) -> SetParametersResult:
         for parameter in parameters:
             if parameter.name in rows:
-                reason = refusal()
+                reason = refusal(rows[parameter.name])
                 if reason is not None:
                     text = f"parameter {parameter.name} cannot be set: {reason}"
                     return SetParametersResult(successful=False, reason=text)

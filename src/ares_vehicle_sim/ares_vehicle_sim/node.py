@@ -8,15 +8,17 @@ from contextlib import ExitStack
 from typing import Any
 
 import numpy as np
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.duration import Duration
 from rclpy.executors import Executor
+from rclpy.parameter import Parameter as RosParameter
 from rclpy.timer import Timer
 from rosgraph_msgs.msg import Clock
 
 from ares_models.arrays import STEERING
 from ares_models.mission import load_mission
 from ares_msgs.msg import FlightEvent, FlightMember, NavState, ThrustCommand, VehicleState
-from ares_node.diagnostics import Level
+from ares_node.diagnostics import PACE, PAUSED, Level, Timing, timing
 from ares_node.identity import id_text, new_id
 from ares_node.membership import FLIGHT_ID, Membership, Role, State
 from ares_node.node import FlightNode, NodeError
@@ -24,11 +26,13 @@ from ares_node.parameters import Parameter
 from ares_node.qos import (
     CLOCK,
     CLOCK_QOS,
+    DIAGNOSTIC,
     EVENTS,
     FLIGHT,
     FLIGHT_EVENT,
     NAV_STATE,
     THRUST_COMMAND,
+    TIMING,
     VEHICLE_STATE,
 )
 from ares_node.run import EXIT_CANNOT_START, EXIT_OK
@@ -42,6 +46,8 @@ from ares_vehicle_sim.simulator import CommandRefused, Simulator, SimulatorOptio
 MIN_PACE = 1e-3
 #: Wall time in s between looks at the graph and at the clock.
 WATCH_PERIOD = 0.02
+#: Wall time in s between words on the pace.
+PACE_WORD_PERIOD = 1.0
 #: Wall time in s between lines on what the start waits for.
 WAITING_LINE_PERIOD = 10.0
 #: Wall time in s after which nobody counts as preparing any more.
@@ -76,7 +82,9 @@ PARAMETERS = (
         "Real-time factor; 0 flies as fast as guidance answers. The trajectory is the same.",
         minimum=0.0,
         maximum=1e6,
+        at_any_time=True,
     ),
+    Parameter("paused", False, "Fly on when it is false again.", at_any_time=True),
     Parameter(
         "integration_step_s",
         0.1,
@@ -139,6 +147,19 @@ PARAMETERS = (
 )
 
 
+def _why_no_pace(pace: float) -> str:
+    """Why the parameter cannot be so, one line; empty if it can."""
+    if 0.0 < pace < MIN_PACE:
+        return f"parameter pace is {pace!r}; expected 0, or {MIN_PACE:g} up"
+    return ""
+
+
+def _check_pace(parameters: list[RosParameter]) -> SetParametersResult:
+    paces = [x.value for x in parameters if x.name == "pace" and isinstance(x.value, float)]
+    reason = next(filter(None, map(_why_no_pace, paces)), "")
+    return SetParametersResult(successful=not reason, reason=reason)
+
+
 class VehicleSimNode(FlightNode):
     """Publishes navigation state, truth, events and the clock; flies the commands.
 
@@ -150,13 +171,14 @@ class VehicleSimNode(FlightNode):
     def __init__(self, **kwargs: Any) -> None:
         """Declare the parameters; everything else waits for `configure`."""
         super().__init__("vehicle_sim", parameters=PARAMETERS, **kwargs)
+        self.add_on_set_parameters_callback(_check_pace)
         self._simulator: Simulator | None = None
 
     def configure(self) -> None:
         """Read mission and dispersions, compile the plant, create the publishers."""
         values = self.values
-        if 0.0 < values["pace"] < MIN_PACE:
-            raise NodeError(f"parameter pace is {values['pace']!r}; expected 0, or {MIN_PACE:g} up")
+        if reason := _why_no_pace(values["pace"]):
+            raise NodeError(reason)
         dispersions = Dispersions()
         if values["dispersions"]:
             dispersions = load_dispersions(values["dispersions"])
@@ -185,11 +207,11 @@ class VehicleSimNode(FlightNode):
             rehearsal.truth()
             self._simulator = Simulator(*flight)
             failed.pop_all()
-        self._pace: float = values["pace"]
         self._clock_out = self.create_publisher(Clock, CLOCK, CLOCK_QOS)
         self._nav_out = self.create_publisher(NavState, NAV_STATE, FLIGHT)
         self._truth_out = self.create_publisher(VehicleState, VEHICLE_STATE, FLIGHT)
         self._event_out = self.create_publisher(FlightEvent, FLIGHT_EVENT, EVENTS)
+        self._timing_out = self.create_publisher(Timing, TIMING, DIAGNOSTIC)
         self._command_in = self.create_subscription(
             ThrustCommand, THRUST_COMMAND, self._on_command, FLIGHT
         )
@@ -198,7 +220,9 @@ class VehicleSimNode(FlightNode):
         self._steering = np.zeros(1, STEERING)
         self._flying = False
         self._waiting = False
+        self._held = False
         self._paced: Timer | None = None
+        self._pace_word_at = -math.inf
         self._lost_in_a_row = 0
         self._last_report: dict[str, int] = {}
         self._told: set[int] = set()
@@ -219,15 +243,27 @@ class VehicleSimNode(FlightNode):
         """Stop; a flight under way cannot be taken up again."""
         self.destroy_timer(self._watch)
         self._stop_pacing()
-        self._waiting = False
+        self._waiting = self._held = False
 
     def cleanup(self) -> None:
         """Free the endpoints and the flight."""
         for publisher in (self._clock_out, self._nav_out, self._truth_out, self._event_out):
             self.destroy_publisher(publisher)
+        self.destroy_publisher(self._timing_out)
         self.destroy_subscription(self._command_in)
         self._membership.close()
         self._simulator = None
+
+    def adjust(self) -> None:
+        """Fly on at another pace, from now on: nothing is made up for."""
+        self._say_pace()
+        if not self._flying:
+            return
+        self._begin_pace()
+        if self._held or self._paced is not None:
+            self._held = False
+            self._stop_pacing()
+            self._step()
 
     def drain(self, executor: Executor) -> None:
         """Let the others get the last messages."""
@@ -311,6 +347,8 @@ class VehicleSimNode(FlightNode):
             if not self.simulator.complete:
                 self._try_to_start(now)
             return
+        if now - self._pace_word_at > PACE_WORD_PERIOD:
+            self._say_pace()
         if self._waiting and now >= self._answer_deadline:
             self._waiting = False
             self._lost_in_a_row += 1
@@ -386,8 +424,7 @@ class VehicleSimNode(FlightNode):
     def _start(self) -> None:
         self._flying = True
         self._membership.say(State.FLYING)
-        self._started_at = time.monotonic()
-        self._start_ns = self.simulator.time_ns
+        self._begin_pace()
         self._publish()
 
     def _publish(self) -> None:
@@ -448,7 +485,21 @@ class VehicleSimNode(FlightNode):
             self._report(Level.WARN, f"command refused: {error}; flying on with the last good one")
         self._step()
 
+    def _begin_pace(self) -> None:
+        """What the pace is counted from: wall clock and flight time now."""
+        self._started_at = time.monotonic()
+        self._start_ns = self.simulator.time_ns
+
+    def _say_pace(self) -> None:
+        """Tell pages the pace, and the judge that a flight which pauses is not stuck."""
+        self._pace_word_at = time.monotonic()
+        words = {PACE: self.values["pace"], PAUSED: self.values["paused"]}
+        self._timing_out.publish(timing(self, self.flight_id, words))
+
     def _step(self) -> None:
+        if self.values["paused"]:
+            self._held = True
+            return
         delay = self._delay_for_pace()
         if delay > 0.0:
             self._paced = self.wall_timer(delay, self._on_pace)
@@ -469,10 +520,11 @@ class VehicleSimNode(FlightNode):
             self._paced = None
 
     def _delay_for_pace(self) -> float:
-        if self._pace == 0.0:
+        pace = self.values["pace"]
+        if pace == 0.0:
             return 0.0
         flown = (self.simulator.time_ns - self._start_ns) / NANOSECONDS
-        due = self._started_at + (flown + self.values["navigation_period_s"]) / self._pace
+        due = self._started_at + (flown + self.values["navigation_period_s"]) / pace
         left = due - time.monotonic()
         if left < -LONGEST_CATCH_UP:
             # what was missed is not flown in a rush

@@ -19,6 +19,7 @@ from ares_bringup.commands.interrupts import Interrupts
 from ares_bringup.options import (
     MAX_DOMAIN_ID,
     MAX_FLIGHTS,
+    MAX_PORT,
     MAX_SEED,
     PEG,
     AnalyticProfile,
@@ -28,14 +29,21 @@ from ares_bringup.options import (
     HeatingSource,
     InitialGuess,
     JettisonTarget,
+    LiveOptions,
     Method,
     PositionIntegral,
+    has_display,
 )
 from ares_guidance.registry import law_names
 from ares_node.requirements import unmet
 
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130
+
+#: Real-time factor of a flight that is looked at, unless another is given.
+PACE_TO_WATCH = 10.0
+#: Where pages are served: for this machine alone.
+LOOPBACK = "127.0.0.1"
 
 EXIT_STATUSES = """Exit status:
 
@@ -84,6 +92,14 @@ HoldTime = Annotated[
 HeatingSourceOption = Annotated[
     HeatingSource | None, typer.Option(help="What times the fairing jettison.")
 ]
+LiveHost = Annotated[
+    str, typer.Option(help="Serve the page there; beyond this machine its address has a token.")
+]
+LivePort = Annotated[
+    int, typer.Option(min=0, max=MAX_PORT, help="Serve the page there; 0: on a free port.")
+]
+NoBrowser = Annotated[bool, typer.Option("--no-browser", help="Do not open the page.")]
+Namespace = Annotated[str, typer.Option(help="Namespace of all nodes and topics.")]
 
 app = typer.Typer(
     name="ares", help=HELP, context_settings={"help_option_names": ["-h", "--help"]}, **SETTINGS
@@ -141,8 +157,18 @@ def fly(
         ),
     ] = None,
     pace: Annotated[
-        float, typer.Option(min=0.0, help="Real-time factor; 0: as fast as possible.")
-    ] = 0.0,
+        float | None,
+        typer.Option(
+            min=0.0,
+            help="Real-time factor; 0: as fast as possible. Default: 10 with --live, else 0.",
+        ),
+    ] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Follow the flight on a page in the browser.")
+    ] = False,
+    live_host: LiveHost = LOOPBACK,
+    live_port: LivePort = 0,
+    no_browser: NoBrowser = False,
     nav_period: Annotated[
         float | None, typer.Option(help="Flight time between navigation states, s.")
     ] = None,
@@ -164,13 +190,18 @@ def fly(
             help="ROS domain; default: ROS_DOMAIN_ID, else one that no other flight has.",
         ),
     ] = None,
-    namespace: Annotated[str, typer.Option(help="Namespace of all nodes and topics.")] = "ares",
+    namespace: Namespace = "ares",
 ) -> None:
     """Fly a mission through the graph, record it, say how it went."""
     if bag is not None and no_record:
         raise BadInput("--bag and --no-record exclude each other")
     if bag is not None and os.path.lexists(bag):
         raise BadInput(f"--bag is {str(bag)!r}, which exists; expected a new folder")
+    page = _live_options(live_host, live_port, no_browser, as_json)
+    if not live and (live_host != LOOPBACK or live_port or no_browser):
+        raise BadInput("--live-host, --live-port and --no-browser go with --live only")
+    if pace is None:
+        pace = PACE_TO_WATCH if live else 0.0
     from ares_bringup.fly import fly as fly_mission
 
     options = FlyOptions(
@@ -191,19 +222,20 @@ def fly(
         attitude_rate_limit_deg_s=attitude_rate_limit,
         domain_id=domain_id,
         namespace=namespace,
+        live=page if live else None,
     )
     with ExitStack() as shown:
-        look = None
+        show = None
         if not as_json and sys.stderr.isatty():
             from ares_bringup.report import console
             from ares_bringup.terminal import TerminalView
 
-            look = shown.enter_context(TerminalView(console(sys.stderr))).look
+            show = shown.enter_context(TerminalView(console(sys.stderr))).show
         summary = fly_mission(
             options,
             begun=_BEGUN,
             greet=(lambda _line: None) if as_json else typer.echo,
-            look=look or (lambda _monitor: None),
+            show=show or (lambda _monitor: None),
         )
     if as_json:
         typer.echo(json.dumps(summary.to_json(), indent=2, allow_nan=False))
@@ -449,6 +481,28 @@ def replay(
 
 
 @app.command()
+def live(
+    mission: Annotated[
+        str, typer.Option(help="Name or path of the mission; default: as the simulator says.")
+    ] = "",
+    host: LiveHost = LOOPBACK,
+    port: LivePort = 0,
+    no_browser: NoBrowser = False,
+    domain_id: Annotated[
+        int | None,
+        typer.Option(min=0, max=MAX_DOMAIN_ID, help="ROS domain; default: ROS_DOMAIN_ID, else 0."),
+    ] = None,
+    namespace: Namespace = "ares",
+) -> None:
+    """Follow whatever flight or replay there is on a page in the browser, until Ctrl-C."""
+    _needs("live")
+    from ares_bringup.audience import follow
+
+    page = _live_options(host, port, no_browser, False)
+    follow(page, mission, namespace, domain_id)
+
+
+@app.command()
 def plot(
     bag: Annotated[Path, typer.Argument(metavar="BAG", help="Folder of a bag.")],
     out: Annotated[
@@ -507,6 +561,12 @@ def node(
 
     apply_discovery_settings()
     os.execv(sys.executable, [sys.executable, "-P", "-m", NODES[name], *context.args])
+
+
+def _live_options(host: str, port: int, no_browser: bool, as_json: bool) -> LiveOptions:
+    """The page, opened and waited for where a person sits before it."""
+    watched = sys.stderr.isatty() and not as_json
+    return LiveOptions(host, port, watched and not no_browser and has_display(), watched)
 
 
 def _needs(extra: str) -> None:

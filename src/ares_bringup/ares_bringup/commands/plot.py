@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from ares_bags.errors import BagError
 from ares_bags.reader import LOG_TIME, Bag, open_bag
 from ares_bringup.options import CannotStart
-from ares_bringup.summary import MARKS
 from ares_models.arrays import HEATING_LIMIT
 from ares_models.mission import Mission, MissionError, load_mission
+from ares_studies.event_words import MARKS
 from ares_studies.plots import draw_flight
 
 FORMATS = (".png", ".svg", ".pdf")

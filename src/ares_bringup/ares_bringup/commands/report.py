@@ -11,7 +11,6 @@ from ares_bringup.options import CannotStart
 from ares_bringup.recorded import RecordedFlight, read_flight
 from ares_bringup.report import ORBIT_ERRORS, number, shown_path
 from ares_bringup.summary import (
-    MARKS,
     Diagnostic,
     FlightSummary,
     Outcome,
@@ -19,6 +18,7 @@ from ares_bringup.summary import (
     orbit_state,
 )
 from ares_models.orbits import Elements
+from ares_studies.event_words import MARKS
 from ares_studies.flight_page.data import Recording, make_flight
 from ares_studies.flight_page.page import (
     MAX_FLIGHTS,
@@ -36,15 +36,6 @@ COMPARISON = "comparison.html"
 #: Texts of diagnostics on a page.
 MAX_COMPLAINTS = 100
 
-#: Outcomes in a few words; more is said below them.
-VERDICTS = {
-    Outcome.TARGET: "Flown to the target",
-    Outcome.TARGET_MISSED: "Target missed",
-    Outcome.DEPLETION: "Propellant ran out",
-    Outcome.IMPACT: "Met the ground",
-    Outcome.TIME_LIMIT: "Not over in time",
-    Outcome.INCOMPLETE: "Incomplete: no end in this bag",
-}
 #: What the last mark on the globe is called.
 ENDINGS = {Outcome.TARGET: "insertion", Outcome.IMPACT: "impact"}
 
@@ -135,9 +126,9 @@ def _write(out: Path, page: str) -> None:
 def _account(name: str, flown: RecordedFlight) -> Account:
     summary = flown.summary
     problems = summary.shortcomings()
-    verdict = VERDICTS[summary.outcome]
-    if summary.outcome is Outcome.TARGET and problems:
-        verdict += ", but not all is as it should be"
+    verdict = summary.verdict
+    if summary.outcome is Outcome.INCOMPLETE:
+        verdict += ": no end in this bag"
     return Account(
         name=name,
         bag=shown_path(str(flown.path)),

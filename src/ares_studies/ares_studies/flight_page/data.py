@@ -69,8 +69,8 @@ class States:
         altitude_m: by the mission's rule.
         speed_m_s, relative_speed_m_s: inertial, and against the air that turns.
         flight_path_angle_deg: of the inertial velocity.
-        pitch_deg, yaw_deg: see `thrust_angles`; nan in the first state, which stands before
-            the first command.
+        pitch_deg, yaw_deg: see `thrust_angles`; nan in the first state of a flight, which
+            stands before the first command.
         mass_kg, thrust_n: of the vehicle.
         acceleration_m_s2: thrust over mass, what accelerometers sense.
         heating_w_m2: free molecular heating.
@@ -153,7 +153,9 @@ def make_flight(recording: Recording) -> Flight:
     mission, truth = recording.mission, recording.truth
     rows = chosen(truth)
     picked = {name: values[rows] for name, values in truth.items()}
-    states = _states(picked, mission)
+    states = states_of(picked, mission)
+    if len(rows) > 1:
+        states.pitch_deg[0] = states.yaw_deg[0] = math.nan
     falls = rows[_spread(len(rows), MAX_IMPACTS)]
     limits = [part.heating_limit_w_m2 for part in mission.jettisons if part.heating_limit_w_m2]
     return Flight(
@@ -202,22 +204,35 @@ def phases_of(truth: Columns, mission: Mission) -> tuple[Phase, ...]:
     ends = [*(start - 1 for start in starts[1:]), len(truth["time"]) - 1]
     found = []
     for first, last in zip(starts, ends, strict=True):
-        arc, gone = int(truth["arc"][last]), int(truth["jettisoned"][last])
-        names = mission.arc_names
-        name = names[arc] if arc < len(names) else f"arc {arc}"
-        dropped = [part for k, part in enumerate(mission.jettison_names) if gone >> k & 1]
-        if dropped:
-            name += f", after {dropped[-1]}"
+        name = phase_name(int(truth["arc"][last]), int(truth["jettisoned"][last]), mission)
         burns = bool(np.any(truth["thrust"][first : last + 1] > 0.0))
         found.append(Phase(name, burns, first, last))
     return tuple(found)
 
 
-def _states(truth: Columns, mission: Mission) -> States:
+def phase_name(arc: int, gone: int, mission: Mission) -> str:
+    """A phase in words: its arc, and what was dropped last.
+
+    Args:
+        arc: its number.
+        gone: bit k is set when jettison k is done.
+        mission: that is flown.
+    """
+    names = mission.arc_names
+    name = names[arc] if arc < len(names) else f"arc {arc}"
+    dropped = [part for k, part in enumerate(mission.jettison_names) if gone >> k & 1]
+    return f"{name}, after {dropped[-1]}" if dropped else name
+
+
+def states_of(truth: Columns, mission: Mission) -> States:
+    """What is shown of some states.
+
+    Args:
+        truth: columns of VehicleState, with `time` in s.
+        mission: that was flown.
+    """
     position, velocity = truth["position"], truth["velocity"]
     pitch, yaw = thrust_angles(position, velocity, truth["thrust_direction"])
-    if len(pitch) > 1:
-        pitch[0] = yaw[0] = math.nan
     earth = mission.environment.earth.earth()
     track = ground_track(truth["time"], position, earth)
     orbit = np.array(

@@ -60,17 +60,22 @@ class Globe {
     this.pen = canvas.getContext("2d");
     this.land = EARTH.land.map(ringPoints);
     this.lines = graticule();
-    this.flights = EARTH.flights.map((flight) => ({
-      ...flight,
-      ground: onSphere(flight.longitude_deg, flight.latitude_deg),
-      impact: onSphere(flight.impact_longitude_deg, flight.impact_latitude_deg),
-    }));
+    this.load();
     this.home = this.firstView();
     this.time = Infinity;
     this.view = { ...this.home };
     this.paint();
     this.waiting = false;
     new ResizeObserver(() => this.draw()).observe(canvas);
+  }
+
+  // the flights, as they are by now
+  load() {
+    this.flights = EARTH.flights.map((flight) => ({
+      ...flight,
+      ground: onSphere(flight.longitude_deg, flight.latitude_deg),
+      impact: onSphere(flight.impact_longitude_deg, flight.impact_latitude_deg),
+    }));
   }
 
   // over the middle of the ways, from aside so that heights show, so near that they fill the view

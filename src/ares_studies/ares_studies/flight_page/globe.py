@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ares_models.mission import Mission
 from ares_studies.flight_page.charts import ROLES
 from ares_studies.flight_page.data import Flight, Phase
 from ares_studies.pages.parts import Role
@@ -80,6 +81,12 @@ def read_land() -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(ring) for ring in data["rings"])
 
 
+def land_of(mission: Mission) -> tuple[tuple[float, ...], ...]:
+    """The land below a mission; none on a body that is not the Earth."""
+    radius = mission.environment.earth.equatorial_radius_m
+    return read_land() if abs(radius / _EARTH_RADIUS_M - 1.0) < _LIKE_THE_EARTH else ()
+
+
 def make_globe(flights: Sequence[Flight], names: Sequence[str], ends: Sequence[str]) -> Globe:
     """The globe of some flights.
 
@@ -88,14 +95,12 @@ def make_globe(flights: Sequence[Flight], names: Sequence[str], ends: Sequence[s
         names: of the flights.
         ends: what the end of each is called.
     """
-    radius = flights[0].mission.environment.earth.equatorial_radius_m
-    earthly = abs(radius / _EARTH_RADIUS_M - 1.0) < _LIKE_THE_EARTH
     return Globe(
         flights=tuple(
             _flight(flight, name, ROLES[k], len(flights) > 1)
             for k, (flight, name) in enumerate(zip(flights, names, strict=True))
         ),
-        land=read_land() if earthly else (),
+        land=land_of(flights[0].mission),
         ends=tuple(ends),
     )
 

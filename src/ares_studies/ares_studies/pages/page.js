@@ -11,6 +11,8 @@ const figures = Object.fromEntries(
 const coarse = matchMedia("(pointer: coarse)").matches;
 // figures with one cursor over all: no pointer of their own, and zoomed in time only
 const linked = document.documentElement.dataset.figures === "linked";
+// figures that are drawn again and again: what a reader has zoomed stays so
+const growing = document.documentElement.dataset.figures === "growing";
 const dark = matchMedia("(prefers-color-scheme: dark)");
 const FONT = { family: "system-ui, -apple-system, 'Segoe UI', Roboto, Arial, sans-serif", size: 13 };
 const WIDTH = { line: 2, dashes: 2, dots: 2.5, step: 1.6, bars: 1.2, band: 8 };
@@ -85,7 +87,7 @@ function layout(figure) {
     font: { ...FONT, color: colour("ink") },
     paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
     margin: { l: 44, r: 10, t: 22, b: 26 }, showlegend: false,
-    dragmode: coarse ? false : "zoom",
+    dragmode: coarse ? false : "zoom", uirevision: growing,
     hovermode: linked ? false : innerWidth > 700 ? "x unified" : "closest",
     hoverlabel: {
       bgcolor: colour("panel"), bordercolor: colour("edge"), font: { ...FONT, color: colour("ink") },
@@ -148,11 +150,13 @@ async function unpack() {
 }
 
 async function begin() {
-  if (!("DecompressionStream" in window)) {
-    document.getElementById("too-old").hidden = false;
-    return;
+  if (document.getElementById("plotly")) {
+    if (!("DecompressionStream" in window)) {
+      document.getElementById("too-old").hidden = false;
+      return;
+    }
+    await unpack();
   }
-  await unpack();
   await drawAll();
 }
 
@@ -178,13 +182,15 @@ label();
 
 // the contents: closed after a choice on a small screen, and marked where the reader is
 const contents = document.querySelector(".toc details");
-const wide = matchMedia("(min-width: 68.01rem)");
-const unfold = () => { contents.open = wide.matches; };
-wide.addEventListener("change", unfold);
-unfold();
-contents.addEventListener("click", (event) => {
-  if (event.target.closest("a") && !wide.matches) contents.open = false;
-});
+if (contents) {
+  const wide = matchMedia("(min-width: 68.01rem)");
+  const unfold = () => { contents.open = wide.matches; };
+  wide.addEventListener("change", unfold);
+  unfold();
+  contents.addEventListener("click", (event) => {
+    if (event.target.closest("a") && !wide.matches) contents.open = false;
+  });
+}
 const links = new Map(
   [...document.querySelectorAll(".toc .places a")].map((link) => [link.hash.slice(1), link]),
 );

@@ -57,13 +57,13 @@ def _links(match: re.Match[str]) -> str:
     return f'<span class="cite">[{links}]</span>'
 
 
-def make_environment(package: str) -> Environment:
-    """Templates of this package and of another, with the marks of prose.
+def make_environment(*packages: str) -> Environment:
+    """Templates of this package and of others, with the marks of prose.
 
     Args:
-        package: where the page's own templates lie.
+        packages: where the page's own templates lie.
     """
-    loaders = [PackageLoader(name, "") for name in (__package__, package)]
+    loaders = [PackageLoader(name, "") for name in (__package__, *packages)]
     environment = Environment(
         loader=ChoiceLoader(loaders),
         autoescape=True,

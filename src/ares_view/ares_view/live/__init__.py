@@ -1,1 +1,1 @@
-"""The live page: what it shows, and the server that sends it."""
+"""The live page: a flight in the browser while it happens."""

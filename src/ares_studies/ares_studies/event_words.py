@@ -1,0 +1,61 @@
+"""Words for what happens in a flight."""
+
+from collections.abc import Sequence
+
+from ares_vehicle_sim.arrays import (
+    ARC_ENDED,
+    CUTOFF,
+    DEPLETION,
+    FLIGHT_COMPLETE,
+    FLIGHT_STARTED,
+    GUIDANCE_BACK,
+    GUIDANCE_LOST,
+    IGNITION,
+    IMPACT,
+    JETTISON_DONE,
+    STAGING,
+    TIME_LIMIT,
+)
+
+EVENT_NAMES = {
+    FLIGHT_STARTED: "flight started",
+    IGNITION: "ignition",
+    ARC_ENDED: "arc ended",
+    STAGING: "staging",
+    JETTISON_DONE: "jettison",
+    CUTOFF: "main-engine cut-off",
+    DEPLETION: "propellant depleted",
+    FLIGHT_COMPLETE: "flight complete",
+    IMPACT: "impact",
+    TIME_LIMIT: "time limit",
+    GUIDANCE_LOST: "no answer from guidance",
+    GUIDANCE_BACK: "guidance answers again",
+}
+#: Events worth a mark in a picture, and the word beside it.
+MARKS = {STAGING: "staging", JETTISON_DONE: "jettison", CUTOFF: "cut-off"}
+#: Events after which there is no flight.
+ENDS = (FLIGHT_COMPLETE, IMPACT, TIME_LIMIT)
+
+
+def event_name(
+    kind: int, index: int, arcs: Sequence[str], stages: Sequence[str], jettisons: Sequence[str]
+) -> str:
+    """An event in words.
+
+    Args:
+        kind: its type.
+        index: of an arc, a stage or a jettison, as the type says.
+        arcs: names of the mission's arcs.
+        stages: of its stages.
+        jettisons: of its jettisons.
+    """
+    lists = {
+        IGNITION: arcs,
+        ARC_ENDED: arcs,
+        STAGING: stages,
+        JETTISON_DONE: jettisons,
+        DEPLETION: stages,
+    }
+    name = EVENT_NAMES.get(kind, f"event {kind}")
+    names = lists.get(kind, ())
+    return f"{name}: {names[index]}" if index < len(names) else name

@@ -1,0 +1,14 @@
+"""Process of the live node; the node's modules are imported later."""
+
+import sys
+
+from ares_node.entry import enter
+
+
+def main() -> int:
+    """Run until a signal comes."""
+    return enter("ares_view", "ares_view.live.node:LiveNode", "live", extra="live")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,325 @@
+// Follows a flight: what the server tells becomes numbers, lines, ways over the Earth.
+/* wall time in s without an update after which what is shown is not called live */
+const STALE = 1;
+/* wall time in ms between drawings of a chart, and between tries to connect */
+const CHART_PERIOD = 200;
+const RETRY_PERIOD = 1000;
+const byId = (id) => document.getElementById(id);
+const playButton = document.querySelector(".controls .play");
+const paceButtons = [...document.querySelectorAll("[data-pace]")];
+const gauges = [...document.querySelectorAll(".gauge")];
+const signs = [...byId("signs").content.children];
+const LAND = globe.land;
+
+// rows that the server keeps, in their order: number and values
+class Rows {
+  constructor(fields) {
+    this.at = Object.fromEntries(fields.map((name, i) => [name, i]));
+    this.rows = [];
+  }
+
+  // as the server thins: the last row stays, of the others those at multiples of the stride
+  add(rows, stride) {
+    if (rows.length === 0) return;
+    this.rows = [...this.rows.filter(([number]) => number % stride === 0), ...rows];
+  }
+
+  column(field) { return this.rows.map(([, row]) => row[this.at[field]]); }
+
+  last(field) {
+    const row = this.rows.at(-1);
+    return row && field in this.at ? row[1][this.at[field]] : null;
+  }
+}
+
+const live = {
+  about: null, states: new Rows(report.states), statuses: new Rows(report.statuses),
+  events: [], most: {}, updates: 0, frames: 0, heard: 0, age: null, connected: false, over: false,
+};
+
+// ---- what the server says
+
+function take(message) {
+  live.heard = performance.now();
+  if (message.kind === "refused") {
+    byId("answer").textContent = message.reason;
+    return;
+  }
+  if (message.kind === "end") {
+    live.over = true;
+    return;
+  }
+  live.age = message.age_s;
+  if (message.kind === "beat") return;
+  live.updates += 1;
+  if (message.kind === "flight") {
+    live.states = new Rows(report.states);
+    live.statuses = new Rows(report.statuses);
+    live.events = [];
+    live.most = {};
+    byId("timeline").replaceChildren();
+  }
+  live.states.add(message.states, message.strides[0]);
+  live.statuses.add(message.statuses, message.strides[1]);
+  message.events.forEach(addEvent);
+  if (message.complaints) byId("complaints").replaceChildren(...message.complaints.map(complaint));
+  if (message.about) {
+    live.about = message.about;
+    showAbout();
+  }
+  changed();
+}
+
+function element(name, text, kind) {
+  const made = document.createElement(name);
+  made.textContent = text;
+  if (kind) made.className = kind;
+  return made;
+}
+
+const figuresOf = (value, digits) => value === null || value === undefined ? "–"
+  : value.toLocaleString("en", { minimumFractionDigits: digits, maximumFractionDigits: digits }).replace("-", "−");
+
+function addEvent(event) {
+  live.events.push(event);
+  const line = document.createElement("li");
+  line.append(
+    element("span", `${figuresOf(event.time_s, 3)} s`), element("span", event.text),
+    element("span", `${figuresOf(event.mass_kg, 1)} kg`, "mass"),
+  );
+  byId("timeline").append(line);
+}
+
+function complaint({ time_s, count, level, node, text }) {
+  const line = document.createElement("li");
+  const times = count > 1 ? `, ${count} times` : "";
+  line.append(element("b", level, level.toLowerCase()), ` ${figuresOf(time_s, 2)} s${times}: ${node}: ${text}`);
+  return line;
+}
+
+function showAbout() {
+  const { title, flight, law, note, controls, pace, paused, phases, land } = live.about;
+  byId("title").textContent = flight ? title : "Waiting for a flight";
+  document.title = flight ? `${title}: live` : "Live flight";
+  byId("who").textContent = flight ? `, ${flight}${law ? `, guidance ${law}` : ""}` : "";
+  byId("note").textContent = note;
+  byId("note").hidden = !note;
+  globe.land = land ? LAND : [];
+  byId("phase").textContent = phases.length ? phases.at(-1).name : "–";
+  const usable = controls && live.connected && !live.about.end;
+  for (const button of [playButton, ...paceButtons]) button.disabled = !usable;
+  playButton.textContent = paused ? "Play" : "Pause";
+  playButton.setAttribute("aria-pressed", String(paused));
+  for (const button of paceButtons) {
+    button.setAttribute("aria-pressed", String(Number(button.dataset.pace) === pace));
+  }
+  const ways = phases.map(({ name, role }) => [name, role || "quiet"]);
+  byId("ways").replaceChildren(...[...ways, ["impact points", "dots"]].map(([name, role]) => {
+    const entry = document.createElement("li");
+    const sign = signs.find((one) => role === "dots" ? one === signs.at(-1) : one.classList.contains(role));
+    entry.append(sign.cloneNode(true), name);
+    return entry;
+  }));
+}
+
+// ---- how things stand
+
+function standing() {
+  const { about, over, connected, age, heard } = live;
+  const ended = about && about.end;
+  const after = about && about.verdict ? about.verdict : ended ? `the last event is ${ended}` : "";
+  if (ended) {
+    return [`Flight over${after ? `: ${after}` : ""}`, about.verdict && !about.good ? "bad" : about.verdict ? "" : "waiting"];
+  }
+  if (over) return [about && about.verdict ? about.verdict : "The server has ended, the flight was not over", "bad"];
+  const silent = (performance.now() - heard) / 1000;
+  if (!connected) return [heard ? `Connection lost ${silent.toFixed(0)} s ago` : "No connection", "bad"];
+  if (silent > STALE) return [`No word from the server for ${silent.toFixed(0)} s`, "bad"];
+  if (age === null || !about || !about.flight) return ["Waiting for the flight", "waiting"];
+  if (about.paused) return ["Paused", "held"];
+  if (age + silent > STALE) return [`No data for ${(age + silent).toFixed(0)} s`, "bad"];
+  return ["Live", ""];
+}
+
+function showState() {
+  const [text, kind] = standing();
+  const state = byId("state");
+  if (state.textContent !== text) state.textContent = text;
+  state.className = `verdict ${kind}`;
+  document.documentElement.dataset.state = text;
+}
+
+// ---- gauges
+
+function showGauges() {
+  const { states, statuses, about, most } = live;
+  for (const gauge of gauges) {
+    const { key, digits, full, unit } = gauge.dataset;
+    const value = key in states.at ? states.last(key) : statuses.last(key);
+    gauge.querySelector("b").textContent = figuresOf(value, Number(digits));
+    if (!full) continue;
+    if (value !== null) most[key] = Math.max(most[key] || 0, Math.abs(value));
+    const limit = full === "limit" ? about.heating_limit_w_m2 : full === "most" ? most[key] : statuses.last(full);
+    const share = limit && value !== null ? Math.min(1, Math.abs(value) / limit) : 0;
+    gauge.querySelector("i").style.transform = `scaleX(${share})`;
+    const word = { limit: "limit", most: "most so far" }[full] || "predicted at cut-off";
+    gauge.querySelector(".of").textContent = limit ? `${word} ${figuresOf(limit, Math.min(1, digits))}` : "";
+    gauge.classList.toggle("beyond", full === "limit" && Boolean(limit) && value > limit);
+  }
+  byId("met").textContent = `${figuresOf(states.last("time_s"), 1)} s`;
+  byId("rate").textContent = about.paused ? "paused" : about.rate === null ? "–" : `×${figuresOf(about.rate, 1)}`;
+}
+
+// ---- globe
+
+function showGlobe() {
+  const { states, about } = live;
+  const rows = states.rows.length;
+  if (!rows) {
+    EARTH.flights = [];
+    globe.load();
+    globe.draw();
+    return;
+  }
+  const time = states.column("time_s");
+  const starts = about.phases.map(({ from_s }) => time.findIndex((t) => t >= from_s - 5e-4));
+  const falls = states.rows.filter(([, row]) => row[states.at.impact_latitude_deg] !== null);
+  EARTH.flights = [{
+    name: about.title, role: "here", time_s: time, latitude_deg: states.column("latitude_deg"),
+    longitude_deg: states.column("longitude_deg"), height: states.column("height"),
+    ways: about.phases.map(({ name, role }, k) => ({
+      name, role, first: Math.max(0, starts[k]),
+      last: k + 1 < starts.length && starts[k + 1] >= 0 ? starts[k + 1] : rows - 1,
+    })),
+    impact_longitude_deg: falls.map(([, row]) => row[states.at.impact_longitude_deg]),
+    impact_latitude_deg: falls.map(([, row]) => row[states.at.impact_latitude_deg]),
+  }];
+  EARTH.ends = [about.end ? "end" : "vehicle"];
+  globe.load();
+  const latitude = states.last("latitude_deg"), longitude = states.last("longitude_deg");
+  // from aside, so that the height shows
+  const aside = Math.asin(Math.min(0.4, 0.4 / globe.view.zoom)) / RADIANS;
+  globe.home = { longitude, latitude: latitude > 0 ? latitude - aside : latitude + aside, zoom: globe.home.zoom };
+  if (byId("follow").checked) globe.view = { ...globe.home, zoom: globe.view.zoom };
+  globe.draw();
+  byId("where").textContent = `over ${Math.abs(latitude).toFixed(2)}° ${latitude < 0 ? "S" : "N"}, `
+    + `${Math.abs(longitude).toFixed(2)}° ${longitude < 0 ? "W" : "E"}`;
+}
+
+const letGo = () => { byId("follow").checked = false; };
+globe.canvas.addEventListener("pointerdown", letGo);
+globe.canvas.addEventListener("keydown", (event) => { if (event.key.startsWith("Arrow")) letGo(); });
+document.querySelector("[data-zoom='0']").addEventListener("click", () => { byId("follow").checked = true; });
+byId("follow").addEventListener("change", () => changed());
+
+// ---- charts: one after the other, so that none holds the page up
+
+const waitingCharts = new Set();
+let drawing = false;
+
+function fill(plot) {
+  const { states, statuses, events, about } = live;
+  const figure = figures[plot.dataset.key];
+  const { fields } = report.chapters[0].items.find(({ key }) => key === plot.dataset.key);
+  figure.series.forEach((series, i) => {
+    const source = fields[i] in states.at ? states : statuses;
+    series.x = source.column("time_s");
+    series.y = source.column(fields[i]);
+    if (figure.y.log) series.y = series.y.map((y) => y > 0 ? y : null);
+  });
+  const first = states.rows[0][1][0], last = states.last("time_s");
+  const end = Math.max(last, about.end ? last : statuses.last("cutoff_s") || last, first + 1);
+  figure.x.span = [first - 0.01 * (end - first), end + 0.02 * (end - first)];
+  figure.instants = marks(events);
+  const limit = about.heating_limit_w_m2;
+  if (figure.y.log && limit) figure.levels = [{ at: limit, text: `limit, ${figuresOf(limit, 0)} W/m²` }];
+}
+
+// one mark an instant: a word is not printed over another
+function marks(events) {
+  const found = new Map();
+  for (const { time_s, mark } of events) {
+    const at = Math.round(time_s * 1000) / 1000;
+    if (mark && !found.has(at)) found.set(at, mark);
+  }
+  return [...found].map(([at, text]) => ({ at, text }));
+}
+
+async function drawCharts() {
+  if (drawing || !window.Plotly || !live.states.rows.length) return;
+  drawing = true;
+  for (const plot of waitingCharts) {
+    waitingCharts.delete(plot);
+    fill(plot);
+    await draw(plot);
+    await new Promise((resume) => setTimeout(resume));
+  }
+  drawing = false;
+}
+
+// what cannot be seen is drawn when it comes into view
+const inView = new Set();
+const lookout = new IntersectionObserver((entries) => entries.forEach(({ target, isIntersecting }) => {
+  if (isIntersecting) {
+    inView.add(target);
+    waitingCharts.add(target);
+  } else inView.delete(target);
+}), { rootMargin: "200px" });
+plots.forEach((plot) => lookout.observe(plot));
+
+let chartsChanged = false;
+setInterval(() => {
+  if (chartsChanged) inView.forEach((plot) => waitingCharts.add(plot));
+  chartsChanged = false;
+  if (waitingCharts.size) drawCharts();
+}, CHART_PERIOD);
+document.addEventListener("drawn", () => plots.forEach((plot) => waitingCharts.add(plot)));
+
+// ---- one drawing per frame, however many updates
+
+let due = false;
+function changed() {
+  chartsChanged = true;
+  if (due) return;
+  due = true;
+  requestAnimationFrame(() => {
+    due = false;
+    live.frames += 1;
+    if (!live.about) return;
+    showGauges();
+    showGlobe();
+    showState();
+  });
+}
+setInterval(showState, 250);
+
+// ---- commands
+
+function command(message) {
+  byId("answer").textContent = "";
+  live.socket.send(JSON.stringify(message));
+}
+playButton.addEventListener("click", () => {
+  command({ command: live.about.paused ? "play" : "pause" });
+});
+for (const button of paceButtons) {
+  button.addEventListener("click", () => command({ command: "pace", value: Number(button.dataset.pace) }));
+}
+
+// ---- the connection
+
+function connect() {
+  const socket = new WebSocket(`ws://${location.host}/socket${location.search}`);
+  live.socket = socket;
+  socket.addEventListener("open", () => { live.connected = true; });
+  socket.addEventListener("message", ({ data }) => take(JSON.parse(data)));
+  socket.addEventListener("close", () => {
+    live.connected = false;
+    if (live.about) showAbout();
+    showState();
+    // where the server has said that this is the end, there is nobody to call
+    if (!live.over) setTimeout(connect, RETRY_PERIOD);
+  });
+}
+globe.view.zoom = globe.home.zoom = 2.2;
+connect();

@@ -1,0 +1,338 @@
+"""Live node: follows a flight from the graph, and serves the page that shows it."""
+
+import math
+import queue
+import sys
+import threading
+import time
+import webbrowser
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from rclpy.client import Client
+from rclpy.executors import Executor
+from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+
+from ares_models.mission import Mission, MissionError, load_mission
+from ares_msgs.msg import FlightEvent, FlightMember, GuidanceStatus, VehicleState
+from ares_node.diagnostics import (
+    GOOD,
+    PACE,
+    PAGES,
+    PAUSED,
+    VERDICT,
+    Timing,
+    hardware_id,
+    timing,
+)
+from ares_node.membership import FLIGHT_ID, Role, State
+from ares_node.node import FlightNode, NodeError
+from ares_node.parameters import Parameter
+from ares_node.qos import (
+    DIAGNOSTIC,
+    DIAGNOSTICS,
+    EVENTS,
+    FLIGHT_EVENT,
+    FLIGHT_MEMBER,
+    GUIDANCE_STATUS,
+    MEMBERS,
+    TIMING,
+    VEHICLE_STATE,
+)
+from ares_node.states import StateMessage
+from ares_node.time import NANOSECONDS, seconds_from_stamp
+from ares_view.live.address import LOOPBACK, AddressError, listen
+from ares_view.live.server import LiveServer
+from ares_view.live.story import Story
+
+#: Wall time in s between updates of the pages.
+UPDATE_PERIOD = 0.05
+#: States, and words of guidance, that an update takes of those that have come since the last.
+TAKEN = 4
+#: Wall time in s over which the rate of the flight is measured.
+RATE_PERIOD = 1.0
+#: Wall time in s between words on how many pages are open.
+PAGES_PERIOD = 0.25
+#: Wall time in s without a state after which another flight may take the page.
+QUIET = 2.0
+#: Wall time in s for the pages to take the last word.
+GOODBYE = 1.0
+
+#: Nothing is asked for again and no writer waits: what is late for a page is of no use to it.
+GLANCE = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST, depth=100, reliability=ReliabilityPolicy.BEST_EFFORT
+)
+
+LEVELS = {DiagnosticStatus.WARN: "WARN", DiagnosticStatus.ERROR: "ERROR"}
+LAWS = {
+    GuidanceStatus.LAW_PEG: "peg",
+    GuidanceStatus.LAW_PEG_THESIS: "peg_thesis",
+    GuidanceStatus.LAW_IGM: "igm",
+    GuidanceStatus.LAW_OPTIMAL: "optimal",
+}
+
+PARAMETERS = (
+    FLIGHT_ID,
+    Parameter("mission", "", "Mission that is flown: name, or path of its file; empty: as said."),
+    Parameter("host", LOOPBACK, "Address to serve on; beyond this machine with a token."),
+    Parameter("port", 0, "Port to serve on; 0: a free one.", minimum=0, maximum=65535),
+    Parameter("open_browser", False, "Open the page."),
+)
+
+
+class LiveNode(FlightNode):
+    """Shows one flight on a page, and passes on what the reader commands.
+
+    It takes no part in the flight: nobody waits for it, and it says nothing that is recorded.
+    """
+
+    def __init__(self, **kwargs: Any) -> None:
+        """Declare the parameters; everything else waits for `configure`."""
+        super().__init__("live", parameters=PARAMETERS, **kwargs)
+
+    def configure(self) -> None:
+        """Serve the page, create the endpoints."""
+        values = self.values
+        self._mission: Mission | None = None
+        try:
+            if values["mission"]:
+                self._mission = load_mission(values["mission"])
+            listener = listen(values["host"], values["port"])
+        except (MissionError, AddressError) as error:
+            raise NodeError(str(error)) from error
+        self._story = Story()
+        self._shown = values["flight_id"]
+        if self._shown:
+            self._story.begin(self._shown, self._mission)
+        self._states: deque[bytes] = deque(maxlen=4096)
+        self._statuses: deque[bytes] = deque(maxlen=4096)
+        layout = StateMessage(VehicleState)
+        self._read, self._fields = layout.read, layout.fields
+        self._last_sequence = -1
+        self._simulators: dict[int, FlightMember] = {}
+        self._setter: Client | None = None
+        self._commands: queue.SimpleQueue[tuple[str, float, Callable[[str], None]]]
+        self._commands = queue.SimpleQueue()
+        self._rate_from: tuple[float, float] | None = None
+        self._pages_said_at = -math.inf
+        self._server = LiveServer(listener, self._story, lambda *said: self._commands.put(said))
+        print(f"live: {self._server.door.url}", file=sys.stderr, flush=True)
+        self._timing_out = self.create_publisher(Timing, TIMING, DIAGNOSTIC)
+        self._inputs = [
+            self.create_subscription(kind, topic, take, qos, raw=qos is GLANCE)
+            for kind, topic, take, qos in (
+                (VehicleState, VEHICLE_STATE, self._on_state, GLANCE),
+                (GuidanceStatus, GUIDANCE_STATUS, self._on_status, GLANCE),
+                (FlightEvent, FLIGHT_EVENT, self._on_event, EVENTS),
+                (DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, DIAGNOSTIC),
+                (Timing, TIMING, self._on_timing, DIAGNOSTIC),
+                (FlightMember, FLIGHT_MEMBER, self._on_member, MEMBERS),
+            )
+        ]
+
+    def activate(self) -> None:
+        """Begin to look; open the page."""
+        self._looks = self.wall_timer(UPDATE_PERIOD, self._on_look)
+        if self.values["open_browser"]:
+            url = self._server.door.url
+            # it may wait for the browser
+            threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
+
+    def deactivate(self) -> None:
+        """Look no more; what is shown stays."""
+        self.destroy_timer(self._looks)
+
+    def cleanup(self) -> None:
+        """Tell the pages that this is the end; free port and endpoints."""
+        self._server.close(GOODBYE)
+        for endpoint in self._inputs:
+            self.destroy_subscription(endpoint)
+        self.destroy_publisher(self._timing_out)
+        self._forget_setter()
+
+    def drain(self, executor: Executor) -> None:
+        """Show what has come last."""
+        self._on_look()
+
+    @property
+    def flight_id(self) -> int:
+        """The flight that is shown; 0 before any."""
+        return getattr(self, "_shown", 0)
+
+    # ---- which flight
+
+    def _on_member(self, member: FlightMember) -> None:
+        if member.role != Role.VEHICLE_SIM or not member.flight_id:
+            return
+        self._simulators[int(member.flight_id)] = member
+        if member.state in (State.PRESENT, State.READY, State.FLYING):
+            self._turn_to(int(member.flight_id))
+        if member.flight_id == self._shown:
+            self._control(member)
+
+    def _turn_to(self, flight_id: int) -> bool:
+        """Whether a flight is shown; another one is taken up when the one shown is over."""
+        if flight_id == self._shown or self.values["flight_id"]:
+            return flight_id == self._shown
+        age = self._story.age()
+        if self._shown and not (self._story.ended or age is None or age > QUIET):
+            return False
+        self._begin(flight_id)
+        return True
+
+    def _begin(self, flight_id: int) -> None:
+        self._shown = flight_id
+        self._last_sequence = -1
+        self._rate_from = None
+        mission, note = self._mission, ""
+        simulator = self._simulators.get(flight_id)
+        if mission is None and simulator is not None:
+            try:
+                mission = load_mission(simulator.mission)
+            except MissionError:
+                note = f"Mission {simulator.mission} is not among those here"
+        if mission is None:
+            note = f"{note or 'The mission was not told'}: its names and limits are not known."
+        self._story.begin(flight_id, mission, note)
+        self._forget_setter()
+
+    # ---- what is heard
+
+    def _on_state(self, data: bytes) -> None:
+        self._states.append(data)
+
+    def _on_status(self, data: bytes) -> None:
+        self._statuses.append(data)
+
+    def _on_event(self, event: FlightEvent) -> None:
+        if self._turn_to(int(event.flight_id)):
+            self._story.add_event(event.type, event.index, event.time, event.mass)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            level = LEVELS.get(status.level)
+            if level and status.hardware_id == hardware_id(self._shown):
+                node = status.name.rsplit("/", maxsplit=1)[-1]
+                moment = seconds_from_stamp(message.header.stamp)
+                self._story.add_complaint(moment, level, node, status.message)
+
+    def _on_timing(self, status: Timing) -> None:
+        if status.hardware_id != hardware_id(self._shown):
+            return
+        said = {item.key: item.value for item in status.values}
+        if PACE in said:
+            self._story.tell(pace=float(said[PACE]), paused=said[PAUSED] == str(True))
+        if VERDICT in said:
+            self._story.tell(verdict=said[VERDICT], good=said[GOOD] == str(True))
+
+    def _on_look(self) -> None:
+        """Take some of what has come, and let the pages have it."""
+        self._take_states()
+        self._take_statuses()
+        self._obey()
+        now = time.monotonic()
+        if now - self._pages_said_at > PAGES_PERIOD and self._last_sequence < 0:
+            # who starts the flight may wait for the first
+            self._pages_said_at = now
+            words = {PAGES: self._server.pages}
+            self._timing_out.publish(timing(self, self._shown, words))
+        self._server.spread()
+
+    def _take_states(self) -> None:
+        taken: list[tuple[float, int, Any]] = []
+        for stamp, flight_id, sequence, record in map(self._read, _some(self._states)):
+            if not self._turn_to(flight_id):
+                continue
+            if sequence <= self._last_sequence:
+                # the same flight once more: a replay
+                self._begin(flight_id)
+                taken.clear()
+            self._last_sequence = sequence
+            taken.append((stamp / NANOSECONDS, sequence, record))
+        if not taken:
+            return
+        records = np.array([record for *_, record in taken])
+        columns = {name: records[name] for name in self._fields}
+        columns["time"] = np.array([moment for moment, *_ in taken])
+        columns["sequence"] = np.array([sequence for _, sequence, _ in taken])
+        self._story.add_states(columns)
+        self._measure_rate(taken[-1][0])
+
+    def _measure_rate(self, moment: float) -> None:
+        now = time.monotonic()
+        if self._rate_from is None:
+            self._rate_from = now, moment
+        elif now - self._rate_from[0] > RATE_PERIOD:
+            rate = (moment - self._rate_from[1]) / (now - self._rate_from[0])
+            self._story.tell(rate=round(rate, 2))
+            self._rate_from = now, moment
+
+    def _take_statuses(self) -> None:
+        for data in _some(self._statuses):
+            status = deserialize_message(data, GuidanceStatus)
+            if status.flight_id != self._shown:
+                continue
+            row = {
+                "time_s": seconds_from_stamp(status.stamp),
+                "time_to_go_s": status.time_to_go,
+                "cutoff_s": status.cutoff_time,
+                "iterations": status.iterations,
+            }
+            self._story.add_status(row, status.predicted_position, status.predicted_velocity)
+            self._story.tell(law=LAWS.get(status.law, f"law {status.law}"))
+
+    # ---- what is commanded
+
+    def _control(self, simulator: FlightMember) -> None:
+        flying = simulator.state in (State.PRESENT, State.READY, State.FLYING)
+        if flying and self._setter is None:
+            name = f"{simulator.node}/set_parameters"
+            self._setter = self.create_client(SetParameters, name)
+        self._story.may_control(flying)
+
+    def _forget_setter(self) -> None:
+        self._story.may_control(False)
+        if self._setter is not None:
+            self.destroy_client(self._setter)
+            self._setter = None
+
+    def _obey(self) -> None:
+        while not self._commands.empty():
+            name, value, refuse = self._commands.get()
+            if self._setter is None or not self._setter.service_is_ready():
+                refuse("nobody here obeys: this flight sets its own pace")
+                continue
+            request = SetParameters.Request(parameters=_wanted(name, value))
+            answer = self._setter.call_async(request)
+            answer.add_done_callback(lambda done, refuse=refuse: _pass_on(done.result(), refuse))
+
+
+def _some(waiting: deque[bytes]) -> list[bytes]:
+    """A few of what waits, evenly spread, the first and the last of them; nothing waits then."""
+    count = len(waiting)
+    came = [waiting.popleft() for _ in range(count)]
+    if count <= TAKEN:
+        return came
+    return [came[k] for k in np.linspace(0, count - 1, TAKEN).round().astype(int)]
+
+
+def _wanted(name: str, value: float) -> list[ParameterMessage]:
+    """What a command sets."""
+    if name == "pace":
+        wanted = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value)
+        return [ParameterMessage(name=PACE, value=wanted)]
+    wanted = ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=name == "pause")
+    return [ParameterMessage(name=PAUSED, value=wanted)]
+
+
+def _pass_on(answer: SetParameters.Response, refuse: Callable[[str], None]) -> None:
+    for result in answer.results:
+        if not result.successful:
+            refuse(result.reason)

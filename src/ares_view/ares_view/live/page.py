@@ -1,0 +1,156 @@
+"""The page: what stands on it before anything has come."""
+
+import json
+from dataclasses import asdict, dataclass
+from functools import cache
+
+from ares_models.mission import load_mission
+from ares_studies import flight_page
+from ares_studies.flight_page.globe import land_of
+from ares_studies.pages.parts import Axis, Figure, Item, Role, Series, Shape
+from ares_studies.pages.templates import PALETTES, embedded, make_environment
+from ares_view.live.story import STATE_FIELDS, STATUS_FIELDS
+
+
+@dataclass(frozen=True)
+class Gauge:
+    """A number on the page.
+
+    Attributes:
+        key: its field, of a state or of what guidance says.
+        label: for people.
+        unit: as shown.
+        digits: decimals.
+        full: what fills its bar: a field of guidance, `limit`, or `most`, the most so far.
+    """
+
+    key: str
+    label: str
+    unit: str
+    digits: int
+    full: str
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of a chart: its name, its field, its colour."""
+
+    name: str
+    field: str
+    role: Role
+    shape: Shape = "line"
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A chart: its title, its axis, its lines."""
+
+    title: str
+    axis: Axis
+    lines: tuple[Line, ...]
+
+
+GAUGES = (
+    Gauge("altitude_km", "altitude", "km", 2, "predicted_altitude_km"),
+    Gauge("speed_m_s", "speed", "m/s", 1, "predicted_speed_m_s"),
+    Gauge("flight_path_angle_deg", "flight-path angle", "deg", 3, "most"),
+    Gauge("mass_t", "mass", "t", 2, "most"),
+    Gauge("thrust_kn", "thrust", "kN", 0, "most"),
+    Gauge("acceleration_m_s2", "acceleration", "m/s²", 2, "most"),
+    Gauge("heating_w_m2", "heating rate", "W/m²", 0, "limit"),
+    Gauge("time_to_go_s", "time to go", "s", 1, "most"),
+    Gauge("cutoff_s", "predicted cut-off", "s", 2, ""),
+    Gauge("iterations", "iterations", "per cycle", 0, ""),
+    Gauge("pitch_deg", "pitch of the thrust", "deg", 2, ""),
+    Gauge("yaw_deg", "yaw of the thrust", "deg", 3, ""),
+)
+
+CHARTS = (
+    Chart("Altitude", Axis("altitude", "km"), (Line("altitude", "altitude_km", "here"),)),
+    Chart(
+        "Speed",
+        Axis("speed", "m/s"),
+        (
+            Line("inertial", "speed_m_s", "here"),
+            Line("against the air", "relative_speed_m_s", "other"),
+        ),
+    ),
+    Chart(
+        "Angles",
+        Axis("angle", "deg"),
+        (
+            Line("pitch of the thrust", "pitch_deg", "here"),
+            Line("flight-path angle", "flight_path_angle_deg", "other"),
+        ),
+    ),
+    Chart(
+        "Acceleration",
+        Axis("acceleration", "m/s²"),
+        (Line("acceleration", "acceleration_m_s2", "here"),),
+    ),
+    Chart(
+        "Heating",
+        Axis("heating rate", "W/m²", log=True),
+        (Line("heating rate", "heating_w_m2", "here"),),
+    ),
+    Chart(
+        "Predicted cut-off",
+        Axis("predicted cut-off", "s"),
+        (Line("predicted cut-off", "cutoff_s", "here", "step"),),
+    ),
+)
+TIME = Axis("mission elapsed time", "s", span=(0.0, 1.0))
+#: Real-time factors that have a button, and what stands on it; 0: as fast as may be.
+PACES = ((1, "1"), (5, "5"), (10, "10"), (50, "50"), (0, "max"))
+
+
+def _items() -> tuple[Item, ...]:
+    """The charts, with nothing on them yet."""
+    return tuple(
+        Item(
+            f"figure-{k + 1}",
+            "figure",
+            f"Figure {k + 1}",
+            chart.title,
+            "",
+            Figure(
+                TIME,
+                chart.axis,
+                tuple(Series(one.name, one.role, one.shape, (), ()) for one in chart.lines),
+            ),
+        )
+        for k, chart in enumerate(CHARTS)
+    )
+
+
+@cache
+def render(query: str) -> str:
+    """The page.
+
+    Args:
+        query: what follows the path of every address of the server.
+    """
+    items = _items()
+    figures = [
+        {**asdict(item), "fields": [one.field for one in chart.lines]}
+        for item, chart in zip(items, CHARTS, strict=True)
+    ]
+    data = {
+        "chapters": [{"items": figures}],
+        "globe": {"flights": [], "land": land_of(load_mission("ares_v")), "ends": [""]},
+        "states": STATE_FIELDS,
+        "statuses": STATUS_FIELDS,
+    }
+    text = json.dumps(data, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
+    return (
+        make_environment(__package__, flight_page.__package__)
+        .get_template("live.html")
+        .render(
+            palettes=PALETTES,
+            items=items,
+            gauges=GAUGES,
+            paces=PACES,
+            query=query,
+            data=embedded(text),
+        )
+    )

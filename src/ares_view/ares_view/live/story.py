@@ -1,0 +1,322 @@
+"""What is known of a flight that is under way, for pages that come and go. No ROS.
+
+One thread tells, another reads: every method may be called by any.
+"""
+
+import math
+import threading
+import time
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models.mission import Mission, load_mission
+from ares_node.identity import id_text
+from ares_studies.event_words import ENDS, EVENT_NAMES, MARKS, event_name
+from ares_studies.flight_page.charts import ROLES
+from ares_studies.flight_page.data import phase_name, states_of
+from ares_studies.flight_page.geometry import impact_track
+from ares_studies.flight_page.globe import land_of
+
+#: As many states, and words of guidance, are kept of a flight.
+MAX_ROWS = 1500
+MAX_EVENTS = 500
+#: Texts of diagnostics that are kept.
+MAX_COMPLAINTS = 100
+#: Where an Earth is needed and the mission is not known.
+_SOME_MISSION = "ares_v"
+
+#: What is shown of a state: name, where it comes from, factor, decimals.
+_STATES = (
+    ("time_s", "time_s", 1.0, 3),
+    ("altitude_km", "altitude_m", 1e-3, 4),
+    ("speed_m_s", "speed_m_s", 1.0, 2),
+    ("relative_speed_m_s", "relative_speed_m_s", 1.0, 2),
+    ("flight_path_angle_deg", "flight_path_angle_deg", 1.0, 4),
+    ("pitch_deg", "pitch_deg", 1.0, 3),
+    ("yaw_deg", "yaw_deg", 1.0, 3),
+    ("mass_t", "mass_kg", 1e-3, 4),
+    ("thrust_kn", "thrust_n", 1e-3, 2),
+    ("acceleration_m_s2", "acceleration_m_s2", 1.0, 4),
+    ("heating_w_m2", "heating_w_m2", 1.0, 4),
+    ("perigee_km", "perigee_m", 1e-3, 2),
+    ("apogee_km", "apogee_m", 1e-3, 2),
+    ("inclination_deg", "inclination_deg", 1.0, 4),
+)
+_PLACES = ("latitude_deg", "longitude_deg", "height", "impact_latitude_deg", "impact_longitude_deg")
+STATE_FIELDS = (*(name for name, *_ in _STATES), *_PLACES)
+STATUS_FIELDS = (
+    "time_s",
+    "time_to_go_s",
+    "cutoff_s",
+    "iterations",
+    "predicted_altitude_km",
+    "predicted_speed_m_s",
+)
+
+
+def _known(value: float, digits: int) -> float | None:
+    return round(float(value), digits) + 0.0 if math.isfinite(value) else None
+
+
+class Rows:
+    """Rows in their order, numbered from 0; the last one is always there.
+
+    When there are too many every second one goes, and of those to come every second one is
+    kept: those whose number is a multiple of the stride.
+    """
+
+    def __init__(self, most: int = MAX_ROWS) -> None:
+        """No rows yet, and never more than `most`."""
+        self.stride = 1
+        self.count = 0
+        self._most = most
+        self._numbers: list[int] = []
+        self._rows: list[Sequence[float | None]] = []
+
+    def add(self, row: Sequence[float | None]) -> None:
+        """Take a row."""
+        if self._numbers and self._numbers[-1] % self.stride:
+            self._numbers.pop()
+            self._rows.pop()
+        self._numbers.append(self.count)
+        self._rows.append(row)
+        self.count += 1
+        if len(self._rows) > self._most:
+            self.stride *= 2
+            kept = [k for k, n in enumerate(self._numbers[:-1]) if n % self.stride == 0]
+            kept.append(len(self._rows) - 1)
+            self._numbers = [self._numbers[k] for k in kept]
+            self._rows = [self._rows[k] for k in kept]
+
+    def since(self, number: int) -> list[tuple[int, Sequence[float | None]]]:
+        """What is left of the rows from a number on."""
+        first = bisect_right(self._numbers, number - 1)
+        return list(zip(self._numbers[first:], self._rows[first:], strict=True))
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a page has got: of which flight, and how much."""
+
+    flight: int = -1
+    states: int = 0
+    statuses: int = 0
+    events: int = 0
+    complaints: int = 0
+    about: int = -1
+
+
+class Story:
+    """The flight that is shown."""
+
+    def __init__(self) -> None:
+        """No flight yet."""
+        self._lock = threading.RLock()
+        self._flight = 0
+        self._about_version = 0
+        self._controls = False
+        self._begin(0, None)
+
+    def _begin(self, flight_id: int, mission: Mission | None) -> None:
+        self.flight_id = flight_id
+        self._mission = mission or load_mission(_SOME_MISSION)
+        self._mission_known = mission is not None
+        self._states, self._statuses = Rows(), Rows()
+        self._events: list[dict[str, Any]] = []
+        self._complaints: dict[tuple[str, str, str], list[Any]] = {}
+        self._complaint_version = 0
+        self._phases: list[dict[str, Any]] = []
+        self._phase: tuple[int, int] | None = None
+        self._heard_at: float | None = None
+        limits = [part.heating_limit_w_m2 for part in self._mission.jettisons]
+        self._about: dict[str, Any] = {
+            "title": mission.title if mission else "A flight",
+            "flight": id_text(flight_id) if flight_id else "",
+            "law": "",
+            "land": bool(land_of(self._mission)),
+            "heating_limit_w_m2": min(filter(None, limits), default=None) if mission else None,
+            "pace": None,
+            "paused": False,
+            "rate": None,
+            "end": "",
+            "verdict": "",
+            "good": False,
+            "note": "",
+        }
+
+    # ---- telling
+
+    def begin(self, flight_id: int, mission: Mission | None, note: str = "") -> None:
+        """Forget what was, another flight begins.
+
+        Args:
+            flight_id: its identity.
+            mission: that is flown; None: not known.
+            note: something that the reader should know, one sentence.
+        """
+        with self._lock:
+            self._begin(flight_id, mission)
+            self._flight += 1
+            self._say(note=note)
+
+    def _say(self, **words: Any) -> None:
+        if any(self._about[name] != word for name, word in words.items()):
+            self._about |= words
+            self._about_version += 1
+
+    def tell(self, **words: Any) -> None:
+        """Tell more about the flight: `law`, `pace`, `paused`, `rate`, `verdict`, `good`."""
+        with self._lock:
+            self._say(**words)
+
+    def may_control(self, controls: bool) -> None:
+        """Whether somebody obeys pause and pace."""
+        with self._lock:
+            if controls != self._controls:
+                self._controls = controls
+                self._about_version += 1
+
+    def add_states(self, truth: Mapping[str, NDArray[Any]]) -> None:
+        """Take states, in their order.
+
+        Args:
+            truth: columns of VehicleState, with `time` in s and `sequence`.
+        """
+        mission = self._mission
+        earth = mission.environment.earth.earth()
+        shown = states_of(truth, mission)
+        # the first state of a flight stands before its first command
+        for angle in (shown.pitch_deg, shown.yaw_deg):
+            angle[truth["sequence"] == 0] = math.nan
+        falls = impact_track(
+            truth["time"],
+            truth["position"],
+            truth["velocity"],
+            mission.environment_array()[0],
+            earth,
+        )
+        columns = [(getattr(shown, name) * factor, k) for _, name, factor, k in _STATES]
+        columns += [(shown.track.latitude_deg, 4), (shown.track.longitude_deg, 4)]
+        columns += [(shown.altitude_m / earth.equatorial_radius, 6)]
+        columns += [(falls.latitude_deg, 3), (falls.longitude_deg, 3)]
+        with self._lock:
+            for i in range(len(truth["time"])):
+                self._states.add([_known(values[i], digits) for values, digits in columns])
+                self._note_phase(truth, i)
+            self._heard_at = time.monotonic()
+
+    def _note_phase(self, truth: Mapping[str, NDArray[Any]], i: int) -> None:
+        """A phase goes from one change of arc or of what is on board to the next."""
+        now = int(truth["arc"][i]), int(truth["jettisoned"][i])
+        if now != self._phase:
+            self._phase = now
+            name = phase_name(*now, self._mission) if self._mission_known else f"arc {now[0]}"
+            self._phases.append({"name": name, "role": None, "from_s": float(truth["time"][i])})
+            self._about_version += 1
+        phase = self._phases[-1]
+        if phase["role"] is None and truth["thrust"][i] > 0.0:
+            burns = sum(1 for one in self._phases if one["role"])
+            phase["role"] = ROLES[burns % len(ROLES)]
+            self._about_version += 1
+
+    def add_status(self, row: Mapping[str, float], position: Any, velocity: Any) -> None:
+        """Take what guidance says of a cycle.
+
+        Args:
+            row: `time_s`, `time_to_go_s`, `cutoff_s`, `iterations`.
+            position: predicted at cut-off, shape (3,), m.
+            velocity: the same, m/s.
+        """
+        radius = self._mission.environment.earth.equatorial_radius_m
+        altitude = (float(np.linalg.norm(position)) - radius) / 1e3
+        speed = float(np.linalg.norm(velocity))
+        numbers = {**row, "predicted_altitude_km": altitude, "predicted_speed_m_s": speed}
+        with self._lock:
+            self._statuses.add([_known(numbers[name], 4) for name in STATUS_FIELDS])
+
+    def add_event(self, kind: int, index: int, moment: float, mass_kg: float) -> None:
+        """Take an event: its type, its index, when, s, and the mass after it."""
+        mission = self._mission
+        names: tuple[Sequence[str], ...] = ((), (), ())
+        if self._mission_known:
+            names = mission.arc_names, mission.stage_names, mission.jettison_names
+        with self._lock:
+            if len(self._events) >= MAX_EVENTS:
+                return
+            text = event_name(kind, index, *names)
+            self._events.append(
+                {"time_s": moment, "text": text, "mass_kg": mass_kg, "mark": MARKS.get(kind)}
+            )
+            if kind in ENDS:
+                self._say(end=EVENT_NAMES[kind])
+
+    def add_complaint(self, moment: float, level: str, node: str, text: str) -> None:
+        """Take a warning or an error of a node; each text is kept once, with how often."""
+        with self._lock:
+            known = self._complaints.get((level, node, text))
+            if known is None and len(self._complaints) < MAX_COMPLAINTS:
+                known = self._complaints[level, node, text] = [moment, 0]
+            if known is not None:
+                known[1] += 1
+            self._complaint_version += 1
+
+    # ---- reading
+
+    @property
+    def ended(self) -> bool:
+        """The end of the flight was seen."""
+        return bool(self._about["end"])
+
+    def age(self) -> float | None:
+        """Wall time since the last state, s; None before the first."""
+        heard = self._heard_at
+        return None if heard is None else time.monotonic() - heard
+
+    def news(self, seen: Seen) -> tuple[dict[str, Any] | None, Seen]:
+        """What a page does not have yet; None if it has all.
+
+        Args:
+            seen: what it has.
+
+        Returns:
+            The message, and what the page has then.
+        """
+        with self._lock:
+            whole = seen.flight != self._flight
+            if whole:
+                seen = Seen()
+            now = Seen(
+                self._flight,
+                self._states.count,
+                self._statuses.count,
+                len(self._events),
+                self._complaint_version,
+                self._about_version,
+            )
+            if now == seen:
+                return None, seen
+            message: dict[str, Any] = {
+                "kind": "flight" if whole else "update",
+                "age_s": self.age(),
+                "states": self._states.since(seen.states),
+                "statuses": self._statuses.since(seen.statuses),
+                "strides": [self._states.stride, self._statuses.stride],
+                "events": self._events[seen.events :],
+            }
+            if whole or now.complaints != seen.complaints:
+                message["complaints"] = [
+                    {"time_s": first, "count": count, "level": level, "node": node, "text": text}
+                    for (level, node, text), (first, count) in self._complaints.items()
+                ]
+            if whole or now.about != seen.about:
+                message["about"] = {
+                    **self._about,
+                    "controls": self._controls,
+                    "phases": self._phases,
+                }
+            return message, now
