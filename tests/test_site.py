@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from ares_studies.pages.testing import THEMES
+
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT / "tools"))
 site_pages = importlib.import_module("site_pages")
@@ -70,6 +72,18 @@ def test_nothing_is_asked_of_a_network(site: Path) -> None:
             assert not re.search(elsewhere, tag), page
     for sheet in site.rglob("*.css"):
         assert not re.search(rf"@import|url{elsewhere}", sheet.read_text()), sheet
+
+
+@pytest.mark.parametrize("theme", THEMES)
+@pytest.mark.parametrize("name", ["index", "missions", "reference/messages"])
+def test_a_page_is_legible(site: Path, browser, serious_faults, name: str, theme: str) -> None:
+    with browser.new_context(
+        viewport={"width": 390, "height": 844}, color_scheme=theme, offline=True
+    ) as context:
+        page = context.new_page()
+        page.goto((site / f"{name}.html").as_uri())
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        assert serious_faults(page) == []
 
 
 @pytest.mark.parametrize("link", ["docs/gone.md", "docs/install.md#gone"])

@@ -56,6 +56,15 @@ def build(folder: Path) -> None:
         exception_on_warning=True,
     )
     app.build(force_all=True)
+    for page in folder.rglob("*.html"):
+        page.write_text(reachable(page.read_text()))
+
+
+def reachable(page: str) -> str:
+    """What the theme leaves out for those who read with a keyboard or by ear."""
+    named = page.replace('role="heading"', 'role="heading" aria-level="2"')
+    tables = named.replace('<div class="table-wrapper', '<div tabindex="0" class="table-wrapper')
+    return tables.replace("<pre>", '<pre tabindex="0">')
 
 
 def main() -> int:

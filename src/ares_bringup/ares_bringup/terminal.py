@@ -16,7 +16,6 @@ from ares_bringup.summary import FlightSummary, Status, insertion_error
 from ares_msgs.msg import VehicleState
 from ares_node.qos import LATEST, VEHICLE_STATE
 from ares_node.time import seconds_from_stamp
-from ares_studies.event_words import event_name
 
 if TYPE_CHECKING:
     from rclpy.subscription import Subscription
@@ -121,9 +120,8 @@ def picture(
     lines.add_row(_figures(summary, state, now))
     lines.add_row(_prediction(summary))
     if summary.events:
-        last, facts = summary.events[-1], summary.facts
-        word = event_name(last.type, last.index, facts.arcs, facts.stages, facts.jettisons)
-        line = f"last event: {word} at {number(last.time, 2)} s"
+        last = summary.events[-1]
+        line = f"last event: {summary.event_name(last)} at {number(last.time, 2)} s"
         lines.add_row(Text(line, style="dim", overflow="ellipsis"))
     return lines
 
