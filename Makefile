@@ -44,7 +44,7 @@ format: ## lay out the code
 	@./ares exec ruff format .
 
 lock: ## write the hashes of requirements/*.txt to requirements/locked
-	@for name in uv ros-jazzy build fly solve pages dev coverage; do ./ares exec uv pip compile --quiet \
+	@for name in uv ros-jazzy build fly solve live pages dev coverage; do ./ares exec uv pip compile --quiet \
 		--no-deps --generate-hashes --universal --python-version 3.11 --no-header --no-annotate \
 		requirements/$$name.txt --output-file requirements/locked/$$name.txt || exit 1; done
 

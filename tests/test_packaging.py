@@ -27,7 +27,7 @@ KEYS = {
 } | {
     name: f"python3-{name}"
     for name in ("hypothesis", "jinja2", "matplotlib", "numba", "numpy", "pydantic", "pytest")
-    + ("rich", "scipy", "typer")
+    + ("rich", "scipy", "tornado", "typer")
 }
 # rosdep knows no key for these: installed with pip
 NO_KEY = {"distributed", "plotly", "pyarrow", "pymsis"}
@@ -160,12 +160,12 @@ def setup_keywords(package: Path, monkeypatch) -> dict:
 
 
 def required(package: Path, monkeypatch) -> list[str]:
-    """What a package asks for, always or where it solves, draws or makes pages."""
+    """What a package asks for, always or where it solves, draws, makes or serves pages."""
     given = setup_keywords(package, monkeypatch)
     extras = given["extras_require"]
     return [
         *given.get("install_requires", []),
-        *{*extras.get("solve", []), *extras.get("pages", [])},
+        *{*extras.get("solve", []), *extras.get("live", []), *extras.get("pages", [])},
     ]
 
 

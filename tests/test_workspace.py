@@ -37,6 +37,7 @@ def project(tmp_path):
         "requirements/locked/build.txt": "colcon-core==0.21.3\n",
         "requirements/locked/fly.txt": "numpy==2.4.6\n",
         "requirements/locked/solve.txt": "scipy==1.17.1\n",
+        "requirements/locked/live.txt": "tornado==6.6.1\n",
         "requirements/locked/pages.txt": "plotly==7.1.0\n",
         "requirements/locked/dev.txt": "pytest==9.2.0\n",
         "src/ares_msgs/package.xml": "<package/>",
@@ -396,12 +397,15 @@ def test_a_flight_compiles_its_own_law(arguments, kernels):
         (["fly", "--flight", "3"], ("solve.txt",)),
         (["missions"], ()),
         (["optimize"], ("solve.txt",)),
-        (["montecarlo"], ("solve.txt", "pages.txt")),
+        (["fly", "--live"], ("live.txt",)),
+        (["fly", "--live", "--guidance", "optimal"], ("solve.txt", "live.txt")),
+        (["live"], ("live.txt",)),
+        (["montecarlo"], ("solve.txt", "live.txt", "pages.txt")),
         # the extra `pages` asks for SciPy
-        (["plot"], ("solve.txt", "pages.txt")),
-        (["report"], ("solve.txt", "pages.txt")),
-        (["reproduce"], ("solve.txt", "pages.txt")),
-        (["test"], ("solve.txt", "pages.txt", "dev.txt")),
+        (["plot"], ("solve.txt", "live.txt", "pages.txt")),
+        (["report"], ("solve.txt", "live.txt", "pages.txt")),
+        (["reproduce"], ("solve.txt", "live.txt", "pages.txt")),
+        (["test"], ("solve.txt", "live.txt", "pages.txt", "dev.txt")),
     ],
 )
 def test_a_plain_flight_installs_nothing_that_it_does_not_need(arguments, additions):

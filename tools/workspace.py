@@ -44,17 +44,20 @@ INSTALLER = "uv.txt"
 ROS_REQUIREMENTS = ("ros-jazzy.txt",)
 REQUIREMENTS = ("build.txt", "fly.txt")
 #: What some verbs need besides, each list with a stamp of its own.
-EVERYTHING = ("solve.txt", "pages.txt", "dev.txt")
+EVERYTHING = ("solve.txt", "live.txt", "pages.txt", "dev.txt")
+#: What campaigns, pages and pictures need.
+PAGES = ("solve.txt", "live.txt", "pages.txt")
 ALSO = {
     "env": EVERYTHING,
     "exec": EVERYTHING,
-    "montecarlo": ("solve.txt", "pages.txt"),
+    "live": ("live.txt",),
+    "montecarlo": PAGES,
     "node": ("solve.txt",),
     "optimize": ("solve.txt",),
-    "plot": ("solve.txt", "pages.txt"),
+    "plot": PAGES,
     "prepare": EVERYTHING,
-    "report": ("solve.txt", "pages.txt"),
-    "reproduce": ("solve.txt", "pages.txt"),
+    "report": PAGES,
+    "reproduce": PAGES,
     "test": EVERYTHING,
 }
 #: Options of a flight that the optimizer may have to plan, or that is drawn.
@@ -62,7 +65,7 @@ SOLVED_FOR = re.compile(r"--(mission|guidance|initial-guess|dispersions|flight)(
 #: What of the kernels a verb needs; the name of a law: what a flight by it calls.
 ALL_KERNELS = "all"
 NO_KERNELS = ""
-FEW_KERNELS = ("", "-h", "bag", "env", "missions", "plot", "replay", "report")
+FEW_KERNELS = ("", "-h", "bag", "env", "live", "missions", "plot", "replay", "report")
 #: The law whose kernels compile while the messages are built: it is known without a registry.
 FIRST_LAW = "peg"
 COMPILING = {True: "once, until they change: a minute", False: "once, half a minute"}
@@ -670,6 +673,7 @@ def add(names: Sequence[str], workspace: Workspace, environ: Mapping[str, str], 
     """Install what some verbs need besides."""
     kinds = {
         "solve.txt": "what the optimizer needs",
+        "live.txt": "what the live page needs",
         "pages.txt": "what pages need",
         "dev.txt": "what the tests need",
     }
@@ -838,8 +842,9 @@ def kernels_for(arguments: Sequence[str]) -> str:
 def additions_for(arguments: Sequence[str]) -> tuple[str, ...]:
     """Which lists of requirements a call needs besides those of a plain flight."""
     verb = arguments[0] if arguments else ""
-    if verb == "fly" and any(map(SOLVED_FOR.fullmatch, arguments)):
-        return ("solve.txt",)
+    if verb == "fly":
+        solved = any(map(SOLVED_FOR.fullmatch, arguments))
+        return ("solve.txt",) * solved + ("live.txt",) * ("--live" in arguments)
     return ALSO.get(verb, ())
 
 

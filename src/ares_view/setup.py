@@ -20,7 +20,6 @@ setup(
     python_requires=">=3.11",
     install_requires=[
         "ares_models",
-        "ares_msgs",
         "ares_node",
         "ares_studies",
         "numpy>=2.0",

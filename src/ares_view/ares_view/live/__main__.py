@@ -1,12 +1,18 @@
 """Process of the live node; the node's modules are imported later."""
 
+import os
 import sys
 
 from ares_node.entry import enter
 
+#: How far the page stands back.
+NICENESS = 5
+
 
 def main() -> int:
     """Run until a signal comes."""
+    # the flight has the processors first
+    os.nice(NICENESS)
     return enter("ares_view", "ares_view.live.node:LiveNode", "live", extra="live")
 
 

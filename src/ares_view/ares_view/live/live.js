@@ -61,6 +61,8 @@ function take(message) {
   }
   live.states.add(message.states, message.strides[0]);
   live.statuses.add(message.statuses, message.strides[1]);
+  noteMost(live.states, message.states);
+  noteMost(live.statuses, message.statuses);
   message.events.forEach(addEvent);
   if (message.complaints) byId("complaints").replaceChildren(...message.complaints.map(complaint));
   if (message.about) {
@@ -68,6 +70,14 @@ function take(message) {
     showAbout();
   }
   changed();
+}
+
+// the greatest size of what a bar is measured by
+function noteMost({ at }, rows) {
+  for (const { dataset: { key, full } } of gauges) {
+    if (full !== "most" || !(key in at)) continue;
+    for (const [, row] of rows) live.most[key] = Math.max(live.most[key] || 0, Math.abs(row[at[key]] || 0));
+  }
 }
 
 function element(name, text, kind) {
@@ -110,9 +120,13 @@ function showAbout() {
   for (const button of [playButton, ...paceButtons]) button.disabled = !usable;
   playButton.textContent = paused ? "Play" : "Pause";
   playButton.setAttribute("aria-pressed", String(paused));
+  let named = false;
   for (const button of paceButtons) {
-    button.setAttribute("aria-pressed", String(Number(button.dataset.pace) === pace));
+    const pressed = Number(button.dataset.pace) === pace;
+    named ||= pressed;
+    button.setAttribute("aria-pressed", String(pressed));
   }
+  byId("pace").textContent = named || pace === null ? "pace" : `pace ×${figuresOf(pace, pace % 1 ? 2 : 0)}`;
   const ways = phases.map(({ name, role }) => [name, role || "quiet"]);
   byId("ways").replaceChildren(...[...ways, ["impact points", "dots"]].map(([name, role]) => {
     const entry = document.createElement("li");
@@ -158,7 +172,6 @@ function showGauges() {
     const value = key in states.at ? states.last(key) : statuses.last(key);
     gauge.querySelector("b").textContent = figuresOf(value, Number(digits));
     if (!full) continue;
-    if (value !== null) most[key] = Math.max(most[key] || 0, Math.abs(value));
     const limit = full === "limit" ? about.heating_limit_w_m2 : full === "most" ? most[key] : statuses.last(full);
     const share = limit && value !== null ? Math.min(1, Math.abs(value) / limit) : 0;
     gauge.querySelector("i").style.transform = `scaleX(${share})`;
@@ -198,7 +211,7 @@ function showGlobe() {
   globe.load();
   const latitude = states.last("latitude_deg"), longitude = states.last("longitude_deg");
   // from aside, so that the height shows
-  const aside = Math.asin(Math.min(0.4, 0.4 / globe.view.zoom)) / RADIANS;
+  const aside = Math.asin(0.2 / Math.max(1, globe.view.zoom)) / RADIANS;
   globe.home = { longitude, latitude: latitude > 0 ? latitude - aside : latitude + aside, zoom: globe.home.zoom };
   if (byId("follow").checked) globe.view = { ...globe.home, zoom: globe.view.zoom };
   globe.draw();
@@ -321,5 +334,5 @@ function connect() {
     if (!live.over) setTimeout(connect, RETRY_PERIOD);
   });
 }
-globe.view.zoom = globe.home.zoom = 2.2;
+globe.view.zoom = globe.home.zoom = 2.8;
 connect();

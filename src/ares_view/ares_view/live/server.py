@@ -5,10 +5,10 @@ Whoever reads slowly, or not at all, gets nothing new until it has taken what it
 
 import asyncio
 import json
-import math
 import socket
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from importlib.resources import files
@@ -32,6 +32,8 @@ SLOW_READER = 20.0
 #: Pages that may be open at a time, and length of what one may say.
 MAX_PAGES = 16
 MAX_COMMAND = 1000
+#: Refusals that wait for a page; of more it gets the last ones.
+MAX_REFUSALS = 4
 #: Slowest and fastest real-time factor; 0 is as fast as may be.
 PACES = (1e-3, 1e6)
 
@@ -67,8 +69,8 @@ def read_command(text: str | bytes) -> tuple[str, float]:
         return str(name), 0.0
     if name != "pace":
         raise ValueError(f"command is {name!r}; expected pause, play or pace"[:200])
-    good = type(value) in (int, float) and math.isfinite(value)
-    if not good or not (value == 0 or PACES[0] <= value <= PACES[1]):
+    known = type(value) in (int, float)
+    if not known or not (value == 0 or PACES[0] <= value <= PACES[1]):
         raise ValueError(f"pace is {value!r}; expected 0, or {PACES[0]:g} to {PACES[1]:g}"[:200])
     return "pace", float(value)
 
@@ -113,6 +115,7 @@ class _Socket(_Guarded, WebSocketHandler):
         self._seen = Seen()
         self._sending: asyncio.Future[None] | None = None
         self._sent_at = 0.0
+        self._refusals: deque[str] = deque(maxlen=MAX_REFUSALS)
 
     def prepare(self) -> None:
         super().prepare()
@@ -144,7 +147,9 @@ class _Socket(_Guarded, WebSocketHandler):
         self.live.obey(name, value, refuse)
 
     def refuse(self, reason: str) -> None:
-        self.send({"kind": "refused", "reason": reason})
+        """Say why a command was not obeyed, as soon as the page takes it."""
+        self._refusals.append(reason)
+        self.send_news()
 
     def busy(self) -> bool:
         """Whether the page has not even taken what it was sent before."""
@@ -174,6 +179,9 @@ class _Socket(_Guarded, WebSocketHandler):
     def send_news(self, beat: bool = False) -> None:
         """Send what the page does not have; if it has all, perhaps that this is so."""
         if self.busy():
+            return
+        if self._refusals:
+            self.send({"kind": "refused", "reason": self._refusals.popleft()})
             return
         story = self.live.story
         message, self._seen = story.news(self._seen)

@@ -1,0 +1,117 @@
+"""Flights in lock-step with and without the live page, in turn; updates of a reader.
+
+    ./ares exec python benchmarks/live_flight.py [ROUNDS] [--chromium]
+
+The reader takes all that it gets and draws nothing; `--chromium` opens the page in a browser
+without a window instead, which draws it on the same processors.
+"""
+
+import asyncio
+import statistics
+import sys
+import tempfile
+import threading
+from contextlib import suppress
+from pathlib import Path
+
+from tornado.httpclient import HTTPClientError
+from tornado.websocket import websocket_connect
+
+from ares_bringup.fly import fly
+from ares_bringup.options import FlyOptions, LiveOptions
+from ares_view.live.address import LOOPBACK, free_port
+
+#: A paced flight for the rate of updates: real-time factor and mission, 40 s.
+PACE = 15.0
+
+
+class Reader:
+    """A page that draws nothing: reads from its start to the end of the server."""
+
+    def __init__(self, port: int) -> None:
+        """Connect as soon as somebody answers."""
+        self.times: list[float] = []
+        self._address = f"ws://{LOOPBACK}:{port}/socket"
+        self._thread = threading.Thread(target=lambda: asyncio.run(self._read()), daemon=True)
+        self._thread.start()
+
+    async def _read(self) -> None:
+        loop = asyncio.get_running_loop()
+        connection = None
+        while connection is None:
+            with suppress(OSError, HTTPClientError):
+                connection = await websocket_connect(self._address)
+            await asyncio.sleep(0.02)
+        while (text := await connection.read_message()) is not None:
+            if str(text).startswith('{"kind":"update"'):
+                self.times.append(loop.time())
+
+    def rate(self) -> float:
+        """Updates per second, once the server has ended."""
+        self._thread.join()
+        return (len(self.times) - 1) / (self.times[-1] - self.times[0])
+
+
+class Chromium:
+    """The page in a browser without a window."""
+
+    def __init__(self, port: int) -> None:
+        """Open it as soon as it is served."""
+        self._port = port
+        self._over = threading.Event()
+        self._rate = 0.0
+        self._thread = threading.Thread(target=self._look, daemon=True)
+        self._thread.start()
+
+    def _look(self) -> None:
+        from playwright.sync_api import Error, sync_playwright
+
+        flags = ["--headless", "--no-sandbox", "--disable-gpu"]
+        with sync_playwright() as play:
+            browser = play.chromium.launch(executable_path="/usr/bin/chromium", args=flags)
+            page = browser.new_page(viewport={"width": 1280, "height": 900})
+            while not self._over.is_set():
+                with suppress(Error):
+                    page.goto(f"http://{LOOPBACK}:{self._port}/")
+                    break
+            page.wait_for_function("live.frames > 10")
+            first = page.evaluate("[live.frames, performance.now()]")
+            self._over.wait()
+            last = page.evaluate("[live.frames, live.heard]")
+            self._rate = 1e3 * (last[0] - first[0]) / (last[1] - first[1])
+            browser.close()
+
+    def rate(self) -> float:
+        """Drawings per second."""
+        self._over.set()
+        self._thread.join()
+        return self._rate
+
+
+def flown(bag: Path, pace: float, viewer: type[Reader] | type[Chromium] | None) -> list[float]:
+    """Real-time factor of the default flight and, if it is looked at, updates per second."""
+    port = free_port(LOOPBACK, 0)
+    live = LiveOptions(port=port, wait=True) if viewer else None
+    reader = viewer(port) if viewer else None
+    summary = fly(FlyOptions(bag=bag, pace=pace, live=live))
+    assert summary.exit_code == 0 and summary.realtime_factor is not None
+    return [summary.realtime_factor, *([reader.rate()] if reader else [])]
+
+
+def main() -> None:
+    """Print the rates of each round, the ratio of their medians, and updates per second."""
+    words = [word for word in sys.argv[1:] if word != "--chromium"]
+    viewer = Chromium if "--chromium" in sys.argv else Reader
+    plain, looked_at = [], []
+    with tempfile.TemporaryDirectory() as name:
+        for k in range(int(words[0]) if words else 5):
+            plain += flown(Path(name) / f"plain_{k}", 0.0, None)
+            looked_at += flown(Path(name) / f"live_{k}", 0.0, viewer)[:1]
+            print(f"without {plain[-1]:.0f}, with {looked_at[-1]:.0f} times real time", flush=True)
+        _, updates = flown(Path(name) / "paced", PACE, viewer)
+    ratio = statistics.median(looked_at) / statistics.median(plain)
+    print(f"ratio of the medians: {ratio:.2f}; {updates:.1f} updates a second at pace {PACE:g}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,125 @@
+"""What the live page is told: bounded, in order, each page what it lacks."""
+
+import math
+
+import numpy as np
+import pytest
+
+from ares_models.mission import load_mission
+from ares_view.live.story import MAX_COMPLAINTS, STATE_FIELDS, Rows, Seen, Story
+
+MISSION = load_mission("ares_v")
+
+
+def numbers(rows, since=0):
+    return [number for number, _ in rows.since(since)]
+
+
+def columns(first, count, arc=0, thrust=1e6):
+    """States of a way eastwards along the equator."""
+    time = first + np.arange(count, dtype=float)
+    angle = 1e-3 * time
+    there = np.stack([np.cos(angle), np.sin(angle), np.zeros(count)], axis=1)
+    along = np.stack([-np.sin(angle), np.cos(angle), np.zeros(count)], axis=1)
+    return {
+        "time": time,
+        "sequence": time.astype(int),
+        "position": 6.5e6 * there,
+        "velocity": 6.5e3 * along,
+        "thrust_direction": along,
+        "mass": np.full(count, 1e5),
+        "thrust": np.full(count, thrust),
+        "altitude": np.full(count, 1.2e5),
+        "relative_speed": np.full(count, 6e3),
+        "flight_path_angle": np.zeros(count),
+        "inclination": np.zeros(count),
+        "heating_rate": np.full(count, 500.0),
+        "arc": np.full(count, arc),
+        "jettisoned": np.zeros(count, int),
+    }
+
+
+@pytest.fixture
+def story():
+    story = Story()
+    story.begin(7, MISSION)
+    return story
+
+
+def test_rows_are_thinned_and_the_last_one_stays():
+    rows = Rows(most=8)
+    for k in range(101):
+        rows.add([float(k)])
+        assert numbers(rows)[-1] == k
+        assert len(numbers(rows)) <= 9
+    assert rows.stride == 16
+    assert numbers(rows) == [0, 16, 32, 48, 64, 80, 96, 100]
+
+
+def test_a_page_that_thins_as_the_server_does_has_the_same_rows():
+    """What live.js does with what it gets."""
+    rows, page, seen = Rows(most=10), [], 0
+    for k in range(300):
+        rows.add([float(k)])
+        if k % 7 == 0:
+            news = numbers(rows, seen)
+            page = [number for number in page if number % rows.stride == 0] + news
+            seen = rows.count
+            assert page == numbers(rows)
+
+
+def test_a_page_gets_all_once_and_then_what_is_new(story):
+    story.add_states(columns(0, 5))
+    message, seen = story.news(Seen())
+    assert message["kind"] == "flight"
+    assert message["about"]["title"] == MISSION.title
+    assert len(message["states"]) == 5
+    assert story.news(seen)[0] is None
+    story.add_states(columns(5, 2))
+    message, seen = story.news(seen)
+    assert message["kind"] == "update"
+    assert [number for number, _ in message["states"]] == [5, 6]
+    assert "about" not in message
+    story.begin(8, None, "what")
+    message, _ = story.news(seen)
+    assert message["kind"] == "flight"
+    assert message["states"] == []
+    assert message["about"]["note"] == "what"
+
+
+def test_numbers_are_those_of_the_offline_page(story):
+    story.add_states(columns(0, 3))
+    _, row = story.news(Seen())[0]["states"][2]
+    shown = dict(zip(STATE_FIELDS, row, strict=True))
+    assert shown["altitude_km"] == 120.0
+    assert shown["speed_m_s"] == 6500.0
+    assert shown["acceleration_m_s2"] == 10.0
+    assert shown["pitch_deg"] == pytest.approx(0.0, abs=1e-3)
+    turn = math.degrees(2e-3 - 2.0 * MISSION.environment.earth.earth().rotation_rate)
+    assert shown["longitude_deg"] == pytest.approx(turn, abs=1e-4)
+    first = dict(zip(STATE_FIELDS, story.news(Seen())[0]["states"][0][1], strict=True))
+    assert first["pitch_deg"] is None
+
+
+def test_a_phase_for_each_arc_and_a_colour_for_each_burn(story):
+    story.add_states(columns(0, 2))
+    story.add_states(columns(2, 2, arc=1, thrust=0.0))
+    story.add_states(columns(4, 2, arc=1))
+    phases = story.news(Seen())[0]["about"]["phases"]
+    assert [phase["name"] for phase in phases] == list(MISSION.arc_names[:2])
+    assert [phase["from_s"] for phase in phases] == [0.0, 2.0]
+    assert [phase["role"] for phase in phases] == ["here", "thesis"]
+
+
+def test_diagnostics_are_counted_and_bounded(story):
+    for k in range(3 * MAX_COMPLAINTS):
+        story.add_complaint(float(k), "WARN", "guidance", f"text {k % (2 * MAX_COMPLAINTS)}")
+    complaints = story.news(Seen())[0]["complaints"]
+    assert len(complaints) == MAX_COMPLAINTS
+    assert complaints[0] == {
+        "time_s": 0.0,
+        "count": 2,
+        "level": "WARN",
+        "node": "guidance",
+        "text": "text 0",
+    }
