@@ -25,8 +25,8 @@ KEYS = {
     "zstandard": "mcap-ros2-support",
 } | {
     name: f"python3-{name}"
-    for name in ("hypothesis", "jinja2", "matplotlib", "numba", "numpy", "pydantic", "pytest")
-    + ("rich", "scipy", "typer")
+    for name in ("hypothesis", "jinja2", "matplotlib", "numba", "numpy", "pydantic", "pyproj")
+    + ("pytest", "rich", "scipy", "typer")
 }
 # rosdep knows no key for these: installed with pip
 NO_KEY = {"distributed", "plotly", "pyarrow", "pymsis"}

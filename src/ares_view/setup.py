@@ -20,10 +20,10 @@ setup(
     python_requires=">=3.11",
     install_requires=[
         "ares_models",
-        "ares_msgs",
         "ares_node",
         "numpy>=2.0",
     ],
     extras_require={"test": ["pytest"]},
     zip_safe=False,
+    entry_points={"console_scripts": ["view = ares_view.standard.__main__:main"]},
 )
