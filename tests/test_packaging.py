@@ -26,8 +26,8 @@ KEYS = {
     "zstandard": "mcap-ros2-support",
 } | {
     name: f"python3-{name}"
-    for name in ("hypothesis", "jinja2", "matplotlib", "numba", "numpy", "pydantic", "pytest")
-    + ("rich", "scipy", "tornado", "typer")
+    for name in ("hypothesis", "jinja2", "matplotlib", "numba", "numpy", "pydantic", "pyproj")
+    + ("pytest", "rich", "scipy", "tornado", "typer")
 }
 # rosdep knows no key for these: installed with pip
 NO_KEY = {"distributed", "plotly", "pyarrow", "pymsis"}

@@ -49,6 +49,7 @@ GUIDANCE = "guidance"
 RECORDER = "recorder"
 OPTIMIZER = "optimizer"
 JUDGE = "judge"
+VIEW = "view"
 
 #: What follows in flight when a node has ended.
 _IN_FLIGHT = {
@@ -63,6 +64,12 @@ MODULES = {
     GUIDANCE: "ares_guidance",
     RECORDER: "ares_bags",
     OPTIMIZER: "ares_optimizer",
+    VIEW: "ares_view.standard",
+}
+#: Nodes that a flight goes on without, and what that means.
+SPARED = {
+    OPTIMIZER: "guidance starts without its guess",
+    VIEW: "it is not shown any more",
 }
 
 #: Wall time in s for simulator and guidance to end.
@@ -237,6 +244,8 @@ def node_parameters(
         nodes[OPTIMIZER] = {"mission": options.mission, "method": InitialGuess.ANALYTIC.value}
     if OPTIMIZER in nodes and (reason := unmet("ares_optimizer", "solve")):
         raise CannotStart(reason)
+    if options.view:
+        nodes[VIEW] = {"flight_id": flight_id, "mission": options.mission}
     if bag is not None:
         nodes[RECORDER] = {
             "flight_id": flight_id,
@@ -469,8 +478,8 @@ def _crew_lost(crew: Crew, summary: FlightSummary, say: Say) -> bool:
         if status == EXIT_CANNOT_START and (name == SIMULATOR or not summary.started):
             # it has said why
             raise CannotStart("")
-        if name == OPTIMIZER:
-            say(f"{name} {how}: guidance starts without its guess")
+        if name in SPARED:
+            say(f"{name} {how}: {SPARED[name]}")
             continue
         if not summary.started:
             raise CannotStart(f"{name} {how}")
@@ -496,7 +505,7 @@ def _end_crew(crew: Crew, summary: FlightSummary, say: Say, listen: Callable[[],
     alive = crew.running()
     for name, status in crew.newly_ended():
         # between the last look and the end of the flight
-        if summary.started and name != OPTIMIZER:
+        if summary.started and name not in SPARED:
             _note_loss(name, status, summary, say)
     flying = [name for name in alive if name != RECORDER]
     crew.ask_to_stop(flying)
@@ -534,7 +543,7 @@ def _fly_in_process(
         nodes: dict[str, FlightNode] = {}
         try:
             # the recorder last: a start that is abandoned while kernels compile leaves no bag
-            for name in (OPTIMIZER, GUIDANCE, SIMULATOR, RECORDER):
+            for name in (OPTIMIZER, VIEW, GUIDANCE, SIMULATOR, RECORDER):
                 if name in parameters and not stop.requested:
                     nodes[name] = _started(name, parameters[name], executor, monitor.node)
             watch = _watch(monitor, parameters[SIMULATOR]["pace"], terms, stop)
@@ -557,7 +566,8 @@ def _fly_in_process(
 
 def _in_order_of_end(nodes: Mapping[str, "FlightNode"]) -> list["FlightNode"]:
     """The recorder last: it gets to write all that the others sent."""
-    return [nodes[name] for name in (SIMULATOR, GUIDANCE, OPTIMIZER, RECORDER) if name in nodes]
+    order = (SIMULATOR, GUIDANCE, OPTIMIZER, VIEW, RECORDER)
+    return [nodes[name] for name in order if name in nodes]
 
 
 def _started(
@@ -605,6 +615,10 @@ def _node_class(name: str) -> "Callable[..., FlightNode]":
         from ares_optimizer.node import OptimizerNode
 
         return OptimizerNode
+    if name == VIEW:
+        from ares_view.standard.node import ViewNode
+
+        return ViewNode
     from ares_bags.recorder import RecorderNode
 
     return RecorderNode

@@ -182,6 +182,9 @@ def fly(
     attitude_rate_limit: Annotated[
         float, typer.Option(min=0.0, help="Fastest turn of the thrust, deg/s; 0: none.")
     ] = 0.0,
+    view: Annotated[
+        bool, typer.Option("--view", help="Show it in standard messages too: RViz, maps.")
+    ] = False,
     domain_id: Annotated[
         int | None,
         typer.Option(
@@ -220,6 +223,7 @@ def fly(
         heating_source=heating_source,
         initial_guess=initial_guess,
         attitude_rate_limit_deg_s=attitude_rate_limit,
+        view=view,
         domain_id=domain_id,
         namespace=namespace,
         live=page if live else None,
@@ -542,6 +546,7 @@ NODES = {
     "guidance": "ares_guidance",
     "optimizer": "ares_optimizer",
     "recorder": "ares_bags",
+    "view": "ares_view.standard",
 }
 
 
@@ -551,7 +556,7 @@ NODES = {
 def node(
     context: typer.Context,
     name: Annotated[
-        str, typer.Argument(metavar="sim|guidance|optimizer|recorder", help="Which node.")
+        str, typer.Argument(metavar="sim|guidance|optimizer|recorder|view", help="Which node.")
     ],
 ) -> None:
     """Run one node; what follows its name goes to it."""
