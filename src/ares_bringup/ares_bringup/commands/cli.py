@@ -60,6 +60,14 @@ Flown to the target means: radius within 100 m, speed 0.1 m/s, flight-path
 angle 0.001 deg, inclination, node and argument of perigee 0.01 deg.
 """
 
+CHECK_STATUSES = """Exit status of --check:
+
+\b
+  0    every command and status is equal within 1e-12
+  1    they part, or a command is missing: where, and by how much
+  2    it cannot be checked, or not to its end
+"""
+
 LAWS_HELP = f"Guidance law: {', '.join(law_names())}."
 
 HELP = f"""Fly ascent guidance on ROS 2, and look at what was flown.
@@ -467,21 +475,72 @@ def bag_repair(
     raise typer.Exit(repair_bag(bag, into))
 
 
-@app.command()
+@app.command(epilog=CHECK_STATUSES)
 def replay(
     bag: Annotated[Path, typer.Argument(metavar="BAG", help="Folder of a bag.")],
     pace: Annotated[
-        float, typer.Option(min=0.0, help="Real-time factor; 0: as fast as readers take it.")
-    ] = 1.0,
+        float | None,
+        typer.Option(min=0.0, help="Real-time factor; 0: as fast as readers take it. Default: 1."),
+    ] = None,
+    start: Annotated[float | None, typer.Option(help="Flight time from which on, s.")] = None,
+    end: Annotated[float | None, typer.Option(help="Flight time up to which, s.")] = None,
+    loop: Annotated[
+        bool, typer.Option("--loop", help="Begin again at the end; the clock jumps back.")
+    ] = False,
     topic: Annotated[
         list[str] | None, typer.Option(help="Only this topic; may be given again.")
     ] = None,
     namespace: Annotated[str | None, typer.Option(help="Put in front of every topic name.")] = None,
+    check: Annotated[
+        bool,
+        typer.Option(
+            "--check",
+            help="Publish nothing: give the recorded navigation to guidance as it is now and "
+            "compare each command.",
+        ),
+    ] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Of --check: print one JSON object.")
+    ] = False,
+    mission: Annotated[
+        str | None, typer.Option(help="Of --check: in place of the recorded mission.")
+    ] = None,
+    guidance: Annotated[
+        str | None, typer.Option(help="Of --check: law in place of the recorded one.")
+    ] = None,
+    setting: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="NAME=VALUE",
+            help="Of --check: a parameter of guidance in place of the recorded one; may be given "
+            "again.",
+        ),
+    ] = None,
 ) -> None:
-    """Publish a recorded flight again, with its clock."""
+    """Publish a recorded flight again, with its clock; or check it against guidance.
+
+    On a terminal, space pauses and goes on, + and - change the pace, left and right go 10 s,
+    q ends.
+    """
+    published = (pace, start, end, topic, namespace)
+    if check:
+        if loop or any(given is not None for given in published):
+            raise BadInput("--check publishes nothing: it goes without the options of publishing")
+        from ares_bringup.commands.check import check_bag, parse_settings
+
+        given = {"mission": mission, "law": guidance}
+        settings = {name: value for name, value in given.items() if value is not None}
+        settings |= parse_settings(setting or ())
+        raise typer.Exit(check_bag(bag, settings, as_json))
+    if as_json or any(given is not None for given in (mission, guidance, setting)):
+        raise BadInput("--json, --mission, --guidance and --set go with --check only")
+    if start is not None and end is not None and end < start:
+        raise BadInput(f"--end is {end:g}; expected at least --start, {start:g}")
     from ares_bringup.commands.bags import replay_bag
 
-    raise typer.Exit(replay_bag(bag, pace, topic or (), namespace))
+    extract = {"topics": topic or None, "start_s": start, "end_s": end, "loop": loop}
+    raise typer.Exit(replay_bag(bag, 1.0 if pace is None else pace, extract, namespace))
 
 
 @app.command()
