@@ -53,6 +53,7 @@ NODES = {
     "optimizer": "ares_optimizer.node",
     "recorder": "ares_bags.recorder",
     "live": "ares_view.live.node",
+    "view": "ares_view.standard.node",
 }
 INTERFACES = "src/ares_msgs"
 
