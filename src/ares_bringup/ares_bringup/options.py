@@ -75,6 +75,22 @@ class Heating(StrEnum):
     IGNORED = "ignored"
 
 
+class ExportFormat(StrEnum):
+    """Formats of `ares export`, by the ends of their files."""
+
+    CSV = "csv"
+    PARQUET = "parquet"
+    KML = "kml"
+    CZML = "czml"
+
+
+class ExportTable(StrEnum):
+    """Tables of a flight."""
+
+    FLIGHT = "flight"
+    EVENTS = "events"
+
+
 @dataclass(frozen=True)
 class FlyOptions:
     """One flight.

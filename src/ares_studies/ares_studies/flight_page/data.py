@@ -153,7 +153,7 @@ def make_flight(recording: Recording) -> Flight:
     mission, truth = recording.mission, recording.truth
     rows = chosen(truth)
     picked = {name: values[rows] for name, values in truth.items()}
-    states = _states(picked, mission)
+    states = states_of(picked, mission)
     falls = rows[_spread(len(rows), MAX_IMPACTS)]
     limits = [part.heating_limit_w_m2 for part in mission.jettisons if part.heating_limit_w_m2]
     return Flight(
@@ -213,7 +213,8 @@ def phases_of(truth: Columns, mission: Mission) -> tuple[Phase, ...]:
     return tuple(found)
 
 
-def _states(truth: Columns, mission: Mission) -> States:
+def states_of(truth: Columns, mission: Mission) -> States:
+    """What is shown of the states in some rows of the truth."""
     position, velocity = truth["position"], truth["velocity"]
     pitch, yaw = thrust_angles(position, velocity, truth["thrust_direction"])
     if len(pitch) > 1:
