@@ -2,7 +2,7 @@
 # Flags for the flight: make fly FLAGS="--in-process --mission ares_v"
 
 .DEFAULT_GOAL := help
-.PHONY: help prepare fly test boundscheck sweep lint format clean
+.PHONY: help prepare fly test site boundscheck coverage sweep lint format lock clean
 
 help: ## list the targets
 	@echo "make TARGET [FLAGS=...]"
@@ -17,6 +17,9 @@ fly: ## fly the default mission and print the result
 
 test: ## linters, type checker and every test
 	@./ares test $(FLAGS)
+
+site: ## docs and the reference as a site, build/site
+	@./ares exec python tools/build_site.py
 
 boundscheck: ## every test with bounds checks in the kernels; compiles them anew
 	@rm -rf build/boundscheck

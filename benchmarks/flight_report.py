@@ -9,6 +9,8 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from figures import Figures, keep_option
+
 from ares_bringup.commands.report import report
 from ares_bringup.recorded import read_flight
 from ares_studies.flight_page.data import Recording, make_flight
@@ -31,6 +33,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("bag", type=Path, help="folder of a bag")
     parser.add_argument("--repeats", type=int, default=5)
+    keep_option(parser)
     options = parser.parse_args()
     flown = read_flight(options.bag)
     recording = Recording(
@@ -48,16 +51,19 @@ def main() -> None:
             "the command": lambda: subprocess.run(
                 [*command, "--out", str(page)], check=True, capture_output=True
             ),
-            "  in a warm process": lambda: report([options.bag], page),
-            "    read and judge": lambda: read_flight(options.bag),
-            "    series": lambda: make_flight(recording),
-            "    pack plotly.js": plotly,
+            "in a warm process": lambda: report([options.bag], page),
+            "of this: read and judge": lambda: read_flight(options.bag),
+            "of this: series": lambda: make_flight(recording),
+            "of this: pack plotly.js": plotly,
         }
         states = len(recording.truth["time"])
-        print(f"{states:,} states")
+        figures = Figures(__file__, "The page on one flight, medians of repeats.")
+        figures.add("states of the flight", states, "")
         for name, work in parts.items():
-            print(f"{name:<24}{median(work, options.repeats):8.3f} s")
-        print(f"page {page.stat().st_size / 1e6:.2f} MB")
+            figures.add(name, median(work, options.repeats), "s")
+        figures.add("page", page.stat().st_size / 1e6, "MB")
+    if options.keep:
+        figures.keep()
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ import time
 from typing import Any
 
 import numpy as np
+from figures import Figures, keep_option
 from numpy.typing import NDArray
 
 from ares_guidance.arrays import OnboardArrays, blank_onboard
@@ -56,6 +57,7 @@ def main() -> None:
     laws = [name for name in law_names() if not find_law(name).needs_trajectory]
     parser.add_argument("--law", default="peg", choices=laws)
     parser.add_argument("--repeats", type=int, default=51)
+    keep_option(parser)
     options = parser.parse_args()
     mission = load_mission(options.mission)
     kind = find_law(options.law)
@@ -71,9 +73,13 @@ def main() -> None:
         iterations = run(navs, arrays, onboard)
         times.append((time.perf_counter() - begun) / len(navs))
     step = statistics.median(times[1:])
-    print(f"{len(navs)} cycles, {iterations / len(navs):.2f} iterations each")
-    print(f"one guidance step: {step * 1e6:.2f} us median of {options.repeats} repeats")
-    print(f"one iteration:     {step * len(navs) / iterations * 1e6:.2f} us")
+    figures = Figures(
+        __file__, f"Law {options.law} on {mission.name}, compiled, medians of repeats."
+    )
+    figures.add("guidance cycles of a flight", len(navs), "")
+    figures.add("iterations of a cycle, mean", iterations / len(navs), "")
+    figures.add("one guidance cycle", 1e6 * step, "us")
+    figures.add("one iteration", 1e6 * step * len(navs) / iterations, "us")
     for period in (1.0, 0.1):
         flights = []
         for _ in range(options.repeats + 1):
@@ -86,7 +92,9 @@ def main() -> None:
             )
             flights.append(time.perf_counter() - begun)
         median = statistics.median(flights[1:])
-        print(f"one flight, navigation every {period:g} s: {median * 1e3:.2f} ms median")
+        figures.add(f"one flight, navigation every {period:g} s", 1e3 * median, "ms")
+    if options.keep:
+        figures.keep()
 
 
 if __name__ == "__main__":

@@ -1,18 +1,19 @@
 """A recorded flight in one process against a bare exchange of the same messages, in turn.
 
-    ./ares exec python benchmarks/in_process_flight.py [ROUNDS]
+    ./ares exec python benchmarks/in_process_flight.py [--rounds N]
 
 The exchange is two nodes on one executor that compute nothing: one sends the clock, the true state
 and the navigation state, the other the command, and with each tenth its status.
 """
 
+import argparse
 import statistics
-import sys
 import tempfile
 import time
 from pathlib import Path
 
 import rclpy
+from figures import Figures, keep_option
 from rclpy.context import Context
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.node import Node
@@ -105,15 +106,25 @@ def flight(bag: Path) -> tuple[float, int]:
 
 def main() -> None:
     """Print both, and their ratio, of each round."""
-    rounds = int(sys.argv[1]) if sys.argv[1:] else 5
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--rounds", type=int, default=5)
+    keep_option(parser)
+    options = parser.parse_args()
     ratios = []
     with tempfile.TemporaryDirectory() as name:
-        for k in range(rounds):
+        for k in range(options.rounds):
             flown, states = flight(Path(name) / f"bag_{k}")
             bare = exchange(states)
             ratios.append(flown / bare)
             print(f"{states} states: flight {flown:.2f} s, bare exchange {bare:.2f} s", flush=True)
-    print(f"ratio: median {statistics.median(ratios):.2f}, {min(ratios):.2f} to {max(ratios):.2f}")
+    figures = Figures(
+        __file__, "A recorded flight in one process beside a bare exchange of its messages."
+    )
+    figures.add("ratio, median", statistics.median(ratios), "")
+    figures.add("ratio, least", min(ratios), "")
+    figures.add("ratio, greatest", max(ratios), "")
+    if options.keep:
+        figures.keep()
 
 
 if __name__ == "__main__":

@@ -16,6 +16,8 @@ import time
 from functools import partial
 from pathlib import Path
 
+from figures import Figures, keep_option
+
 from ares_models.mission import load_mission
 from ares_studies.montecarlo.campaign import Plan, fly_campaign
 from ares_studies.montecarlo.engines import cores, fly_here, fly_on_cores
@@ -55,23 +57,28 @@ def main():
     parser.add_argument("--flights", type=int, default=10_000)
     parser.add_argument("--peers", type=int, default=100)
     parser.add_argument("--law", default="peg")
+    keep_option(parser)
     given = parser.parse_args()
     settings = Settings(load_mission("ares_v"), load_dispersions("standard"), law=given.law)
     engines = {"1 core": fly_here, f"{cores()} cores": partial(fly_on_cores, count=cores())}
-    print(f"{'':<28}{'flights':>10}{'flights/s':>12}{'peak MB':>10}")
+    figures = Figures(__file__, f"Campaigns of ares_v by {given.law}, Parquet files included.")
     for flights in (given.peers, given.flights):
         for name, engine in engines.items():
             rate, memory = ours(settings, flights, engine)
-            print(f"{f'ours, {given.law}, {name}':<28}{flights:>10,}{rate:>12,.0f}{memory:>10,.0f}")
+            label = f"ours, {name}, {flights:,} flights"
+            figures.add(label, rate, "flights/s")
+            figures.add(f"{label}, peak memory", memory, "MB")
     for name, script in PEERS.items():
         for processes in (1, cores()):
             found = peer(script, given.peers, processes)
             if found is None:
                 break
             label = f"{name}, {processes} process{'es' if processes > 1 else ''}"
-            print(f"{label:<28}{given.peers:>10,}{found['flights_per_s']:>12,.2f}")
+            figures.add(f"{label}, {given.peers} flights", found["flights_per_s"], "flights/s")
             if "bare_flights_per_s" in found and processes == 1:
-                print(f"{name + ', bare flight':<28}{'':>10}{found['bare_flights_per_s']:>12,.1f}")
+                figures.add(f"{name}, bare flight", found["bare_flights_per_s"], "flights/s")
+    if given.keep:
+        figures.keep()
 
 
 if __name__ == "__main__":

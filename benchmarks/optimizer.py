@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ascent_problem import FAIR, THESIS, Array, Ascent, guesses, load_ascent
+from figures import Figures, keep_option
 from rich.console import Console
 from rich.table import Table
 
@@ -197,6 +198,16 @@ def show(rows: list[Row], reference: dict[str, float], optimum: float) -> None:
     Console(width=150).print(table)
 
 
+def keep(rows: list[Row], optimum: float) -> None:
+    """Write the medians of those that reached the optimum."""
+    figures = Figures(__file__, "Time to the optimum of ares_v, warm process, medians.")
+    for row in rows:
+        if not _order(row, optimum)[0]:
+            grid = f", {row.note.partition(';')[0]}" if ";" in row.note else ""
+            figures.add(f"{row.name}, {row.guess}{grid}", row.median_ms, "ms")
+    figures.keep()
+
+
 def main() -> None:
     """Run everything that is installed."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -206,6 +217,7 @@ def main() -> None:
     parser.add_argument(
         "--compiled", action="store_true", help="also CasADi's functions compiled by gcc: minutes"
     )
+    keep_option(parser)
     options = parser.parse_args()
     ascent = load_ascent()
     begins = guesses(ascent)
@@ -226,6 +238,8 @@ def main() -> None:
     if "dymos" not in missing and not options.no_dymos:
         rows += dymos_rows(ascent, starts, options.dymos_repeats, optimum)
     show(rows, reference, optimum)
+    if options.keep:
+        keep(rows, optimum)
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ import time
 
 import numpy as np
 import rclpy
+from figures import Figures, keep_option
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.node import Node
 
@@ -71,25 +72,32 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--mission", default="ares_v")
     parser.add_argument("-n", type=int, default=100, help="requests per method")
+    keep_option(parser)
     options = parser.parse_args()
     with claimed_domain() as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
         os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         server = subprocess.Popen([sys.executable, "-m", "ares_optimizer"])
         try:
-            print(f"{options.mission}, {options.n} requests, medians in ms (99th percentile)")
+            figures = Figures(
+                __file__,
+                f"{options.n} requests of each method for {options.mission}, medians.",
+            )
             for method in ("indirect", "direct11", "analytic"):
                 times, solved = answered(options.mission, method, options.n)
                 alone = bare(options.mission, method, options.n)
                 middle, late = 1e3 * np.median(times), 1e3 * np.percentile(times, 99)
                 inside, own = 1e3 * np.median(solved), 1e3 * np.median(alone)
-                print(
-                    f"{method:9} answered {middle:7.2f} ({late:.2f})   solved there {inside:7.2f}"
-                    f"   the same call alone {own:7.2f}   answered / alone {middle / own:.2f}"
-                )
+                figures.add(f"{method}, answered", middle, "ms")
+                figures.add(f"{method}, answered, 99th percentile", late, "ms")
+                figures.add(f"{method}, solved there", inside, "ms")
+                figures.add(f"{method}, the same call alone", own, "ms")
+                figures.add(f"{method}, answered / alone", middle / own, "")
         finally:
             server.terminate()
             server.wait()
+    if options.keep:
+        figures.keep()
 
 
 if __name__ == "__main__":

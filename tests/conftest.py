@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
@@ -141,6 +141,21 @@ def browser():
         opened = play.chromium.launch(executable_path=find_browser(), args=BROWSER_FLAGS)
         yield opened
         opened.close()
+
+
+@pytest.fixture(scope="session")
+def serious_faults() -> Callable[[Any], list[str]]:
+    """What axe-core finds on a page that keeps somebody from reading it."""
+    from axe_playwright_python.sync_playwright import Axe
+
+    def find(page: Any) -> list[str]:
+        return [
+            f"{fault['id']}: {fault['nodes'][0]['html']}"
+            for fault in Axe().run(page).response["violations"]
+            if fault["impact"] in {"serious", "critical"}
+        ]
+
+    return find
 
 
 @pytest.fixture

@@ -29,8 +29,8 @@ MAY_IMPORT = {
         "ares_msgs",
     },
 }
-#: A node, and the entry of its process.
-NODES = {"node.py", "__main__.py"}
+#: A node, what it makes its messages with, and the entry of its process.
+NODES = {"node.py", "messages.py", "__main__.py"}
 NODES_ALSO = {"ares_node", "ares_msgs"}
 SPEAK_ROS = {"ares_node", "ares_bags", "ares_view", "ares_bringup"}
 ROS = {"rclpy", "rosgraph_msgs", "diagnostic_msgs", "builtin_interfaces", "rcl_interfaces"}
@@ -48,7 +48,7 @@ ROOMS = {
     "analytic": {"kernels", "proof", "direct"},
 }
 SHARED = {"deadline", "obstacles", "pieces", "plan", "request", "solution", "targets"}
-JOINS = {"rival", "solve", "node", "__main__", "__init__"}
+JOINS = {"rival", "solve", "messages", "node", "__main__", "__init__"}
 #: What flight software may take from the optimizer.
 ON_BOARD = {"ares_optimizer.two_point.arrays", "ares_optimizer.two_point.contract"}
 #: What may be taken from the proof: it flies and judges, its physics stays inside.

@@ -12,6 +12,7 @@ from mcap.records import Message
 from mcap.writer import CompressionType, IndexType, Writer
 
 from ares_bags.errors import BagError
+from ares_bags.files import find_file
 from ares_bags.metadata import METADATA_FILE
 from ares_bags.reader import open_bag
 from ares_bags.repair import repair
@@ -64,7 +65,8 @@ def content(path):
 
 
 def whole_bag(path):
-    file, found = surveyed(path)
+    file = find_file(path)
+    found = surveyed(path, file)
     chunks = []
     for span in found.chunks:
         records = [record for _, record in chunk_records(chunk_content(found.data, span))]
@@ -88,7 +90,7 @@ def made(tmp_path_factory):
 def old(made, tmp_path_factory):
     """The same as of an older version: no checksum covers what stands between its chunks."""
     data = bytearray(made.data)
-    end = surveyed(made.path)[1].spans[-1].end
+    end = surveyed(made.path, find_file(made.path)).spans[-1].end
     data[end - 4 : end] = bytes(4)
     return whole_bag(made.copy(tmp_path_factory.mktemp("old") / "flight", bytes(data)))
 
@@ -159,7 +161,7 @@ def test_one_wrong_bit_at_200_places(made, tmp_path):
 
 
 def test_a_message_index_that_looks_like_a_message_is_none(made, tmp_path):
-    spans = surveyed(made.path)[1].spans
+    spans = surveyed(made.path, find_file(made.path)).spans
     indexes = [span for span in spans if span.opcode == Opcode.MESSAGE_INDEX]
     differs = Opcode.MESSAGE ^ Opcode.MESSAGE_INDEX
     for span in indexes[::4]:
@@ -179,7 +181,7 @@ def test_one_wrong_bit_in_the_reference_flight(reference, tmp_path):
 
 @pytest.mark.parametrize("metadata", [True, False])
 def test_cut_at_200_places(made, tmp_path, metadata):
-    _, found = surveyed(made.path)
+    found = surveyed(made.path, find_file(made.path))
     end_of_data = found.spans[-1].begin
     for size in random.Random(3 + metadata).sample(range(1, len(made.data)), 100):
         bag = made.copy(tmp_path / "bag", made.data[:size], metadata)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import pty
 import signal
 import subprocess
 import sys
@@ -234,3 +235,36 @@ def test_an_interrupted_flight_keeps_its_bag_and_leaves_nothing(domain, bags, tm
     assert json.loads(out)["outcome"] == "interrupted"
     assert not [pid for pid in children if Path(f"/proc/{pid}").exists()]
     assert open_bag(bag).message_count > 0
+
+
+@pytest.mark.parametrize("option", ["--in-process", "--json"])
+def test_a_flight_shows_itself_on_a_terminal_and_nowhere_else(domain, tmp_path, option):
+    """Standard error is a terminal: results on standard output are as ever."""
+    mission = tmp_path / "short.yaml"
+    mission.write_text(yaml.safe_dump(short_burn()))
+    terminal, end = pty.openpty()
+    process = subprocess.Popen(
+        command("fly", "--mission", str(mission), "--no-record", "--pace", "60", option),
+        env={**environment(domain, tmp_path), "TERM": "xterm"},
+        stdout=subprocess.PIPE,
+        stderr=end,
+    )
+    os.close(end)
+    shown = b""
+    try:
+        while True:
+            shown += os.read(terminal, 65536)
+    except OSError:
+        # the other end is closed
+        pass
+    finally:
+        os.close(terminal)
+        out = process.communicate(timeout=TIMEOUT)[0].decode()
+    assert process.returncode == 0, shown
+    if option == "--json":
+        assert shown == b""
+        assert json.loads(out)["mission"] == "short_burn"
+    else:
+        assert b"altitude, km" in shown and b"kick stage" in shown
+        assert "altitude" not in out and "\x1b" not in out
+        assert "final mass" in out

@@ -110,6 +110,10 @@ def test_the_page_is_legible(open_file, request, which, size, theme):
     assert all(text for text in page.locator(".axis").all_inner_texts())
 
 
+def test_the_page_has_no_serious_fault(open_file, serious_faults, page_of_two):
+    assert serious_faults(open_file(page_of_two, "narrow", "dark")) == []
+
+
 def test_one_cursor_goes_over_all_charts_and_moves_the_vehicle(open_file, page_of_one):
     page = open_file(page_of_one, "wide", "light")
     before = page.evaluate(PICTURE)

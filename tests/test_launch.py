@@ -17,6 +17,7 @@ from ares_guidance.node import PARAMETERS as GUIDANCE_PARAMETERS
 from ares_node.node import AUTOSTART
 from ares_optimizer.node import PARAMETERS as OPTIMIZER_PARAMETERS
 from ares_vehicle_sim.node import PARAMETERS as SIMULATOR_PARAMETERS
+from ares_view.standard.node import PARAMETERS as VIEW_PARAMETERS
 
 ROOT = Path(__file__).resolve().parents[1]
 BRINGUP = ROOT / "src" / "ares_bringup"
@@ -29,7 +30,10 @@ TABLES = {
     "optimizer": (*OPTIMIZER_PARAMETERS, AUTOSTART),
     "recorder": (*RECORDER_PARAMETERS, AUTOSTART),
     "judge": (*JUDGE_PARAMETERS, AUTOSTART),
+    "view": (*VIEW_PARAMETERS, AUTOSTART),
 }
+#: Where the executables begin that do not begin in `__main__:main` of their package.
+ENTRIES = {"judge": "ares_bringup.__main__:judge", "view": "ares_view.standard.__main__:main"}
 #: What every rclpy node has besides its own table.
 EVERY_NODE = {"use_sim_time"}
 
@@ -45,6 +49,7 @@ PROMISED = {
     "seed",
     "dispersions",
     "record",
+    "view",
     "bag",
     "exit_when_complete",
     "log_level",
@@ -180,8 +185,8 @@ def test_the_nodes_exist_and_know_what_they_are_given(description):
     assert set(nodes) == set(TABLES)
     for name, node in nodes.items():
         setup = (ROOT / "src" / node["package"] / "setup.py").read_text()
-        entry = "judge" if name == "judge" else "main"
-        assert f'"{node["executable"]} = {node["package"]}.__main__:{entry}"' in setup
+        entry = ENTRIES.get(name, f"{node['package']}.__main__:main")
+        assert f'"{node["executable"]} = {entry}"' in setup
         rows = {row.name: row for row in TABLES[name]}
         for key, value in overrides(node).items():
             if key not in EVERY_NODE:

@@ -12,7 +12,8 @@ from ares_models.mission import MISSION
 from ares_msgs.msg import FlightEvent, GuidanceStatus, NavState
 from ares_msgs.srv import SolveTrajectory
 from ares_node.qos import FLIGHT
-from ares_optimizer.node import ERROR_CODES, OptimizerNode
+from ares_optimizer.messages import ERROR_CODES
+from ares_optimizer.node import OptimizerNode
 from ares_optimizer.solution import Cause, Status, failed
 from ares_vehicle_sim.node import VehicleSimNode
 
@@ -115,7 +116,7 @@ def test_the_error_code_follows_from_the_status(served, monkeypatch, status, cod
         time.sleep(0.05)
         return failed("direct11", cause)
 
-    monkeypatch.setattr("ares_optimizer.node.solve", late)
+    monkeypatch.setattr("ares_optimizer.messages.solve", late)
     answer = served(method="direct11", time_limit=0.01)
     assert answer.error_code == code
     assert answer.message == cause.reason
@@ -212,7 +213,7 @@ def test_guidance_starts_from_the_optimizers_guess(graph):
     statuses = fly(graph, optimizer_timeout_s=60.0)
     # 8 from the navigation state alone
     assert statuses[0].iterations < 8
-    assert not graph.reports
+    assert graph.reports == ["ares/guidance: starting from the optimizer's answer"]
 
 
 def test_guidance_flies_without_an_optimizer(graph):

@@ -1,6 +1,7 @@
 """package.xml and requirements/ say what the sources need."""
 
 import ast
+import json
 import re
 import runpy
 import sys
@@ -25,8 +26,8 @@ KEYS = {
     "zstandard": "mcap-ros2-support",
 } | {
     name: f"python3-{name}"
-    for name in ("hypothesis", "jinja2", "matplotlib", "numba", "numpy", "pydantic", "pytest")
-    + ("rich", "scipy", "tornado", "typer")
+    for name in ("hypothesis", "jinja2", "matplotlib", "numba", "numpy", "pydantic", "pyproj")
+    + ("pytest", "rich", "scipy", "tornado", "typer")
 }
 # rosdep knows no key for these: installed with pip
 NO_KEY = {"distributed", "plotly", "pyarrow", "pymsis"}
@@ -232,3 +233,16 @@ def test_setup_installs_every_file_of_the_package(package, monkeypatch):
     shared = {name for _, names in given["data_files"] for name in names}
     assert {f"{path.parent.name}/{path.name}" for path in package.glob("launch/*.py")} <= shared
     assert {f"{path.parent.name}/{path.name}" for path in package.glob("params/*")} <= shared
+
+
+def test_the_containers_have_what_the_readme_asks_for():
+    steps = (ROOT / "Dockerfile").read_text()
+    container = json.loads((ROOT / ".devcontainer" / "devcontainer.json").read_text())
+    assert f" AS {container['build']['target']}\n" in steps
+    installed = re.search(r"--no-install-recommends \\\n(.*?) \\\n", steps, re.DOTALL)[1].split()
+    listed = (ROOT / "requirements" / "apt.list").read_text().splitlines()
+    browser = {line for line in listed if line and not line.startswith("#")}
+    assert browser | {"gcc", "g++", "make"} <= set(installed)
+    # what git ignores is not copied, the reference flight is
+    copied = (ROOT / ".dockerignore").read_text().splitlines()
+    assert {".venv", "build", "install", "bags/*", "!bags/reference"} <= set(copied)

@@ -73,6 +73,10 @@ def test_the_page_is_legible(open_page, report, size, theme):
     assert not [text for text in texts if text["size"] < LEAST_FONT_PX]
 
 
+def test_the_page_has_no_serious_fault(open_page, serious_faults):
+    assert serious_faults(open_page("narrow", "dark")) == []
+
+
 def test_the_page_shows_what_the_file_holds_and_answers(open_page, report):
     page = open_page("wide", "light")
     check_tables(page, report)

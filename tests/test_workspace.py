@@ -98,6 +98,26 @@ def test_interfaces_are_rebuilt_for_messages_only(project):
     assert workspace.interface_digest(project, "x") != changed
 
 
+def test_messages_that_ros_lacks_are_built(project, tmp_path):
+    package = project / "tools/interfaces/tf2_msgs"
+    package.mkdir(parents=True)
+    before = workspace.interface_digest(project, "x")
+    (package / "package.xml").write_text("<package/>")
+    (package / "CMakeLists.txt").write_text("project(tf2_msgs)")
+    assert workspace.interface_digest(project, "x") != before
+    here = workspace.Workspace(project, "3.11")
+    installed = project / "install/share/tf2_msgs"
+    ros = tmp_path / "ros/share/tf2_msgs"
+    # what this workspace has built itself is none of ROS 2
+    environ = {"AMENT_PREFIX_PATH": f"{project / 'install'}:{tmp_path / 'ros'}"}
+    installed.mkdir(parents=True)
+    (installed / "package.xml").write_text("<package/>")
+    assert workspace.missing_interfaces(here, environ) == [package]
+    ros.mkdir(parents=True)
+    (ros / "package.xml").write_text("<package/>")
+    assert workspace.missing_interfaces(here, environ) == []
+
+
 def test_packages_are_reinstalled_for_their_layout_only(project):
     before = workspace.package_digest(project)
     (project / "src/ares_one/ares_one/constants.py").write_text("ONE = 2.0\n")
@@ -395,7 +415,10 @@ def test_a_flight_compiles_its_own_law(arguments, kernels):
         (["fly", "--initial-guess", "optimizer"], ("solve.txt",)),
         (["fly", "--dispersions", "standard"], ("solve.txt",)),
         (["fly", "--flight", "3"], ("solve.txt",)),
+        (["fly", "--foxglove"], ("solve.txt", "pages.txt")),
+        (["fly", "--foxglove=8766", "--guidance", "optimal"], ("solve.txt", "pages.txt")),
         (["missions"], ()),
+        (["export"], ("solve.txt", "pages.txt")),
         (["optimize"], ("solve.txt",)),
         (["fly", "--live"], ("live.txt",)),
         (["fly", "--live", "--guidance", "optimal"], ("solve.txt", "live.txt")),

@@ -50,6 +50,7 @@ PAGES = ("solve.txt", "live.txt", "pages.txt")
 ALSO = {
     "env": EVERYTHING,
     "exec": EVERYTHING,
+    "export": PAGES,
     "live": ("live.txt",),
     "montecarlo": PAGES,
     "node": ("solve.txt",),
@@ -62,10 +63,12 @@ ALSO = {
 }
 #: Options of a flight that the optimizer may have to plan, or that is drawn.
 SOLVED_FOR = re.compile(r"--(mission|guidance|initial-guess|dispersions|flight)(=.*)?")
+#: Options of a flight that is shown to Foxglove.
+SHOWN_BY = re.compile(r"--foxglove(=.*)?")
 #: What of the kernels a verb needs; the name of a law: what a flight by it calls.
 ALL_KERNELS = "all"
 NO_KERNELS = ""
-FEW_KERNELS = ("", "-h", "bag", "env", "live", "missions", "plot", "replay", "report")
+FEW_KERNELS = ("", "-h", "bag", "env", "export", "live", "missions", "plot", "replay", "report")
 #: The law whose kernels compile while the messages are built: it is known without a registry.
 FIRST_LAW = "peg"
 COMPILING = {True: "once, until they change: a minute", False: "once, half a minute"}
@@ -118,6 +121,11 @@ def packages(root: Path) -> list[Path]:
     return sorted(path.parent for path in root.glob("src/*/package.xml"))
 
 
+def interfaces(root: Path) -> list[Path]:
+    """Folders of the messages that every full ROS 2 has and no wheel brings."""
+    return sorted(path.parent for path in root.glob("tools/interfaces/*/package.xml"))
+
+
 def environment_digest(root: Path, python: str, ros: str) -> str:
     """Digest of what .venv is made from.
 
@@ -142,8 +150,9 @@ def interface_digest(root: Path, environment: str) -> str:
     That is what the compiled (CMake) packages are made from, and which packages there are.
     """
     parts: list[str | bytes] = [GENERATION, environment]
-    parts += [package.name for package in packages(root)]
-    for package in packages(root):
+    found = [*packages(root), *interfaces(root)]
+    parts += [package.name for package in found]
+    for package in found:
         if (package / "CMakeLists.txt").exists():
             for path in _files(package):
                 parts += [path.relative_to(root).as_posix(), path.read_bytes()]
@@ -160,7 +169,7 @@ def package_digest(root: Path) -> str:
         for name in ("package.xml", "setup.py", "setup.cfg"):
             if (package / name).exists():
                 parts += [f"{package.name}/{name}", (package / name).read_bytes()]
-        for folder in ("launch", "params", "resource"):
+        for folder in ("launch", "layouts", "params", "resource", "rviz"):
             parts += [path.relative_to(root).as_posix() for path in _files(package / folder)]
     return digest(parts)
 
@@ -674,7 +683,7 @@ def add(names: Sequence[str], workspace: Workspace, environ: Mapping[str, str], 
     kinds = {
         "solve.txt": "what the optimizer needs",
         "live.txt": "what the live page needs",
-        "pages.txt": "what pages need",
+        "pages.txt": "what pages and tables need",
         "dev.txt": "what the tests need",
     }
     say(f"installing {' and '.join(kinds[name] for name in names)} (once, half a minute)")
@@ -741,6 +750,18 @@ def make_environment(root: Path, environ: Mapping[str, str], lock: int) -> Works
     return workspace
 
 
+def missing_interfaces(workspace: Workspace, environ: Mapping[str, str]) -> list[Path]:
+    """Those of `interfaces` that the ROS 2 in use lacks."""
+    install = str(workspace.root / "install")
+    found = split_path(environ.get("AMENT_PREFIX_PATH", ""))
+    shares = [Path(prefix, "share") for prefix in found if not _below(prefix, [install])]
+    return [
+        package
+        for package in interfaces(workspace.root)
+        if not any((share / package.name / "package.xml").exists() for share in shares)
+    ]
+
+
 def build(workspace: Workspace, environ: Mapping[str, str], lock: int) -> None:
     """Build src/ with colcon into build/ and install/."""
     root = workspace.root
@@ -753,7 +774,7 @@ def build(workspace: Workspace, environ: Mapping[str, str], lock: int) -> None:
         say("building the Python packages anew")
     else:
         say("building the messages and packages (half a minute)")
-        for path in (root / "build").glob("ares_*"):
+        for path in [*(root / "build").glob("ares_*"), *(root / "build").glob("*_msgs")]:
             remove(path)
         remove(root / "install")
     remove(stamp)
@@ -766,7 +787,8 @@ def build(workspace: Workspace, environ: Mapping[str, str], lock: int) -> None:
         "MAKEFLAGS": f"-j{os.cpu_count() or 1}",
     }
     colcon = [str(workspace.interpreter), "-m", "colcon", "--log-base", "log", "build"]
-    colcon += ["--base-paths", "src", "--build-base", "build", "--install-base", "install"]
+    also = [str(path) for path in missing_interfaces(workspace, build_environ)]
+    colcon += ["--base-paths", "src", *also, "--build-base", "build", "--install-base", "install"]
     colcon += ["--merge-install", "--symlink-install"]
     colcon += ["--event-handlers", "console_cohesion+"]
     colcon += ["--cmake-args", "-G", "Ninja", "-DBUILD_TESTING=OFF", "-DCMAKE_BUILD_TYPE=Release"]
@@ -774,7 +796,11 @@ def build(workspace: Workspace, environ: Mapping[str, str], lock: int) -> None:
     run_logged(colcon, workspace, build_environ, lock, "colcon build")
     repair_scripts(root / "install", workspace.interpreter)
     run_logged(
-        [str(workspace.interpreter), "-c", "import rclpy, ares_msgs.msg, ares_msgs.srv"],
+        [
+            str(workspace.interpreter),
+            "-c",
+            "import rclpy, ares_msgs.msg, ares_msgs.srv, tf2_msgs.msg",
+        ],
         workspace,
         workspace.environment(environ),
         lock,
@@ -844,6 +870,8 @@ def additions_for(arguments: Sequence[str]) -> tuple[str, ...]:
     verb = arguments[0] if arguments else ""
     if verb == "fly":
         solved = any(map(SOLVED_FOR.fullmatch, arguments))
+        if any(map(SHOWN_BY.fullmatch, arguments)):
+            return PAGES
         return ("solve.txt",) * solved + ("live.txt",) * ("--live" in arguments)
     return ALSO.get(verb, ())
 

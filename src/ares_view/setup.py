@@ -30,5 +30,10 @@ setup(
         "test": ["pytest"],
     },
     zip_safe=False,
-    entry_points={"console_scripts": ["live = ares_view.live.__main__:main"]},
+    entry_points={
+        "console_scripts": [
+            "live = ares_view.live.__main__:main",
+            "view = ares_view.standard.__main__:main",
+        ]
+    },
 )

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from struct import Struct
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,10 @@ _TIMES = {"builtin_interfaces/Time", "builtin_interfaces/Duration"}
 _PART = re.compile(r"^=+\nMSG: (\S+)\n", re.MULTILINE)
 _FIELD = re.compile(r"^[ \t]*([A-Za-z][\w/]*)(\S*)[ \t]+([A-Za-z]\w*)[ \t]*(=?)", re.MULTILINE)
 _COUNT = re.compile(r"\[(\d+)\]")
+_LITTLE = Struct("<iI")
+_BIG = Struct(">iI")
+#: Stamps beyond this flight time (115 days) are those of a wall clock, ns.
+WALL_CLOCK_NS = 10**7 * 10**9
 #: Bytes in front of a message that say how it is written: plain CDR, little-endian.
 _HEADER = b"\x00\x01"
 _HEADER_SIZE = 4
@@ -91,6 +96,26 @@ def _widest(values: NDArray[Any]) -> NDArray[Any]:
     if values.dtype.itemsize == 8 and values.dtype.kind == "u" and np.max(values) >= 2**63:
         return values.copy()
     return values.astype(np.int64)
+
+
+def stamp_of_cdr(data: bytes) -> int:
+    """Time in ns of a serialised message that begins with a stamp.
+
+    The stamp follows the four bytes of the encapsulation header, whose second byte is odd for
+    little endian.
+
+    Raises:
+        struct.error: fewer than 12 bytes.
+    """
+    sec, nanosec = (_LITTLE if data[1] & 1 else _BIG).unpack_from(data, 4)
+    return int(sec) * 1_000_000_000 + int(nanosec)
+
+
+def begins_with_stamp(definition: str) -> bool:
+    """Whether messages of a type begin with a stamp, or with a header, which begins with one."""
+    own = _PART.split(definition)[0]
+    kind = next((kind for kind, _, _, constant in _FIELD.findall(own) if not constant), "")
+    return kind in ("builtin_interfaces/Time", "std_msgs/Header", "Header")
 
 
 def fixed_layout(type_name: str, definition: str) -> FixedLayout | None:

@@ -1,15 +1,17 @@
 """Reading a bag: topics, decoded messages, columns of numbers. Needs no ROS."""
 
 import errno
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from heapq import merge
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
-from mcap.records import Metadata, Schema
+from mcap.records import Channel, Metadata, Schema, Statistics
 from mcap.summary import Summary
 from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
@@ -17,7 +19,8 @@ from numpy.typing import NDArray
 from ares_bags.contents import topic_of
 from ares_bags.decoded import numbers
 from ares_bags.errors import BagError, cause
-from ares_bags.layout import fixed_layout
+from ares_bags.files import PACKED, find_files
+from ares_bags.layout import WALL_CLOCK_NS, begins_with_stamp, fixed_layout, stamp_of_cdr
 from ares_bags.metadata import (
     METADATA_FILE,
     RECORD_NAME,
@@ -29,28 +32,10 @@ from ares_bags.metadata import (
 from ares_bags.schema import Topic
 from ares_bags.survey import Span, begins_well, ends_well, map_file, parse, read_summary
 
+#: How types of this project begin.
+OURS = "ares_msgs/"
 #: Column with the log time in ns, int64.
 LOG_TIME = "log_time_ns"
-
-
-def find_file(path: Path | str) -> Path:
-    """The MCAP file of a bag, given its folder, its `metadata.yaml` or the file itself.
-
-    Raises:
-        BagError: there is no such file, or the folder holds none or several.
-    """
-    path = Path(path)
-    if path.name == METADATA_FILE:
-        path = path.parent
-    if path.is_file():
-        return path
-    if not path.is_dir():
-        raise BagError(f"bag {path} does not exist")
-    files = sorted(path.glob("*.mcap"))
-    if len(files) != 1:
-        count = len(files) or "no"
-        raise BagError(f"{path} is not a bag: it holds {count} .mcap files; expected one")
-    return files[0]
 
 
 @dataclass(frozen=True)
@@ -60,33 +45,72 @@ class BagTopic(Topic):
     count: int = 0
 
 
+@dataclass(frozen=True)
+class _Part:
+    """One file of a bag.
+
+    Attributes:
+        path: of the file.
+        data: its bytes.
+        summary: what stands at its end.
+        statistics: of it.
+    """
+
+    path: Path
+    data: memoryview
+    summary: Summary
+    statistics: Statistics
+
+    def messages(
+        self, names: list[str], start_ns: int, end_ns: int | None
+    ) -> Iterator[tuple[str, int, bytes]]:
+        """See `Bag.raw_messages`."""
+        packed = self.path.suffix == PACKED
+        with BytesIO(self.data) if packed else self.path.open("rb") as stream:
+            reader = SeekingReader(stream, validate_crcs=True)
+            for _, channel, message in reader.iter_messages(
+                names, starting_at=start_ns, ending_before=None if end_ns is None else end_ns + 1
+            ):
+                yield channel.topic, message.log_time, message.data
+
+
 class Bag:
     """A complete bag on disk.
 
     Attributes:
         path: as given.
-        file: the MCAP file.
+        files: its MCAP files, in order; ours have one.
         topics: by full name, sorted.
+        left_out: topics that are not of ROS 2 or whose definition is no ros2msg: why, by name.
         custom_data: texts by name (mission, law, seed, ...).
         message_count: messages of all topics.
         start_ns: first log time in ns; 0 without messages.
         end_ns: last log time in ns.
+        timed_by_stamps: the log times are those of a wall clock, as `ros2 bag record` takes
+            them: each message counts for the time of its stamp, or of the last stamp before it.
     """
 
     def __init__(self, path: Path | str) -> None:
         """Open; see `open_bag`."""
         self.path = Path(path)
-        self.file = find_file(self.path)
+        self.files = find_files(self.path)
         self._decoders = DecoderFactory()
         self._schemas: dict[str, Schema] = {}
         self.topics: dict[str, BagTopic] = {}
+        self.left_out: dict[str, str] = {}
         self.custom_data: dict[str, str] = {}
+        self._retimed: list[tuple[str, int, bytes]] = []
         try:
             self._open()
         except BagError:
             raise
         except Exception as error:
             raise self._damaged(error) from error
+
+    @property
+    def file(self) -> Path:
+        """Its first MCAP file."""
+        return self.files[0]
 
     def _damaged(self, error: Exception) -> BagError:
         """What to raise for an error of the MCAP reader, which raises one of many."""
@@ -99,12 +123,31 @@ class Bag:
         )
 
     def _open(self) -> None:
-        if not self.file.stat().st_size:
-            raise BagError(f"bag {self.path} is empty: {self.file.name} has no bytes")
-        data = map_file(self.file)
+        self._parts = [self._open_part(file) for file in self.files]
+        self.custom_data = _custom_data(self._parts, self.file.with_name(METADATA_FILE))
+        counts = [part.statistics for part in self._parts]
+        self.message_count = sum(count.message_count for count in counts)
+        filled = [count for count in counts if count.message_count] or counts[:1]
+        self.start_ns = min(count.message_start_time for count in filled)
+        self.end_ns = max(count.message_end_time for count in filled)
+        topics: dict[str, BagTopic] = {}
+        for part in self._parts:
+            for channel in part.summary.channels.values():
+                self._add_topic(topics, part, channel)
+        if self.left_out and not topics:
+            raise BagError(f"{self.path}: {next(iter(self.left_out.values()))}")
+        self.topics = dict(sorted(topics.items()))
+        self.timed_by_stamps = self.start_ns >= WALL_CLOCK_NS
+        if self.timed_by_stamps:
+            self._retime()
+
+    def _open_part(self, file: Path) -> _Part:
+        if not file.stat().st_size:
+            raise BagError(f"bag {self.path} is empty: {file.name} has no bytes")
+        data = map_file(file)
         if not begins_well(data):
             if not ends_well(data):
-                raise BagError(f"{self.path} is not a bag: {self.file.name} is not an MCAP file")
+                raise BagError(f"{self.path} is not a bag: {file.name} is not an MCAP file")
             raise ValueError("its first bytes are wrong")
         if not ends_well(data):
             raise BagError(
@@ -113,25 +156,58 @@ class Bag:
             )
         found = read_summary(data)
         summary = found[0] if found else Summary()
-        statistics = summary.statistics
-        if statistics is None:
+        if summary.statistics is None:
             raise BagError(f"bag {self.path} has no index; ./ares bag repair makes one")
-        self.custom_data = _custom_data(data, summary, self.file.with_name(METADATA_FILE))
-        self.message_count = statistics.message_count
-        self.start_ns = statistics.message_start_time
-        self.end_ns = statistics.message_end_time
-        topics = []
-        for channel in summary.channels.values():
-            schema = summary.schemas.get(channel.schema_id)
+        return _Part(file, data, summary, summary.statistics)
+
+    def _add_topic(self, topics: dict[str, BagTopic], part: _Part, channel: Channel) -> None:
+        schema = part.summary.schemas.get(channel.schema_id)
+        try:
             topic = topic_of(channel, schema)
-            count = statistics.channel_message_counts.get(channel.id, 0)
-            topics.append(BagTopic(**vars(topic), count=count))
-            if schema is not None:
-                self._schemas[topic.name] = schema
-        self.topics = {topic.name: topic for topic in sorted(topics, key=lambda t: t.name)}
+        except BagError as error:
+            self.left_out[channel.topic] = str(error)
+            return
+        count = part.statistics.channel_message_counts.get(channel.id, 0)
+        before = topics.get(topic.name)
+        if before is not None and before.type_name != topic.type_name:
+            raise BagError(
+                f"bag {self.path}: topic {topic.name} is of two types, {before.type_name} and "
+                f"{topic.type_name}"
+            )
+        topics[topic.name] = BagTopic(**vars(topic), count=count + (before.count if before else 0))
+        if schema is not None:
+            self._schemas[topic.name] = schema
+
+    def _retime(self) -> None:
+        """Bring every message to flight time."""
+        stamped = {
+            name for name, topic in self.topics.items() if begins_with_stamp(topic.definition)
+        }
+        now: int | None = None
+        early: list[tuple[str, bytes]] = []
+        for topic, _, data in self._recorded(list(self.topics), 0, None):
+            stamp = stamp_of_cdr(data) if topic in stamped else -1
+            if 0 <= stamp < WALL_CLOCK_NS:
+                now = stamp if now is None else max(now, stamp)
+            elif now is None:
+                early.append((topic, data))
+                continue
+            else:
+                stamp = now
+            self._retimed.append((topic, stamp, data))
+        if now is None:
+            # nothing in it has a flight time
+            self.timed_by_stamps = False
+            return
+        begin = min(time for _, time, _ in self._retimed)
+        self._retimed = [(topic, begin, data) for topic, data in early] + self._retimed
+        self._retimed.sort(key=lambda entry: entry[1])
+        self.start_ns, self.end_ns = self._retimed[0][1], self._retimed[-1][1]
 
     def name_of(self, topic: str) -> str:
         """Full name of a topic, given that or the end of it (`nav_state`).
+
+        Of several of that name, the one of a type of ours is meant.
 
         Raises:
             BagError: no topic, or more than one, is called so.
@@ -139,31 +215,49 @@ class Bag:
         if topic in self.topics:
             return topic
         found = [name for name in self.topics if name.endswith("/" + topic.lstrip("/"))]
+        ours = [name for name in found if self.topics[name].type_name.startswith(OURS)]
+        if len(ours) == 1:
+            return ours[0]
         if len(found) != 1:
             known = ", ".join(self.topics) or "none"
             raise BagError(f"bag {self.path} has no single topic {topic!r}; expected of: {known}")
         return found[0]
 
-    def raw_messages(self, topics: Iterable[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
+    def raw_messages(
+        self, topics: Iterable[str] | None = None, start_ns: int = 0, end_ns: int | None = None
+    ) -> Iterator[tuple[str, int, bytes]]:
         """Messages as recorded: topic, log time in ns, CDR.
 
         Ordered by log time; messages of the same time keep the order in which they came.
 
         Args:
             topics: names, short or full; default all.
+            start_ns: log time of the first, ns.
+            end_ns: log time up to which, those of that time included; default all.
 
         Raises:
             BagError: unknown topic, or the file is damaged from here on.
         """
-        names = None if topics is None else [self.name_of(topic) for topic in topics]
-        return self._raw(names)
+        names = list(self.topics) if topics is None else [self.name_of(topic) for topic in topics]
+        return self._raw(names, start_ns, end_ns)
 
-    def _raw(self, names: list[str] | None) -> Iterator[tuple[str, int, bytes]]:
+    def _raw(
+        self, names: list[str], start_ns: int = 0, end_ns: int | None = None
+    ) -> Iterator[tuple[str, int, bytes]]:
+        if not self.timed_by_stamps:
+            yield from self._recorded(names, start_ns, end_ns)
+            return
+        wanted = set(names)
+        for topic, time, data in self._retimed:
+            if topic in wanted and time >= start_ns and (end_ns is None or time <= end_ns):
+                yield topic, time, data
+
+    def _recorded(
+        self, names: list[str], start_ns: int, end_ns: int | None
+    ) -> Iterator[tuple[str, int, bytes]]:
         try:
-            with self.file.open("rb") as stream:
-                reader = SeekingReader(stream, validate_crcs=True)
-                for _, channel, message in reader.iter_messages(names):
-                    yield channel.topic, message.log_time, message.data
+            parts = [part.messages(names, start_ns, end_ns) for part in self._parts]
+            yield from parts[0] if len(parts) == 1 else merge(*parts, key=lambda entry: entry[1])
         except Exception as error:
             raise self._damaged(error) from error
 
@@ -230,18 +324,19 @@ class Bag:
         return columns
 
 
-def _custom_data(data: memoryview, summary: Summary, metadata_file: Path) -> dict[str, str]:
-    """The custom data of a bag. No checksum covers them, but there are up to three copies.
+def _custom_data(parts: Sequence[_Part], metadata_file: Path) -> dict[str, str]:
+    """The custom data of a bag. No checksum covers them, but there are several copies.
 
     Raises:
         ValueError: the copies contradict each other, or one cannot be read.
     """
     copies = []
-    for index in summary.metadata_indexes:
-        span = Span(index.offset, index.offset + index.length, Opcode.METADATA)
-        record = parse(data, span)
-        if index.name == RECORD_NAME and isinstance(record, Metadata):
-            copies.append(("the file", custom_data_of(information_of(record.metadata))))
+    for part in parts:
+        for index in part.summary.metadata_indexes:
+            span = Span(index.offset, index.offset + index.length, Opcode.METADATA)
+            record = parse(part.data, span)
+            if index.name == RECORD_NAME and isinstance(record, Metadata):
+                copies.append(("the file", custom_data_of(information_of(record.metadata))))
     if metadata_file.is_file():
         copies.append((METADATA_FILE, custom_data_of(read_metadata_file(metadata_file))))
     conflict = custom_data_conflict(copies)

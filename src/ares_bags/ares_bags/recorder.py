@@ -15,15 +15,15 @@ from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 
 from ares_bags.errors import BagError
+from ares_bags.layout import WALL_CLOCK_NS, stamp_of_cdr
 from ares_bags.schema import Qos, Topic
 from ares_bags.types import (
     flight_of_cdr,
     message_class,
     names_its_flight,
-    stamp_of_cdr,
     starts_with_stamp,
 )
-from ares_bags.writer import INCOMPLETE_KEY, BagWriter
+from ares_bags.writer import GUIDANCE_KEY, INCOMPLETE_KEY, BagWriter
 from ares_msgs.msg import FlightMember
 from ares_node.diagnostics import Level, of_another_flight
 from ares_node.identity import id_text
@@ -57,8 +57,6 @@ QUIET_TIME = 0.2
 DRAIN_LIMIT = 5.0
 #: Topics whose messages are numbered without gaps.
 NUMBERED = (NAV_STATE, VEHICLE_STATE)
-#: Stamps beyond this flight time (115 days) are those of a wall clock.
-WALL_CLOCK_NS = 10**7 * 10**9
 
 PARAMETERS = (
     Parameter("bag", "", "Folder of the new bag; it must not exist."),
@@ -251,11 +249,23 @@ class RecorderNode(FlightNode):
 
     def _on_member(self, _member: FlightMember) -> None:
         self._membership.witness()
+        self._note_guidance()
         if self._membership.flight_id:
             self._take_held_back()
         simulator = self._membership.simulator
         if simulator is not None and simulator.state == State.OVER:
             self.drain_and_close()
+
+    def _note_guidance(self) -> None:
+        """Keep what each guidance that was accepted flies by."""
+        mine = self._membership
+        simulator = mine.simulator
+        if self._writer is None or simulator is None or not simulator.guidance_id:
+            return
+        settings = mine.settings_of(int(simulator.guidance_id))
+        if settings:
+            key = GUIDANCE_KEY + id_text(int(simulator.guidance_id))
+            self._writer.custom_data[key] = settings
 
     def _on_lost(self, info: Any) -> None:
         self._missing += info.total_count_change

@@ -11,8 +11,8 @@ from mcap.opcode import Opcode
 from mcap.records import McapRecord, Message
 
 from ares_bags.errors import BagError
+from ares_bags.files import find_files
 from ares_bags.metadata import custom_data_of
-from ares_bags.reader import find_file
 from ares_bags.survey import UNREADABLE, chunk_content, chunk_records, parse
 from ares_bags.verify import Examination
 from ares_bags.writer import INCOMPLETE_KEY, BagWriter
@@ -75,9 +75,14 @@ def repair(path: Path | str, output: Path | str | None = None) -> Repair:
             written.
     """
     path = Path(path)
-    file = find_file(path)
+    files = find_files(path)
+    if len(files) > 1:
+        raise BagError(
+            f"bag {path} is of {len(files)} files; expected the name of one, such as {files[0]}"
+        )
+    file = files[0]
     try:
-        found = Examination(path, decode=False)
+        found = Examination(path, file, decode=False)
     except BagError as error:
         raise BagError(f"bag {path}: no message can be saved ({error})") from error
     findings = found.result.findings

@@ -8,9 +8,9 @@ import re
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 from pathlib import Path
 from types import FrameType
@@ -25,18 +25,19 @@ from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
 
 from ares_bags.errors import BagError
+from ares_bags.playback import Playback, keys
 from ares_bags.reader import Bag, BagTopic, open_bag
 from ares_bags.schema import type_hash
-from ares_bags.types import message_class
+from ares_bags.types import check_installed, message_class
 from ares_node.qos import CLOCK, CLOCK_QOS
-from ares_node.time import stamp_from_ns
+from ares_node.time import NANOSECONDS, stamp_from_ns
 
 #: Messages between two waits for the readers' acknowledgement; below the publishers' depth.
 ACKNOWLEDGE_EVERY = 500
 ACKNOWLEDGE_TIMEOUT_S = 5.0
+#: So often a stop is looked for meanwhile: the command line has a second to end in good order.
+ACKNOWLEDGE_SLICE = Duration(seconds=0.05)
 DEPTH = 1000
-#: Longest nap in s between two looks at the stop request.
-NAP = 0.05
 
 #: Characters of a topic's full name that the middleware takes.
 LONGEST_NAME = 247
@@ -49,13 +50,85 @@ class Replay:
 
     Attributes:
         counts: messages by topic as published.
+        loops: how often it began again.
         complete: False if it was stopped before the end.
         wall_s: wall time from the first to the last message, s.
     """
 
     counts: dict[str, int] = field(default_factory=dict)
+    loops: int = 0
     complete: bool = True
     wall_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Extract:
+    """What of a bag is published.
+
+    Attributes:
+        topics: names, short or full; None: all whose types are installed, but /clock, which is
+            made anew.
+        start_s: flight time from which on; None: from the first message.
+        end_s: flight time up to which, messages of that time included; None: to the last.
+        loop: begin again at the end.
+        again: gets a line at each new beginning.
+    """
+
+    topics: Sequence[str] | None = None
+    start_s: float | None = None
+    end_s: float | None = None
+    loop: bool = False
+    again: Callable[[str], None] = lambda _line: None
+
+    @property
+    def start_ns(self) -> int:
+        """From when on, ns."""
+        return 0 if self.start_s is None else round(self.start_s * NANOSECONDS)
+
+    @property
+    def end_ns(self) -> int | None:
+        """Up to when, ns."""
+        return None if self.end_s is None else round(self.end_s * NANOSECONDS)
+
+    def names(self, bag: Bag) -> list[str]:
+        """Full names of the topics.
+
+        Raises:
+            BagError: one that is asked for is not there, or cannot be published here.
+        """
+        if self.topics is not None:
+            names = [bag.name_of(topic) for topic in self.topics]
+        else:
+            names = [name for name in bag.topics if name != CLOCK and _known(bag.topics[name])]
+            if not names:
+                raise BagError(f"bag {bag.path}: no topic in it is of a type that is installed")
+        for name in names:
+            check_installed(bag, bag.topics[name])
+        return names
+
+    def check(self, bag: Bag) -> None:
+        """Read all that will be published: half a flight must not go out before damage is found.
+
+        Raises:
+            BagError: the bag is damaged, or holds nothing of it.
+        """
+        count = 0
+        for _ in bag.raw_messages(self.names(bag), self.start_ns, self.end_ns):
+            count += 1
+        if not count:
+            begin, end = bag.start_ns / NANOSECONDS, bag.end_ns / NANOSECONDS
+            raise BagError(
+                f"bag {bag.path} has no message to publish between start and end: it holds "
+                f"{begin:.3f} to {end:.3f} s"
+            )
+
+
+def _known(topic: BagTopic) -> bool:
+    try:
+        type_hash(topic.type_name)
+    except BagError:
+        return False
+    return True
 
 
 def _offered(topic: BagTopic) -> QoSProfile:
@@ -67,52 +140,40 @@ def _offered(topic: BagTopic) -> QoSProfile:
     return profile
 
 
-def _check_type(bag: Bag, topic: BagTopic) -> None:
-    installed = type_hash(topic.type_name)
-    if topic.type_hash and topic.type_hash != installed:
-        raise BagError(
-            f"bag {bag.path}: topic {topic.name} was recorded with another version of "
-            f"{topic.type_name} than the one installed here"
-        )
-
-
 def replay(
     bag: Bag,
     context: Context,
     *,
-    rate: float = 1.0,
-    topics: Iterable[str] | None = None,
+    playback: Playback | None = None,
+    extract: Extract | None = None,
     namespace: str = "",
     wait_for_readers_s: float = 1.0,
     stopped: Callable[[], bool] = lambda: False,
 ) -> Replay:
-    """Publish a bag's messages in order of log time, and /clock.
+    """Publish a bag's messages in order of flight time, and /clock.
 
     Messages go out as recorded, byte for byte; messages of the same time in the order in
-    which they were recorded. /clock carries the log time and comes before the messages of
+    which they were recorded. /clock carries the flight time and comes before the messages of
     that time.
 
     Args:
         bag: the bag.
         context: an initialized context.
-        rate: flight seconds per wall second; 0 as fast as the readers acknowledge.
-        topics: names, short or full; default all.
+        playback: its pace, and who changes it on the way; default real time.
+        extract: what of the bag; default all of it, once.
         namespace: put in front of every topic name (`/again` + `/ares/nav_state`).
         wait_for_readers_s: wall time in s to wait at most until every topic has a reader;
             messages published before a reader is known do not reach it.
         stopped: looked at between messages; True ends the replay.
 
     Raises:
-        BagError: unknown topic, a type that is missing here or of another version, or the
-            bag is damaged.
-        ValueError: the rate is negative or not finite, or the namespace is none.
+        BagError: unknown topic, a type that is missing here or of another version, nothing
+            recorded in the time asked for, or the bag is damaged.
+        ValueError: the namespace is none.
     """
-    if not 0.0 <= rate < float("inf"):
-        raise ValueError(f"rate is {rate}; expected zero or a positive number")
-    names = list(bag.topics) if topics is None else [bag.name_of(topic) for topic in topics]
+    extract = extract or Extract()
+    names = extract.names(bag)
     full_names = {name: _joined(namespace, name) for name in names}
-    for name in names:
-        _check_type(bag, bag.topics[name])
     node = Node(
         f"replay_{os.getpid()}",
         context=context,
@@ -130,7 +191,8 @@ def replay(
         }
         clock = node.create_publisher(Clock, CLOCK, CLOCK_QOS)
         _wait_for_readers(publishers.values(), wait_for_readers_s, stopped)
-        return _publish(bag, publishers, clock, rate, stopped)
+        run = _Run(bag, extract, publishers, clock, playback or Playback(), stopped)
+        return run.publish()
     finally:
         node.destroy_node()
 
@@ -160,42 +222,75 @@ def _wait_for_readers(
         waiting = [publisher for publisher in waiting if not publisher.get_subscription_count()]
 
 
-def _publish(
-    bag: Bag,
-    publishers: dict[str, Publisher],
-    clock: Publisher,
-    rate: float,
-    stopped: Callable[[], bool],
-) -> Replay:
-    result = Replay(counts={publisher.topic_name: 0 for publisher in publishers.values()})
-    limit = Duration(seconds=ACKNOWLEDGE_TIMEOUT_S)
-    since_acknowledged = 0
-    begin = time.monotonic()
-    first: int | None = None
-    for log_time, group in groupby(bag.raw_messages(publishers), key=lambda entry: entry[1]):
-        if first is None:
-            first = log_time
-        due = begin + (log_time - first) / 1e9 / rate if rate else begin
-        while not stopped() and (left := due - time.monotonic()) > 0.0:
-            time.sleep(min(left, NAP))
-        if stopped():
-            result.complete = False
-            break
-        clock.publish(Clock(clock=stamp_from_ns(log_time)))
-        for topic, _, data in group:
-            publisher = publishers[topic]
-            publisher.publish(data)
-            result.counts[publisher.topic_name] += 1
-            since_acknowledged += 1
-            if since_acknowledged >= ACKNOWLEDGE_EVERY:
-                # a reliable publisher forgets what its depth cannot hold
-                for each in publishers.values():
-                    each.wait_for_all_acked(limit)
-                since_acknowledged = 0
-    for each in (*publishers.values(), clock):
-        each.wait_for_all_acked(limit)
-    result.wall_s = time.monotonic() - begin
-    return result
+class _Run:
+    """One replay: the messages of its publishers, as often and from where it is asked."""
+
+    def __init__(
+        self,
+        bag: Bag,
+        extract: Extract,
+        publishers: dict[str, Publisher],
+        clock: Publisher,
+        playback: Playback,
+        stopped: Callable[[], bool],
+    ) -> None:
+        self._bag = bag
+        self._extract = extract
+        self._publishers = publishers
+        self._clock = clock
+        self._playback = playback
+        self._stopped = stopped
+        self._since_acknowledged = 0
+        self._result = Replay(counts={each.topic_name: 0 for each in publishers.values()})
+
+    def publish(self) -> Replay:
+        """Publish until the end, or until stopped."""
+        result = self._result
+        begin = time.monotonic()
+        start = self._extract.start_ns
+        while not self._stopped():
+            if self._once(start):
+                if not self._extract.loop:
+                    break
+                result.loops += 1
+                start = self._extract.start_ns
+                self._extract.again(f"loop {result.loops}: the clock goes back")
+                self._playback.jump()
+            elif (target := self._playback.jump()) is not None:
+                start = max(round(target * NANOSECONDS), self._extract.start_ns)
+        result.complete = not self._stopped()
+        self._catch_up()
+        result.wall_s = time.monotonic() - begin
+        return result
+
+    def _once(self, start_ns: int) -> bool:
+        """Publish from a time on; False if it was stopped, or is to go on elsewhere."""
+        messages = self._bag.raw_messages(self._publishers, start_ns, self._extract.end_ns)
+        for log_time, group in groupby(messages, key=lambda entry: entry[1]):
+            if not self._playback.wait_until(log_time / NANOSECONDS, self._stopped):
+                return False
+            self._clock.publish(Clock(clock=stamp_from_ns(log_time)))
+            for topic, _, data in group:
+                self._send(self._publishers[topic], data)
+            self._playback.sent(log_time / NANOSECONDS)
+        return True
+
+    def _send(self, publisher: Publisher, data: bytes) -> None:
+        publisher.publish(data)
+        self._result.counts[publisher.topic_name] += 1
+        self._since_acknowledged += 1
+        if self._since_acknowledged >= ACKNOWLEDGE_EVERY:
+            # a reliable publisher forgets what its depth cannot hold
+            self._catch_up()
+            self._since_acknowledged = 0
+
+    def _catch_up(self) -> None:
+        """Until all that was sent is acknowledged; a reader that hangs holds up nobody long."""
+        deadline = time.monotonic() + ACKNOWLEDGE_TIMEOUT_S
+        for each in (*self._publishers.values(), self._clock):
+            while not each.wait_for_all_acked(ACKNOWLEDGE_SLICE) and not self._stopped():
+                if time.monotonic() > deadline:
+                    return
 
 
 @contextmanager
@@ -217,18 +312,18 @@ def run_replay(
     path: Path | str,
     *,
     rate: float = 1.0,
-    topics: Iterable[str] | None = None,
+    extract: Extract | None = None,
     namespace: str = "",
     say: Callable[[str], None] = print,
 ) -> int:
-    """Replay a bag from the command line, until its end or until SIGINT or SIGTERM.
+    """Replay a bag from the command line, until its end, a key or SIGINT or SIGTERM.
 
     Must be called from the main thread.
 
     Args:
         path: the bag.
-        rate: see `replay`.
-        topics: see `replay`.
+        rate: flight seconds per wall second; 0 as fast as the readers acknowledge.
+        extract: see `replay`.
         namespace: see `replay`.
         say: where the summary goes.
 
@@ -237,16 +332,22 @@ def run_replay(
     """
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     context = Context()
+    extract = replace(extract or Extract(), again=say)
     try:
         with _stop_on_signals() as stopped:
+            playback = Playback(rate)
             bag = open_bag(path)
-            # half a flight must not go out before the damage in it is found
-            for _ in bag.raw_messages(topics):
-                pass
+            extract.check(bag)
             rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
-            result = replay(
-                bag, context, rate=rate, topics=topics, namespace=namespace, stopped=stopped
-            )
+            with keys(playback, say) as ended:
+                result = replay(
+                    bag,
+                    context,
+                    playback=playback,
+                    extract=extract,
+                    namespace=namespace,
+                    stopped=lambda: stopped() or ended(),
+                )
     except (BagError, ValueError) as error:
         print(f"replay: {error}", file=sys.stderr)
         return 2

@@ -39,8 +39,10 @@ from mcap.records import (
 from mcap.stream_reader import get_chunk_data_stream
 from mcap.summary import Summary
 from mcap.writer import MCAP0_MAGIC
+from zstandard import ZstdDecompressor, ZstdError
 
-from ares_bags.errors import cause
+from ares_bags.errors import BagError, cause
+from ares_bags.files import PACKED
 
 MAGIC = len(MCAP0_MAGIC)
 #: Opcode and length of a record.
@@ -98,8 +100,14 @@ def map_file(path: Path) -> memoryview:
 
     Raises:
         OSError: it cannot be read.
+        BagError: it was compressed whole and cannot be unpacked.
     """
     with path.open("rb") as stream:
+        if path.suffix == PACKED:
+            try:
+                return memoryview(ZstdDecompressor().stream_reader(stream).read())
+            except ZstdError as error:
+                raise BagError(f"{path} cannot be unpacked: {cause(error)}") from error
         return memoryview(mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ))
 
 

@@ -2,13 +2,14 @@
 
 import importlib
 from struct import Struct
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ares_bags.errors import BagError
-from ares_bags.schema import split_type_name
+from ares_bags.schema import split_type_name, type_hash
 
-_LITTLE = Struct("<iI")
-_BIG = Struct(">iI")
+if TYPE_CHECKING:
+    from ares_bags.reader import Bag, BagTopic
+
 _LITTLE_FLIGHT = Struct("<QI")
 _BIG_FLIGHT = Struct(">QI")
 
@@ -26,23 +27,24 @@ def message_class(type_name: str) -> Any:
         raise BagError(f"message type {type_name} is not installed") from error
 
 
+def check_installed(bag: "Bag", topic: "BagTopic") -> None:
+    """See that the messages of a topic are of a type as it is installed here.
+
+    Raises:
+        BagError: the type is not installed, or in another version; one line.
+    """
+    installed = type_hash(topic.type_name)
+    if topic.type_hash and topic.type_hash != installed:
+        raise BagError(
+            f"bag {bag.path}: topic {topic.name} was recorded with another version of "
+            f"{topic.type_name} than the one installed here"
+        )
+
+
 def starts_with_stamp(kind: Any) -> bool:
     """Whether a message class begins with a stamp or with a header, which begins with one."""
     first = next(iter(kind.get_fields_and_field_types().values()), "")
     return first in ("builtin_interfaces/Time", "std_msgs/Header")
-
-
-def stamp_of_cdr(data: bytes) -> int:
-    """Time in ns of a serialised message that begins with a stamp.
-
-    The stamp follows the four bytes of the encapsulation header, whose second byte is odd for
-    little endian.
-
-    Raises:
-        struct.error: fewer than 12 bytes.
-    """
-    sec, nanosec = (_LITTLE if data[1] & 1 else _BIG).unpack_from(data, 4)
-    return int(sec) * 1_000_000_000 + int(nanosec)
 
 
 def names_its_flight(kind: Any) -> bool:

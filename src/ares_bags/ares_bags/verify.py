@@ -24,6 +24,7 @@ from mcap_ros2.decoder import DecoderFactory
 
 from ares_bags.contents import Contents
 from ares_bags.errors import BagError, cause
+from ares_bags.files import find_files
 from ares_bags.metadata import (
     METADATA_FILE,
     NO_TIME_NS,
@@ -35,7 +36,6 @@ from ares_bags.metadata import (
     read_metadata_file,
     recorded_counts,
 )
-from ares_bags.reader import find_file
 from ares_bags.survey import (
     CHUNK_HEAD,
     HEAD,
@@ -85,13 +85,12 @@ class Verification:
         return None if self.expected is None else max(self.expected - self.messages, 0)
 
 
-def surveyed(path: Path) -> tuple[Path, Survey]:
-    """The MCAP file of a bag and what is where in it.
+def surveyed(path: Path, file: Path) -> Survey:
+    """What is where in an MCAP file of a bag.
 
     Raises:
-        BagError: it does not exist, cannot be read, is empty or is not a bag.
+        BagError: it cannot be read, is empty or is not a bag.
     """
-    file = find_file(path)
     try:
         if not file.stat().st_size:
             raise BagError(f"bag {path} is empty: {file.name} has no bytes")
@@ -100,7 +99,7 @@ def surveyed(path: Path) -> tuple[Path, Survey]:
         raise BagError(f"bag {path} cannot be read: {cause(error)}") from error
     if found is None:
         raise BagError(f"{path} is not a bag: {file.name} is not an MCAP file")
-    return file, found
+    return found
 
 
 def verify(path: Path | str, *, decode: bool = True) -> Verification:
@@ -113,7 +112,44 @@ def verify(path: Path | str, *, decode: bool = True) -> Verification:
     Raises:
         BagError: it is not a bag, or not one of ROS 2.
     """
-    return Examination(Path(path), decode).result
+    path = Path(path)
+    files = find_files(path)
+    if len(files) == 1:
+        return Examination(path, files[0], decode).result
+    return _together(path, [Examination(path, file, decode, alone=False) for file in files])
+
+
+def _together(path: Path, parts: Sequence["Examination"]) -> Verification:
+    """What was found in the files of one bag."""
+    results = [part.result for part in parts]
+    whole = Verification(path if path.is_dir() else path.parent, decoded=results[0].decoded)
+    for result in results:
+        whole.findings += [f"{result.file.name}: {finding}" for finding in result.findings]
+        whole.messages += result.messages
+        whole.chunks += result.chunks
+        whole.damaged_chunks += result.damaged_chunks
+        whole.unproven_chunks += result.unproven_chunks
+    whole.data_checksum = all(result.data_checksum for result in results)
+    counts = [result.expected for result in results if result.expected is not None]
+    whole.expected = sum(counts) if len(counts) == len(results) else None
+    metadata_file = results[0].file.with_name(METADATA_FILE)
+    try:
+        information = read_metadata_file(metadata_file)
+    except FileNotFoundError:
+        whole.findings.append(f"{METADATA_FILE} is missing")
+    except (OSError, ValueError) as error:
+        whole.findings.append(f"{METADATA_FILE} cannot be read: {cause(error)}")
+    else:
+        copies = [copy for part in parts for copy in part.copies]
+        copies.append((METADATA_FILE, information))
+        conflict = custom_data_conflict([(where, custom_data_of(copy)) for where, copy in copies])
+        found = sum((Counter(part.message_counts) for part in parts), Counter[str]())
+        told = recorded_counts([information])
+        if conflict:
+            whole.findings.append(conflict)
+        if told is not None and all(part.whole for part in parts) and Counter(told) != found:
+            whole.findings.append(f"{METADATA_FILE} counts other messages than there are")
+    return whole
 
 
 class Examination:
@@ -127,9 +163,16 @@ class Examination:
         whole: whether every record and every chunk could be read.
     """
 
-    def __init__(self, path: Path, decode: bool) -> None:
-        """Read a bag; see `verify`."""
-        file, self.survey = surveyed(path)
+    def __init__(self, path: Path, file: Path, decode: bool, alone: bool = True) -> None:
+        """Read a file of a bag; see `verify`.
+
+        Args:
+            path: the bag.
+            file: of it.
+            decode: see `verify`.
+            alone: there is no other, so the metadata count its messages.
+        """
+        self.survey = surveyed(path, file)
         self.data = self.survey.data
         self.result = Verification(file, decoded=decode)
         self.contents = Contents()
@@ -145,12 +188,16 @@ class Examination:
         self._ours = False
         self._records()
         metadata_file = file.with_name(METADATA_FILE)
-        self._all_metadata(metadata_file if metadata_file.is_file() or path.is_dir() else None)
+        if alone:
+            self._all_metadata(metadata_file if metadata_file.is_file() or path.is_dir() else None)
 
     @property
     def message_counts(self) -> dict[str, int]:
         """Messages that can be read, by topic."""
-        return {self.contents.topic(channel).name: n for channel, n in self._counts.items()}
+        counts: Counter[str] = Counter()
+        for channel, count in self._counts.items():
+            counts[self.contents.channels[channel].topic] += count
+        return dict(counts)
 
     def _say(self, finding: str) -> None:
         self.result.findings.append(finding)
@@ -165,8 +212,7 @@ class Examination:
         if found.summary:
             self.contents.schemas |= found.summary.schemas
             self.contents.channels |= found.summary.channels
-            for channel in found.summary.channels:
-                self.contents.topic(channel)  # raises for what is not of ROS 2
+            self._check_topics(list(found.summary.channels))
         header = self._record(found.spans[0]) if found.spans else None
         if isinstance(header, Header):
             self._ours = header.library.startswith(LIBRARY)
@@ -181,6 +227,17 @@ class Examination:
         if found.summary and found.spans:
             self._summary(found.summary)
             self._data_end(found.spans[-1])
+
+    def _check_topics(self, channels: Sequence[int]) -> None:
+        """Raise if there is nothing of ROS 2; what is not, beside it, is counted only."""
+        refused: list[BagError] = []
+        for channel in channels:
+            try:
+                self.contents.topic(channel)
+            except BagError as error:
+                refused.append(error)
+        if refused and len(refused) == len(channels):
+            raise refused[0]
 
     def _record(self, span: Span) -> McapRecord | None:
         """The record of a span, None if it cannot be read."""
@@ -233,16 +290,15 @@ class Examination:
     def _take(self, record: McapRecord) -> None:
         """A message, or a schema or channel, which must be the same wherever it stands."""
         if isinstance(record, Message):
-            try:
-                topic = self.contents.topic(record.channel_id)
-            except BagError:
+            channel = self.contents.channels.get(record.channel_id)
+            if channel is None:
                 self._undecoded[f"channel {record.channel_id}, which is not described"] += 1
                 return
             self._counts[record.channel_id] += 1
             self._first = min(self._first, record.log_time)
             self._last = max(self._last, record.log_time)
             if self.result.decoded and not self._decodes(record):
-                self._undecoded[topic.name] += 1
+                self._undecoded[channel.topic] += 1
         elif self.contents.contradicts(record):
             kind = type(record).__name__.lower()
             self._say(f"{kind} {getattr(record, 'id', '')} is described in two ways")
@@ -250,7 +306,11 @@ class Examination:
             self.contents.note(record)
 
     def _decodes(self, message: Message) -> bool:
-        """Whether a message of a described topic can be decoded."""
+        """Whether a message of a described topic can be decoded, or is none of ROS 2."""
+        try:
+            self.contents.topic(message.channel_id)
+        except BagError:
+            return True
         schema = self.contents.schemas[self.contents.channels[message.channel_id].schema_id]
         try:
             decode = self._decoders.decoder_for("cdr", schema)

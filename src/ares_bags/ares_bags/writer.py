@@ -22,7 +22,8 @@ from ares_bags.seal import seal
 
 #: Custom data of a bag that lost messages to a write error; its text is the error.
 INCOMPLETE_KEY = "incomplete"
-
+#: Before the identity of a guidance: custom data with what that one flew by, a JSON object.
+GUIDANCE_KEY = "guidance "
 
 #: How the header of a file begins that was written here.
 LIBRARY = "ares_bags"

@@ -25,6 +25,7 @@ from rclpy.qos import QoSProfile
 from rosbags.rosbag2 import Reader
 
 from ares_bags.compare import differences
+from ares_bags.files import find_file
 from ares_bags.reader import LOG_TIME, open_bag
 from ares_bags.recorder import TYPES, RecorderNode, qos_of
 from ares_bags.repair import repair
@@ -305,7 +306,7 @@ def test_full_disk_is_reported_once_and_the_flight_goes_on(
 
 def wait_until_saved(bag: Path, count: int) -> None:
     """Wait until the file of a bag that is being recorded holds so many navigation states."""
-    while Examination(bag, decode=False).message_counts.get(NAV, 0) < count:
+    while Examination(bag, find_file(bag), decode=False).message_counts.get(NAV, 0) < count:
         time.sleep(0.02)
 
 

@@ -21,9 +21,10 @@ from rosgraph_msgs.msg import Clock
 
 from ares_bags.compare import differences
 from ares_bags.errors import BagError
+from ares_bags.playback import Playback
 from ares_bags.reader import open_bag
 from ares_bags.recorder import RecorderNode
-from ares_bags.replay import replay
+from ares_bags.replay import Extract, replay
 from ares_bags.schema import Topic
 from ares_bags.testing import EVENT, NAV, PERIOD_NS, START_NS, messages, topics, write_bag
 from ares_bags.writer import BagWriter
@@ -89,7 +90,7 @@ def test_a_recorded_replay_equals_the_bag(
     with ros_context_on(ros_domain) as other:
         result = in_background(
             executor,
-            lambda: replay(original, other, rate=0.0, wait_for_readers_s=240.0),
+            lambda: replay(original, other, playback=Playback(0.0), wait_for_readers_s=240.0),
             lambda: sum(recorder.message_counts.values()) >= original.message_count,
         )
         recorder.drain_and_close(executor)
@@ -123,7 +124,11 @@ def test_order_and_clock(
         in_background(
             executor,
             lambda: replay(
-                bag, context, rate=0.0, topics=["nav_state", EVENT], wait_for_readers_s=240.0
+                bag,
+                context,
+                playback=Playback(0.0),
+                extract=Extract(["nav_state", EVENT]),
+                wait_for_readers_s=240.0,
             ),
             lambda: len(heard) >= len(sent) and len(clocks) >= COUNT,
         )
@@ -158,6 +163,7 @@ def test_pace_namespace_and_topics(
     """5.9 s of flight at ten times real time."""
     clock = NapClock()
     monkeypatch.setattr("ares_bags.replay.time", clock)
+    monkeypatch.setattr("ares_bags.playback.time", clock)
     due: list[float] = []
 
     def look() -> bool:
@@ -173,8 +179,8 @@ def test_pace_namespace_and_topics(
             lambda: replay(
                 bag,
                 context,
-                rate=10.0,
-                topics=["nav_state"],
+                playback=Playback(10.0),
+                extract=Extract(["nav_state"]),
                 namespace="/again/",
                 wait_for_readers_s=240.0,
                 stopped=look,
@@ -193,7 +199,11 @@ def test_it_can_be_stopped(ros_context: Context, tmp_path: Path) -> None:
     bag = open_bag(write_bag(tmp_path / "flight", COUNT))
     looks = itertools.count()
     result = replay(
-        bag, ros_context, rate=0.001, wait_for_readers_s=0.0, stopped=lambda: next(looks) > 5
+        bag,
+        ros_context,
+        playback=Playback(0.001),
+        wait_for_readers_s=0.0,
+        stopped=lambda: next(looks) > 5,
     )
     assert not result.complete
     assert sum(result.counts.values()) == 3
@@ -202,10 +212,10 @@ def test_it_can_be_stopped(ros_context: Context, tmp_path: Path) -> None:
 def test_what_cannot_be_replayed(ros_context: Context, tmp_path: Path) -> None:
     bag = open_bag(write_bag(tmp_path / "flight", 3))
     with pytest.raises(BagError, match="has no single topic 'nav'; expected of: /ares/"):
-        replay(bag, ros_context, topics=["nav"])
+        replay(bag, ros_context, extract=Extract(["nav"]))
     for rate in (-1.0, float("nan"), float("inf")):
         with pytest.raises(ValueError, match="expected zero or a positive number"):
-            replay(bag, ros_context, rate=rate)
+            Playback(rate)
     known = topics()[0]
     for name, topic, text in (
         (
@@ -223,7 +233,7 @@ def test_what_cannot_be_replayed(ros_context: Context, tmp_path: Path) -> None:
             writer.add_topic(topic)
             writer.write(NAV, 1, messages(1)[0][2])
         with pytest.raises(BagError, match=text):
-            replay(open_bag(tmp_path / name), ros_context)
+            replay(open_bag(tmp_path / name), ros_context, extract=Extract(["nav_state"]))
 
 
 RUN = "import sys; from ares_bags.replay import run_replay; "

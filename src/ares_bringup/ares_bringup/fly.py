@@ -49,6 +49,7 @@ GUIDANCE = "guidance"
 RECORDER = "recorder"
 OPTIMIZER = "optimizer"
 JUDGE = "judge"
+VIEW = "view"
 
 #: What follows in flight when a node has ended.
 _IN_FLIGHT = {
@@ -63,6 +64,12 @@ MODULES = {
     GUIDANCE: "ares_guidance",
     RECORDER: "ares_bags",
     OPTIMIZER: "ares_optimizer",
+    VIEW: "ares_view.standard",
+}
+#: Nodes that a flight goes on without, and what that means.
+SPARED = {
+    OPTIMIZER: "guidance starts without its guess",
+    VIEW: "it is not shown any more",
 }
 
 #: Wall time in s for simulator and guidance to end.
@@ -73,6 +80,7 @@ HEAD_START = 0.1
 RECORDER_STOP_TIMEOUT = 30.0
 
 Say = Callable[[str], None]
+Show = Callable[["FlightMonitor"], None]
 
 
 def say_on_standard_error(line: str) -> None:
@@ -236,6 +244,8 @@ def node_parameters(
         nodes[OPTIMIZER] = {"mission": options.mission, "method": InitialGuess.ANALYTIC.value}
     if OPTIMIZER in nodes and (reason := unmet("ares_optimizer", "solve")):
         raise CannotStart(reason)
+    if options.view:
+        nodes[VIEW] = {"flight_id": flight_id, "mission": options.mission}
     if bag is not None:
         nodes[RECORDER] = {
             "flight_id": flight_id,
@@ -253,6 +263,7 @@ def fly(
     modules: Mapping[str, str] = MODULES,
     begun: float | None = None,
     greet: Say = lambda _line: None,
+    show: Show = lambda _monitor: None,
 ) -> FlightSummary:
     """Fly a mission and say how it went.
 
@@ -265,6 +276,7 @@ def fly(
         modules: module of each node, for the layout with several processes.
         greet: gets the line by which others find the flight, when it has begun.
         begun: when the command began, s of time.monotonic(), for `wall_s`; default now.
+        show: gets the monitor about ten times a second, to show how the flight goes on.
 
     Raises:
         CannotStart: the flight cannot start; one line says why.
@@ -283,7 +295,7 @@ def fly(
     with ExitStack() as held:
         summary.domain_id = held.enter_context(_own_domain()) if domain is None else domain
         held.enter_context(audience)
-        terms = _Terms(say, lambda: greet(_greeting(summary)), audience)
+        terms = _Terms(say, lambda: greet(_greeting(summary)), audience, show)
         if options.in_process:
             _fly_in_process(summary, parameters, terms)
         else:
@@ -310,11 +322,13 @@ class _Terms:
         say: gets lines for a person.
         begun: called when the flight has begun.
         audience: who looks at it.
+        show: gets the monitor again and again.
     """
 
     say: Say
     begun: Callable[[], None]
     audience: Audience
+    show: Show
 
 
 @contextmanager
@@ -437,6 +451,7 @@ def _fly_in_processes(
             ):
                 start(late.pop())
             audience.look(monitor)
+            terms.show(monitor)
             return _crew_lost(crew, summary, say)
 
         # the children first: they take longer to start than what follows here
@@ -463,8 +478,8 @@ def _crew_lost(crew: Crew, summary: FlightSummary, say: Say) -> bool:
         if status == EXIT_CANNOT_START and (name == SIMULATOR or not summary.started):
             # it has said why
             raise CannotStart("")
-        if name == OPTIMIZER:
-            say(f"{name} {how}: guidance starts without its guess")
+        if name in SPARED:
+            say(f"{name} {how}: {SPARED[name]}")
             continue
         if not summary.started:
             raise CannotStart(f"{name} {how}")
@@ -490,7 +505,7 @@ def _end_crew(crew: Crew, summary: FlightSummary, say: Say, listen: Callable[[],
     alive = crew.running()
     for name, status in crew.newly_ended():
         # between the last look and the end of the flight
-        if summary.started and name != OPTIMIZER:
+        if summary.started and name not in SPARED:
             _note_loss(name, status, summary, say)
     flying = [name for name in alive if name != RECORDER]
     crew.ask_to_stop(flying)
@@ -520,6 +535,7 @@ def _fly_in_process(
 
     def lost() -> bool:
         audience.look(monitor)
+        terms.show(monitor)
         return _node_lost(nodes, summary, say)
 
     with _graph(summary, say, lambda: not summary.started) as (monitor, executor, stop):
@@ -527,7 +543,7 @@ def _fly_in_process(
         nodes: dict[str, FlightNode] = {}
         try:
             # the recorder last: a start that is abandoned while kernels compile leaves no bag
-            for name in (OPTIMIZER, GUIDANCE, SIMULATOR, RECORDER):
+            for name in (OPTIMIZER, VIEW, GUIDANCE, SIMULATOR, RECORDER):
                 if name in parameters and not stop.requested:
                     nodes[name] = _started(name, parameters[name], executor, monitor.node)
             watch = _watch(monitor, parameters[SIMULATOR]["pace"], terms, stop)
@@ -550,7 +566,8 @@ def _fly_in_process(
 
 def _in_order_of_end(nodes: Mapping[str, "FlightNode"]) -> list["FlightNode"]:
     """The recorder last: it gets to write all that the others sent."""
-    return [nodes[name] for name in (SIMULATOR, GUIDANCE, OPTIMIZER, RECORDER) if name in nodes]
+    order = (SIMULATOR, GUIDANCE, OPTIMIZER, VIEW, RECORDER)
+    return [nodes[name] for name in order if name in nodes]
 
 
 def _started(
@@ -598,6 +615,10 @@ def _node_class(name: str) -> "Callable[..., FlightNode]":
         from ares_optimizer.node import OptimizerNode
 
         return OptimizerNode
+    if name == VIEW:
+        from ares_view.standard.node import ViewNode
+
+        return ViewNode
     from ares_bags.recorder import RecorderNode
 
     return RecorderNode

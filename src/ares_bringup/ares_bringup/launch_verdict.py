@@ -18,9 +18,9 @@ from ares_bringup.crew import describe_end
 from ares_bringup.fly import (
     GUIDANCE,
     JUDGE,
-    OPTIMIZER,
     RECORDER,
     SIMULATOR,
+    SPARED,
     describe_loss,
 )
 from ares_bringup.summary import EXIT_CANNOT_START, EXIT_INTERRUPTED, EXIT_NOT_AS_IT_SHOULD
@@ -90,14 +90,13 @@ class LaunchVerdict:
             self._judged = EXIT_CANNOT_START if deaf else status
             return Consequence(shut_down=self._shut_down_with_judge)
         if self._judged is not None or self._interrupted or self._cannot_start:
-            self._problems |= status != 0 and name != OPTIMIZER and self._judged is not None
+            self._problems |= status != 0 and name not in SPARED and self._judged is not None
             return Consequence()
         if status == EXIT_CANNOT_START:
             self._cannot_start = True
             return Consequence(shut_down=True)
-        if name == OPTIMIZER:
-            how = f"{name} {describe_end(status)}"
-            return Consequence(f"{how}: guidance starts without its guess")
+        if name in SPARED:
+            return Consequence(f"{name} {describe_end(status)}: {SPARED[name]}")
         self._problems = True
         return Consequence(describe_loss(name, status), SIGNALS[name])
 

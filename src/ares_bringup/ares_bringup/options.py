@@ -118,6 +118,7 @@ class FlyOptions:
         initial_guess: where the guidance law starts; the optimizer's node joins for its guess.
             Law peg_thesis takes analytic for none.
         attitude_rate_limit_deg_s: fastest turn of the thrust; 0: none.
+        view: start the view node too.
         domain_id: ROS domain; None: that of ROS_DOMAIN_ID, else one that no other flight has.
         namespace: namespace of all nodes and topics.
         live: the page that follows the flight; None: none.
@@ -138,6 +139,7 @@ class FlyOptions:
     heating_source: HeatingSource | None = None
     initial_guess: InitialGuess = InitialGuess.NONE
     attitude_rate_limit_deg_s: float = 0.0
+    view: bool = False
     domain_id: int | None = None
     namespace: str = "ares"
     live: LiveOptions | None = None

@@ -34,6 +34,7 @@ from ares_bringup.fly import (
     OPTIMIZER,
     RECORDER,
     SIMULATOR,
+    VIEW,
     absolute_namespace,
     check_inputs,
     needs_plan,
@@ -114,6 +115,12 @@ def arguments() -> list[DeclareLaunchArgument]:
             "($ARES_BAGS, or `bags` of the workspace).",
         ),
         DeclareLaunchArgument(
+            "view",
+            default_value="true",
+            choices=SWITCH,
+            description="Show the flight in standard messages too, for RViz and maps.",
+        ),
+        DeclareLaunchArgument(
             "exit_when_complete",
             default_value="true",
             choices=SWITCH,
@@ -136,7 +143,7 @@ class Flight:
         }
         self.switches = {
             name: LaunchConfiguration(name).perform(context) == "true"
-            for name in ("use_sim_time", "record", "exit_when_complete")
+            for name in ("use_sim_time", "record", "view", "exit_when_complete")
         }
         self.verdict = LaunchVerdict(self.switches["exit_when_complete"])
         self.reports = end_process_with(self.verdict)
@@ -197,6 +204,10 @@ class Flight:
         ):
             started.append(
                 self._node("ares_optimizer", OPTIMIZER, _of(values, "mission"), **self._clock())
+            )
+        if self.switches["view"]:
+            started.append(
+                self._node("ares_view", VIEW, _of(values, "mission"), **identity, **self._clock())
             )
         if record:
             about |= {"seed": flown["seed"]} if "seed" in flown else {}

@@ -6,17 +6,14 @@ from contextlib import ExitStack
 from dataclasses import fields
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from rclpy.client import Client
 from rclpy.serialization import deserialize_message
 from rclpy.task import Future
 
-from ares_guidance.guess import OfflineTrajectory
 from ares_guidance.law import HEATING_SOURCES, LawSettings
-from ares_guidance.laws import check_law, make_law, rehearse
+from ares_guidance.laws import check_law, rehearse
+from ares_guidance.messages import ANALYTIC, ANSWER_TAKEN, ASKED_AT_NS, Answers
 from ares_guidance.registry import law_names
-from ares_models.arrays import HEATING_LIMIT, NAVIGATION
 from ares_models.mission import load_mission
 from ares_msgs.msg import FlightMember, GuidanceStatus, NavState, ThrustCommand
 from ares_msgs.srv import SolveTrajectory
@@ -34,8 +31,6 @@ from ares_node.qos import (
     THRUST_COMMAND,
     TIMING,
 )
-from ares_node.states import StateMessage
-from ares_node.time import NANOSECONDS, stamp_from_ns
 
 ERROR_TEXTS = {
     GuidanceStatus.NOT_CONVERGED: "no convergence within the iterations allowed",
@@ -46,9 +41,6 @@ ERROR_TEXTS = {
     GuidanceStatus.TARGET_UNREACHABLE: "no plane of the target's inclination through the "
     "predicted cut-off",
 }
-
-#: Method of the optimizer that the law can ask for.
-ANALYTIC = "analytic"
 
 PARAMETERS = (
     Parameter("mission", "ares_v", "Shipped mission's name, or path of a mission file."),
@@ -109,23 +101,17 @@ class GuidanceNode(FlightNode):
         """Read the mission, compile the law, create the endpoints."""
         values = self.values
         mission = load_mission(values["mission"])
-        self._arrays = arrays = mission.arrays(foreseen=True)
-        self._heating_jettisons = int(np.sum(arrays.jettisons["criterion"] == HEATING_LIMIT))
         self._mission_name = mission.name
-        self._nav = np.zeros(1, NAVIGATION)
-        self._nav_message = StateMessage(NavState)
-        self._measured = self._nav[list(self._nav_message.fields)]
         with ExitStack() as failed:
             self._membership = Membership(self, Role.GUIDANCE, mission.name, values["flight_id"])
             failed.callback(self._membership.close)
-            self._law = make_law(
-                values["law"],
-                arrays,
-                LawSettings(**{item.name: values[item.name] for item in fields(LawSettings)}),
-            )
+            flown = {item.name: values[item.name] for item in PARAMETERS if item is not FLIGHT_ID}
+            self._answers = answers = Answers(mission, flown)
+            self._law = answers.law
+            self._membership.tell_settings(answers.settings())
             # compiled before anybody waits for it
             prepare = rehearse if self._law.lacks_plan else check_law
-            prepare(values["law"], arrays, mission.start().navigation())
+            prepare(values["law"], answers.arrays, mission.start().navigation())
             failed.pop_all()
         self._command_out = self.create_publisher(ThrustCommand, THRUST_COMMAND, FLIGHT)
         self._status_out = self.create_publisher(GuidanceStatus, GUIDANCE_STATUS, FLIGHT)
@@ -133,8 +119,7 @@ class GuidanceNode(FlightNode):
         self._nav_in = self.create_subscription(
             NavState, NAV_STATE, self._on_nav_state, FLIGHT, raw=True
         )
-        needed = self._law.kind.needs_trajectory or self._law.lacks_plan
-        self._wants_guess = values["initial_guess"] != "none" or needed
+        self._wants_guess = answers.wants_guess
         # a client alone lists the service on the graph
         self._optimizer: Client | None = None
         if self._wants_guess:
@@ -231,13 +216,13 @@ class GuidanceNode(FlightNode):
     def _take_held_back(self) -> None:
         data = self._held_back
         if data is not None and self._guiding:
-            now, _, _, measured = self._nav_message.read(data)
+            now, _, _, measured = self._answers.read(data)
             if self._ready(now, data):
                 self._held_back = None
                 self._answer(now, measured)
 
     def _on_nav_state(self, data: bytes) -> None:
-        now, flight_id, _, measured = self._nav_message.read(data)
+        now, flight_id, _, measured = self._answers.read(data)
         if not self._membership.belongs(flight_id):
             if self._membership.foreign == 1:
                 flight = id_text(flight_id)
@@ -281,21 +266,10 @@ class GuidanceNode(FlightNode):
         return time.monotonic() - self._looked_since < self.values["optimizer_timeout_s"]
 
     def _ask(self, optimizer: Client, data: bytes) -> None:
-        asked = deserialize_message(data, NavState)
-        request = SolveTrajectory.Request(
-            mission=self.values["mission"],
-            method=ANALYTIC if self._does_with_analytic() else "",
-            use_nav_state=True,
-            nav_state=asked,
-            time_limit=self.values["optimizer_timeout_s"],
-        )
+        request = self._answers.request(deserialize_message(data, NavState))
         self._asked_at = time.monotonic()
+        self._asked = self._answers.read(data)[0]
         self._guess = optimizer.call_async(request)
-
-    def _does_with_analytic(self) -> bool:
-        if self._law.lacks_plan:
-            return False
-        return self.values["initial_guess"] != "optimizer"
 
     def _take_guess(self, answer: Any, now: int) -> None:
         if answer is None or answer.error_code != SolveTrajectory.Response.NONE:
@@ -303,11 +277,13 @@ class GuidanceNode(FlightNode):
             self._without_guess(reason or f"error {answer.error_code}", now)
             return
         try:
-            self._law.start_from(_trajectory(answer))
+            self._answers.start_from(answer)
         except ValueError as error:
             self._without_guess(f"unusable answer: {error}", now)
             return
         self._wants_guess = False
+        about = {"method": answer.method, ASKED_AT_NS: self._asked}
+        self.diagnostics.report(Level.OK, ANSWER_TAKEN, now, about)
 
     def _without_guess(self, reason: str, now: int) -> None:
         if self._law.lacks_plan:
@@ -333,68 +309,17 @@ class GuidanceNode(FlightNode):
             )
             self._forget()
         self._last_ns = now
-        nav = self._nav[0]
-        nav["time"] = now / NANOSECONDS
-        self._measured[0] = measured
-        law = self._law
-        stamp = stamp_from_ns(now)
+        answers = self._answers
+        answers.identity = (self._membership.flight_id, self._membership.member_id)
         begun = time.perf_counter()
-        due = law.step(nav)
+        due = answers.step(now, measured)
         if due:
             self._longest_cycle_s = max(self._longest_cycle_s, time.perf_counter() - begun)
-        if law.steered:
-            steering = law.steering[0]
-            self._command_out.publish(
-                ThrustCommand(
-                    stamp=stamp,
-                    flight_id=self._membership.flight_id,
-                    guidance_id=self._membership.member_id,
-                    nav_stamp=stamp,
-                    reference_time=float(steering["reference_time"]),
-                    direction=steering["direction"],
-                    direction_rate=steering["direction_rate"],
-                    cutoff_time=float(steering["cutoff_time"]),
-                    jettison=int(steering["jettison"]),
-                    jettison_time=float(steering["jettison_time"]),
-                    arc_end_times=steering["arc_end_times"][: len(self._arrays.arcs)],
-                )
-            )
+        if self._law.steered:
+            self._command_out.publish(answers.command())
         if due:
-            self._status_out.publish(self._status(stamp))
+            self._status_out.publish(answers.status())
         self._report(now)
-
-    def _jettison_after_cutoff(self) -> bool:
-        """A heating jettison is still aboard and the plan does without it."""
-        aboard = self._heating_jettisons > int(self._nav[0]["jettisoned"]).bit_count()
-        return bool(aboard and self._law.converged and self._law.steering[0]["jettison"] < 0)
-
-    def _status(self, stamp: Any) -> GuidanceStatus:
-        state = self._law.state
-        steering = self._law.steering[0]
-        now = float(self._nav[0]["time"])
-        cutoff_time = float(steering["cutoff_time"])
-        return GuidanceStatus(
-            stamp=stamp,
-            flight_id=self._membership.flight_id,
-            guidance_id=self._membership.member_id,
-            cycle=int(state["cycle"]),
-            law=int(state["law"]),
-            phase=int(state["phase"]),
-            error_code=int(state["error"]),
-            converged=self._law.converged,
-            iterations=int(state["iterations"]),
-            total_iterations=int(state["total_iterations"]),
-            stale_cycles=int(state["stale_cycles"]),
-            time_to_go=cutoff_time - now if self._law.converged else math.nan,
-            cutoff_time=cutoff_time,
-            velocity_to_go=state["solution"]["velocity_to_go"],
-            predicted_position=state["predicted_position"],
-            predicted_velocity=state["predicted_velocity"],
-            miss_speed=float(state["solution"]["miss_speed"]),
-            jettison_time=float(steering["jettison_time"]),
-            jettison_after_cutoff=self._jettison_after_cutoff(),
-            density_ratio=float(state["density_ratio"]),
-        )
 
     def _report(self, now: int) -> None:
         state = self._law.state
@@ -425,7 +350,7 @@ class GuidanceNode(FlightNode):
                 else (Level.WARN, f"no solution of law {kind.name}: flying peg")
             )
             self.diagnostics.report(level, text, now)
-        without = self._jettison_after_cutoff()
+        without = self._answers.jettison_after_cutoff
         if without != self._without_jettison:
             self._without_jettison = without
             if without:
@@ -434,40 +359,3 @@ class GuidanceNode(FlightNode):
                     "the heating limit is not met before cut-off: planning without the jettison",
                     now,
                 )
-
-
-def _trajectory(answer: SolveTrajectory.Response) -> OfflineTrajectory:
-    """The optimizer's answer without the message.
-
-    Args:
-        answer: of the optimizer.
-
-    Raises:
-        ValueError: its lists do not belong together.
-    """
-
-    def vectors(values: Any) -> NDArray[np.float64]:
-        return np.reshape(np.asarray(values, dtype=np.float64), (-1, 3))
-
-    def numbers(values: Any) -> NDArray[np.float64]:
-        return np.asarray(values, dtype=np.float64)
-
-    return OfflineTrajectory(
-        jettison_time=answer.jettison_time,
-        cutoff_time=answer.cutoff_time,
-        arc_start_time=numbers(answer.arc_start_time),
-        arc_end_time=numbers(answer.arc_end_time),
-        arc_start_mass=numbers(answer.arc_start_mass),
-        arc_end_mass=numbers(answer.arc_end_mass),
-        arc_delta_v=numbers(answer.arc_delta_v),
-        steering_reference_time=numbers(answer.steering_reference_time),
-        steering_direction=vectors(answer.steering_direction),
-        steering_direction_rate=vectors(answer.steering_direction_rate),
-        primer_rate=vectors(answer.primer_rate),
-        sample_time=numbers(answer.sample_time),
-        sample_position=vectors(answer.sample_position),
-        sample_velocity=vectors(answer.sample_velocity),
-        flown_arc=np.asarray(answer.flown_arc, dtype=np.int64),
-        flown_start_time=numbers(answer.flown_start_time),
-        flown_end_time=numbers(answer.flown_end_time),
-    )

@@ -33,13 +33,16 @@ def variant(tmp_path, change, name="ares_v"):
 
 def test_shipped_missions():
     assert list_missions() == (
+        "apollo11_ascent",
         "ares_v",
         "ares_v_transients",
         "delta_iii",
         "delta_iii_coast",
+        "geostationary_burn",
         "geostationary_transfer",
         "saturn_v_as506",
         "saturn_v_tli",
+        "space_shuttle_sts121",
     )
     for name in list_missions():
         mission = load_mission(name)

@@ -90,6 +90,10 @@ class Membership:
         self._in: Subscription | None = None
         self._out.publish(self._word)
 
+    def tell_settings(self, settings: str) -> None:
+        """What the member flies by, for its word from `listen` on."""
+        self._word.settings = settings
+
     def listen(self, changed: Callable[[FlightMember], None] = lambda _member: None) -> None:
         """Say that the node is there, and hear the others; the last endpoint to be made.
 
@@ -158,6 +162,11 @@ class Membership:
             and member.flight_id in (0, self.flight_id)
             for member in self._heard.values()
         )
+
+    def settings_of(self, member_id: int) -> str:
+        """What another member has said that it flies by; empty if nothing is known."""
+        member = self._heard.get(member_id)
+        return str(member.settings) if member is not None else ""
 
     @property
     def simulator(self) -> FlightMember | None:

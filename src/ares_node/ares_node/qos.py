@@ -40,6 +40,10 @@ def reliable(depth: int, *, keep_for_late: bool = False) -> QoSProfile:
 
 #: nav_state, vehicle_state, thrust_command, guidance_status: both ends.
 FLIGHT = reliable(1000)
+#: What a viewer asks for of these: the last message, if it is in time for it.
+LATEST = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST, depth=1, reliability=ReliabilityPolicy.BEST_EFFORT
+)
 #: flight_event: both ends.
 EVENTS = reliable(100, keep_for_late=True)
 #: flight_member: each writer's last word; the reader hears all of them.

@@ -1,35 +1,15 @@
 """Optimizer node: serves optimal trajectories, from a mission or from where a flight is."""
 
-import math
-import time
-import traceback
-from array import array
-from collections import OrderedDict
-from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from rclpy.service import Service
 
-from ares_models.arrays import NAVIGATION, MissionArrays
-from ares_models.mission import MISSION, MissionError, load_mission
-from ares_msgs.msg import NavState
 from ares_msgs.srv import SolveTrajectory
 from ares_node.node import FlightNode
 from ares_node.parameters import Parameter
 from ares_node.qos import SOLVE_TRAJECTORY
-from ares_node.time import NANOSECONDS, ns_from_stamp
-from ares_optimizer.request import INDIRECT_METHODS, METHODS
-from ares_optimizer.solution import OptimizerError, Solution, Status, SteeringArc, UnfitMethod
-from ares_optimizer.solve import solve
-
-Response: Any = SolveTrajectory.Response
-
-#: Missions kept as arrays.
-KEPT_MISSIONS = 16
-#: Longest time limit of a request, s.
-LONGEST = 3600.0
+from ares_optimizer.messages import LONGEST, Answers, Response, empty, refuse
+from ares_optimizer.request import METHODS
 
 PARAMETERS = (
     Parameter("mission", "ares_v", "Mission of a request that names none."),
@@ -43,73 +23,6 @@ PARAMETERS = (
         maximum=LONGEST,
     ),
 )
-
-
-#: Error code of a status that is not CONVERGED.
-ERROR_CODES = {
-    Status.INFEASIBLE: Response.INFEASIBLE,
-    Status.NOT_OPTIMAL: Response.NOT_CONVERGED,
-    Status.ITERATION_LIMIT: Response.NOT_CONVERGED,
-    Status.STALLED: Response.NOT_CONVERGED,
-    Status.TIME_LIMIT: Response.TIME_LIMIT,
-    Status.ILLEGAL_START: Response.INVALID_STATE,
-}
-
-
-class Refused(Exception):
-    """A request that cannot be answered with a trajectory; the text is one line."""
-
-    def __init__(self, code: int, reason: str) -> None:
-        super().__init__(reason)
-        self.code = code
-
-
-@dataclass(frozen=True)
-class Prepared:
-    """A mission as the solvers take it.
-
-    Attributes:
-        arrays: the mission.
-        start: its own start, shape (1,), dtype NAVIGATION.
-        heating: what its heating limit asks.
-    """
-
-    arrays: MissionArrays
-    start: NDArray[np.void]
-    heating: str
-
-
-class MissionShelf:
-    """Missions by name, read again only when their file has changed."""
-
-    def __init__(self) -> None:
-        self._kept: OrderedDict[tuple[str, int, int], Prepared] = OrderedDict()
-
-    def get(self, name: str) -> Prepared:
-        """The mission of that name or path.
-
-        Raises:
-            MissionError: no such mission, or its file is wrong.
-        """
-        path = MISSION.find(name)
-        try:
-            status = path.stat()
-        except OSError:
-            # it says what is wrong
-            load_mission(name)
-            raise
-        key = (str(path), status.st_mtime_ns, status.st_size)
-        found = self._kept.get(key)
-        if found is None:
-            mission = load_mission(name)
-            found = Prepared(
-                mission.arrays(), mission.start().navigation(), mission.heating_limit_holds
-            )
-            self._kept[key] = found
-            if len(self._kept) > KEPT_MISSIONS:
-                self._kept.popitem(last=False)
-        self._kept.move_to_end(key)
-        return found
 
 
 class OptimizerNode(FlightNode):
@@ -128,9 +41,8 @@ class OptimizerNode(FlightNode):
 
     def configure(self) -> None:
         """Solve the own mission once, so that the solver is compiled."""
-        self._shelf = MissionShelf()
-        own = self._shelf.get(self.values["mission"])
-        _solve(own, self.values["method"], own.start, None)
+        values = self.values
+        self._answers = Answers(values["mission"], values["method"], values["time_limit_s"])
 
     def activate(self) -> None:
         """Offer the service."""
@@ -143,141 +55,11 @@ class OptimizerNode(FlightNode):
             return
         with service.handle:
             while (taken := service.handle.service_take_request(SolveTrajectory.Request))[1]:
-                response = _empty()
-                _refuse(response, Response.NOT_ACTIVE, "the optimizer was deactivated")
+                response = empty()
+                refuse(response, Response.NOT_ACTIVE, "the optimizer was deactivated")
                 service.send_response(response, taken[1])
         self.destroy_service(service)
         self._service = None
 
     def _on_request(self, request: SolveTrajectory.Request, _response: Any) -> Any:
-        response = _empty()
-        try:
-            self._serve(request, response)
-        except Refused as refusal:
-            _refuse(response, refusal.code, str(refusal))
-        except Exception as error:
-            # a defect must be seen, and must not leave the caller without an answer
-            traceback.print_exc()
-            _refuse(response, Response.INTERNAL, f"{type(error).__name__}: {error}")
-        return response
-
-    def _serve(self, request: SolveTrajectory.Request, response: Any) -> None:
-        method = request.method or self.values["method"]
-        if method not in METHODS:
-            expected = ", ".join(METHODS)
-            raise Refused(
-                Response.UNKNOWN_METHOD, f"method is {method!r}; expected one of {expected}"
-            )
-        limit = self._limit(request.time_limit)
-        try:
-            mission = self._shelf.get(request.mission or self.values["mission"])
-        except MissionError as error:
-            raise Refused(Response.INVALID_MISSION, str(error)) from error
-        state = _navigation(request.nav_state) if request.use_nav_state else mission.start
-        begun = time.monotonic()
-        try:
-            solution = _solve(mission, method, state, limit)
-        except UnfitMethod as error:
-            raise Refused(Response.UNFIT_METHOD, str(error)) from error
-        except OptimizerError as error:
-            raise Refused(Response.INVALID_STATE, str(error)) from error
-        response.solve_time = time.monotonic() - begun
-        response.method = method
-        _fill(response, solution)
-        if solution.converged:
-            return
-        raise Refused(ERROR_CODES[solution.status], solution.reason)
-
-    def _limit(self, asked: float) -> float:
-        if asked == 0.0:
-            return float(self.values["time_limit_s"])
-        if not 0.0 < asked <= LONGEST:
-            raise Refused(
-                Response.INVALID_TIME_LIMIT,
-                f"time_limit is {asked:g} s; expected 0 for the server's own, or more, to "
-                f"{LONGEST:g} s",
-            )
-        return asked
-
-
-def _solve(
-    mission: Prepared, method: str, state: NDArray[np.void], time_limit_s: float | None
-) -> Solution:
-    """Solve as fast as the method allows: only the direct ones need the verification flight."""
-    return solve(
-        mission.arrays,
-        method,
-        state=state,
-        heating=mission.heating,
-        time_limit_s=time_limit_s,
-        verify=method not in INDIRECT_METHODS,
-    )
-
-
-def _empty() -> Any:
-    """A response of a request for which nothing was solved."""
-    return Response(jettison_time=math.nan, cutoff_time=math.nan, final_mass=math.nan)
-
-
-def _refuse(response: Any, code: int, reason: str) -> None:
-    response.error_code = code
-    response.message = " ".join(reason.split())
-    response.converged = False
-
-
-def _navigation(message: NavState) -> NDArray[np.void]:
-    record = np.zeros(1, NAVIGATION)
-    record["time"] = ns_from_stamp(message.stamp) / NANOSECONDS
-    for name in NAVIGATION.names or ():
-        if name != "time":
-            record[name] = getattr(message, name)
-    return record
-
-
-def _doubles(values: Any) -> "array[float]":
-    """Numbers as a message takes them at once, without looking at each."""
-    return array("d", np.ascontiguousarray(values, dtype=np.float64).tobytes())
-
-
-def _coasts(arc: SteeringArc) -> bool:
-    return arc.delta_v_m_s == 0.0
-
-
-def _fill(response: Any, solution: Solution) -> None:
-    response.converged = solution.converged
-    response.jettison_time = solution.t_plf_s
-    response.cutoff_time = solution.t_meco_s
-    response.final_mass = solution.m_f_kg
-    response.iterations = solution.iterations
-    arcs = solution.arcs
-    response.arc_start_time = _doubles([arc.start_s for arc in arcs])
-    response.arc_end_time = _doubles([arc.end_s for arc in arcs])
-    response.arc_start_mass = _doubles([arc.start_mass_kg for arc in arcs])
-    response.arc_end_mass = _doubles([arc.end_mass_kg for arc in arcs])
-    response.arc_delta_v = _doubles([arc.delta_v_m_s for arc in arcs])
-    steering = np.array(
-        [
-            (arc.reference_time_s, *arc.direction, *arc.direction_rate, *arc.primer_rate)
-            for arc in arcs
-        ]
-    ).reshape(-1, 10)
-    steering[[_coasts(arc) for arc in arcs]] = math.nan
-    response.steering_reference_time = _doubles(steering[:, 0])
-    response.steering_direction = _doubles(steering[:, 1:4])
-    response.steering_direction_rate = _doubles(steering[:, 4:7])
-    response.primer_rate = _doubles(steering[:, 7:10])
-    response.flown_arc = [arc.arc for arc in solution.flown]
-    response.flown_start_time = _doubles([arc.start_s for arc in solution.flown])
-    response.flown_end_time = _doubles([arc.end_s for arc in solution.flown])
-    flight = solution.trajectory
-    if flight is not None:
-        direction = flight.direction.copy()
-        for arc in filter(_coasts, arcs):
-            first = np.searchsorted(flight.time_s, arc.start_s, side="right") - 1
-            last = np.searchsorted(flight.time_s, arc.end_s, side="left")
-            direction[max(first, 0) : last + 1] = math.nan
-        response.sample_time = _doubles(flight.time_s)
-        response.sample_position = _doubles(flight.position)
-        response.sample_velocity = _doubles(flight.velocity)
-        response.sample_mass = _doubles(flight.mass)
-        response.sample_direction = _doubles(direction)
+        return self._answers.answer(request)

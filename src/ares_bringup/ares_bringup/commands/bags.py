@@ -1,8 +1,9 @@
 """What `ares bag` and `ares replay` print. ROS is needed for the replay only."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from rich.table import Table
 from rich.text import Text
@@ -36,9 +37,9 @@ def show_bag(path: Path, as_json: bool) -> int:
         print(json.dumps(_contents(bag) | {"findings": found.findings}, indent=2, allow_nan=False))
         return _status(found)
     out = console()
-    out.print(Text(f"{bag.file}, {number(bag.file.stat().st_size / 1e6, 2)} MB"), soft_wrap=True)
+    out.print(Text(f"{bag.file}, {number(_size(bag) / 1e6, 2)} MB{_more(bag)}"), soft_wrap=True)
     for name, value in sorted(bag.custom_data.items()):
-        out.print(Text(f"{name:<12}{value}"), soft_wrap=True)
+        out.print(Text(f"{name:<11} {_readable(value)}"), soft_wrap=True)
     start, end = bag.start_ns / NANOSECONDS, bag.end_ns / NANOSECONDS
     out.print(f"{'time':<12}{number(start, 3)} to {number(end, 3)} s")
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
@@ -48,11 +49,34 @@ def show_bag(path: Path, as_json: bool) -> int:
     for name, topic in bag.topics.items():
         table.add_row(f"{topic.count:,}", Text(name), Text(topic.type_name))
     out.print(table)
+    for reason in bag.left_out.values():
+        out.print(Text(f"left out: {reason}"), soft_wrap=True)
+    if bag.timed_by_stamps:
+        out.print("log times are of a wall clock: each message counts for the time of its stamp")
     if found.findings:
         _print_damage(found)
     else:
         out.print("checksums, indexes and counts are right; `ares bag verify` decodes too")
     return _status(found)
+
+
+def _size(bag: Bag) -> int:
+    return sum(file.stat().st_size for file in bag.files)
+
+
+def _more(bag: Bag) -> str:
+    return f" in {len(bag.files)} files" if len(bag.files) > 1 else ""
+
+
+def _readable(value: str) -> str:
+    """A text of the custom data; what is a JSON object as a list."""
+    try:
+        entries = json.loads(value)
+    except ValueError:
+        entries = None
+    if not isinstance(entries, dict):
+        return value
+    return ", ".join(f"{name} {entry}" for name, entry in entries.items())
 
 
 def _status(found: Verification) -> int:
@@ -112,7 +136,8 @@ def _verification(found: Verification) -> dict[str, object]:
 def _contents(bag: Bag) -> dict[str, object]:
     return {
         "file": str(bag.file.absolute()),
-        "size_bytes": bag.file.stat().st_size,
+        "files": [str(file.absolute()) for file in bag.files],
+        "size_bytes": _size(bag),
         "start_s": bag.start_ns / NANOSECONDS,
         "end_s": bag.end_ns / NANOSECONDS,
         "messages": bag.message_count,
@@ -142,16 +167,22 @@ def repair_bag(path: Path, into: Path | None) -> int:
     return EXIT_DAMAGED if result.lost != 0 else 0
 
 
-def replay_bag(path: Path, rate: float, topics: Sequence[str], namespace: str | None) -> int:
-    """Publish a bag again until its end or a signal; returns the exit status.
+def replay_bag(path: Path, pace: float, extract: Mapping[str, Any], namespace: str | None) -> int:
+    """Publish a bag again until its end, a key or a signal; returns the exit status.
+
+    Args:
+        path: the bag.
+        pace: real-time factor; 0 as fast as the readers take it.
+        extract: attributes of `ares_bags.replay.Extract`.
+        namespace: put in front of every topic name.
 
     Raises:
         CannotStart: the namespace has no name.
     """
     if namespace is not None and not namespace.strip("/"):
         raise CannotStart(f"--namespace is {namespace!r}; expected a name such as /again")
-    from ares_bags.replay import run_replay
+    from ares_bags.replay import Extract, run_replay
     from ares_bringup.discovery import apply_discovery_settings
 
     apply_discovery_settings()
-    return run_replay(path, rate=rate, topics=list(topics) or None, namespace=namespace or "")
+    return run_replay(path, rate=pace, extract=Extract(**extract), namespace=namespace or "")

@@ -8,6 +8,7 @@ import os
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -57,6 +58,14 @@ EXIT_STATUSES = """Exit status:
 \b
 Flown to the target means: radius within 100 m, speed 0.1 m/s, flight-path
 angle 0.001 deg, inclination, node and argument of perigee 0.01 deg.
+"""
+
+CHECK_STATUSES = """Exit status of --check:
+
+\b
+  0    every command and status is equal within 1e-12
+  1    they part, or a command is missing: where, and by how much
+  2    it cannot be checked, or not to its end
 """
 
 LAWS_HELP = f"Guidance law: {', '.join(law_names())}."
@@ -181,6 +190,9 @@ def fly(
     attitude_rate_limit: Annotated[
         float, typer.Option(min=0.0, help="Fastest turn of the thrust, deg/s; 0: none.")
     ] = 0.0,
+    view: Annotated[
+        bool, typer.Option("--view", help="Show it in standard messages too: RViz, maps.")
+    ] = False,
     domain_id: Annotated[
         int | None,
         typer.Option(
@@ -203,30 +215,40 @@ def fly(
         pace = PACE_TO_WATCH if live else 0.0
     from ares_bringup.fly import fly as fly_mission
 
-    summary = fly_mission(
-        FlyOptions(
-            mission=mission,
-            guidance=guidance,
-            in_process=in_process,
-            record=not no_record,
-            bag=bag,
-            seed=seed,
-            dispersions=dispersions,
-            flight=flight,
-            pace=pace,
-            navigation_period_s=nav_period,
-            cycle_period_s=cycle_period,
-            hold_time_s=hold_time,
-            heating_source=heating_source,
-            initial_guess=initial_guess,
-            attitude_rate_limit_deg_s=attitude_rate_limit,
-            domain_id=domain_id,
-            namespace=namespace,
-            live=page if live else None,
-        ),
-        begun=_BEGUN,
-        greet=(lambda _line: None) if as_json else typer.echo,
+    options = FlyOptions(
+        mission=mission,
+        guidance=guidance,
+        in_process=in_process,
+        record=not no_record,
+        bag=bag,
+        seed=seed,
+        dispersions=dispersions,
+        flight=flight,
+        pace=pace,
+        navigation_period_s=nav_period,
+        cycle_period_s=cycle_period,
+        hold_time_s=hold_time,
+        heating_source=heating_source,
+        initial_guess=initial_guess,
+        attitude_rate_limit_deg_s=attitude_rate_limit,
+        view=view,
+        domain_id=domain_id,
+        namespace=namespace,
+        live=page if live else None,
     )
+    with ExitStack() as shown:
+        show = None
+        if not as_json and sys.stderr.isatty():
+            from ares_bringup.report import console
+            from ares_bringup.terminal import TerminalView
+
+            show = shown.enter_context(TerminalView(console(sys.stderr))).show
+        summary = fly_mission(
+            options,
+            begun=_BEGUN,
+            greet=(lambda _line: None) if as_json else typer.echo,
+            show=show or (lambda _monitor: None),
+        )
     if as_json:
         typer.echo(json.dumps(summary.to_json(), indent=2, allow_nan=False))
     else:
@@ -453,21 +475,72 @@ def bag_repair(
     raise typer.Exit(repair_bag(bag, into))
 
 
-@app.command()
+@app.command(epilog=CHECK_STATUSES)
 def replay(
     bag: Annotated[Path, typer.Argument(metavar="BAG", help="Folder of a bag.")],
     pace: Annotated[
-        float, typer.Option(min=0.0, help="Real-time factor; 0: as fast as readers take it.")
-    ] = 1.0,
+        float | None,
+        typer.Option(min=0.0, help="Real-time factor; 0: as fast as readers take it. Default: 1."),
+    ] = None,
+    start: Annotated[float | None, typer.Option(help="Flight time from which on, s.")] = None,
+    end: Annotated[float | None, typer.Option(help="Flight time up to which, s.")] = None,
+    loop: Annotated[
+        bool, typer.Option("--loop", help="Begin again at the end; the clock jumps back.")
+    ] = False,
     topic: Annotated[
         list[str] | None, typer.Option(help="Only this topic; may be given again.")
     ] = None,
     namespace: Annotated[str | None, typer.Option(help="Put in front of every topic name.")] = None,
+    check: Annotated[
+        bool,
+        typer.Option(
+            "--check",
+            help="Publish nothing: give the recorded navigation to guidance as it is now and "
+            "compare each command.",
+        ),
+    ] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Of --check: print one JSON object.")
+    ] = False,
+    mission: Annotated[
+        str | None, typer.Option(help="Of --check: in place of the recorded mission.")
+    ] = None,
+    guidance: Annotated[
+        str | None, typer.Option(help="Of --check: law in place of the recorded one.")
+    ] = None,
+    setting: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="NAME=VALUE",
+            help="Of --check: a parameter of guidance in place of the recorded one; may be given "
+            "again.",
+        ),
+    ] = None,
 ) -> None:
-    """Publish a recorded flight again, with its clock."""
+    """Publish a recorded flight again, with its clock; or check it against guidance.
+
+    On a terminal, space pauses and goes on, + and - change the pace, left and right go 10 s,
+    q ends.
+    """
+    published = (pace, start, end, topic, namespace)
+    if check:
+        if loop or any(given is not None for given in published):
+            raise BadInput("--check publishes nothing: it goes without the options of publishing")
+        from ares_bringup.commands.check import check_bag, parse_settings
+
+        given = {"mission": mission, "law": guidance}
+        settings = {name: value for name, value in given.items() if value is not None}
+        settings |= parse_settings(setting or ())
+        raise typer.Exit(check_bag(bag, settings, as_json))
+    if as_json or any(given is not None for given in (mission, guidance, setting)):
+        raise BadInput("--json, --mission, --guidance and --set go with --check only")
+    if start is not None and end is not None and end < start:
+        raise BadInput(f"--end is {end:g}; expected at least --start, {start:g}")
     from ares_bringup.commands.bags import replay_bag
 
-    raise typer.Exit(replay_bag(bag, pace, topic or (), namespace))
+    extract = {"topics": topic or None, "start_s": start, "end_s": end, "loop": loop}
+    raise typer.Exit(replay_bag(bag, 1.0 if pace is None else pace, extract, namespace))
 
 
 @app.command()
@@ -532,6 +605,7 @@ NODES = {
     "guidance": "ares_guidance",
     "optimizer": "ares_optimizer",
     "recorder": "ares_bags",
+    "view": "ares_view.standard",
 }
 
 
@@ -541,7 +615,7 @@ NODES = {
 def node(
     context: typer.Context,
     name: Annotated[
-        str, typer.Argument(metavar="sim|guidance|optimizer|recorder", help="Which node.")
+        str, typer.Argument(metavar="sim|guidance|optimizer|recorder|view", help="Which node.")
     ],
 ) -> None:
     """Run one node; what follows its name goes to it."""

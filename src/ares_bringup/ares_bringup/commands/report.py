@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from ares_bags.reader import find_file
+from ares_bags.files import find_file
 from ares_bringup.options import CannotStart
 from ares_bringup.recorded import RecordedFlight, read_flight
 from ares_bringup.report import ORBIT_ERRORS, number, shown_path

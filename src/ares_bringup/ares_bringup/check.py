@@ -1,0 +1,454 @@
+"""A recorded flight held against guidance as it is now: every command, every status.
+
+The navigation states of the bag are given to a guidance that has heard nothing else, by the code
+of its node, in this process and without a graph.
+"""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.serialization import deserialize_message
+
+from ares_bags.errors import BagError
+from ares_bags.reader import Bag, open_bag
+from ares_bags.types import check_installed
+from ares_bags.writer import GUIDANCE_KEY, INCOMPLETE_KEY
+from ares_bringup.options import CannotStart
+from ares_guidance.laws import find_law
+from ares_guidance.messages import ANSWER_TAKEN, ASKED_AT_NS, Answers, mission_digest
+from ares_guidance.node import PARAMETERS
+from ares_guidance.registry import law_names
+from ares_models.mission import Mission, load_mission
+from ares_models.software import software
+from ares_msgs.msg import GuidanceStatus, NavState, ThrustCommand
+from ares_node.identity import id_text
+from ares_node.membership import FLIGHT_ID
+from ares_node.time import ns_from_stamp
+
+#: Largest difference that counts as equal, relative to the number, or to the vector it is of.
+TOLERANCE = 1e-12
+NANOSECONDS = 1e9
+
+COMMAND = "thrust_command"
+STATUS = "guidance_status"
+KINDS = {COMMAND: ThrustCommand, STATUS: GuidanceStatus}
+#: Fields that say which message it is, not what it says.
+IDENTITIES = ("stamp", "flight_id", "guidance_id")
+#: How guidance begins to say that it starts without the optimizer.
+WITHOUT_ANSWER = "optimizer: "
+
+#: What guidance may have been told, with its defaults.
+SETTINGS = {item.name: item for item in PARAMETERS if item is not FLIGHT_ID}
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A number that is not the same.
+
+    Attributes:
+        time_s: flight time.
+        topic: `thrust_command` or `guidance_status`.
+        field: `direction[2]`.
+        recorded: in the bag.
+        now: by guidance as it is now.
+        relative: their difference over the size of the number, or of the vector it is of; inf
+            where one of them is no number.
+    """
+
+    time_s: float
+    topic: str
+    field: str
+    recorded: float
+    now: float
+    relative: float
+
+
+@dataclass
+class Check:
+    """What came out.
+
+    Attributes:
+        path: the bag.
+        mission: that was flown.
+        law: that steered at first.
+        recorded_by: software of the flight; empty: the bag does not say.
+        software: that of now.
+        notes: what was assumed, and what is not as it was; one line each.
+        compared: messages by topic.
+        unanswered_s: times of the navigation states that have no command in the bag and get one.
+        unexpected_s: times of commands in the bag that guidance does not give now.
+        cut: why not all of the bag was compared; empty: it was.
+        first: where they part; None: nowhere.
+        largest: the largest difference of each field that differs at all.
+    """
+
+    path: Path
+    mission: str
+    law: str
+    recorded_by: str
+    software: str
+    notes: list[str] = field(default_factory=list)
+    compared: dict[str, int] = field(default_factory=dict)
+    unanswered_s: list[float] = field(default_factory=list)
+    unexpected_s: list[float] = field(default_factory=list)
+    cut: str = ""
+    first: Difference | None = None
+    largest: list[Difference] = field(default_factory=list)
+
+    @property
+    def equal(self) -> bool:
+        """Every command and status is the same within TOLERANCE, and none is missing."""
+        return self.first is None and not self.unanswered_s and not self.unexpected_s
+
+
+@dataclass
+class _Recorded:
+    """What a bag holds of a flight's guidance, by stamp in ns.
+
+    Attributes:
+        states: stamp, sequence and measured state of each navigation state, in order.
+        said: by topic, messages by stamp.
+        reports: stamp and status of each report of guidance.
+    """
+
+    states: list[tuple[int, int, bytes]]
+    said: dict[str, dict[int, Any]]
+    reports: list[tuple[int, Any]]
+
+
+@dataclass(frozen=True)
+class _Turn:
+    """The states that one guidance had to answer: indices of states from begin to end."""
+
+    guidance_id: int
+    begin: int
+    end: int
+
+
+def check(path: Path, given: Mapping[str, str]) -> Check:
+    """Give the recorded navigation to a fresh guidance and compare.
+
+    Args:
+        path: the bag.
+        given: settings of guidance by name, in place of those recorded.
+
+    Raises:
+        CannotStart: it cannot be checked; one line.
+    """
+    try:
+        bag = open_bag(path)
+        recorded = _read(bag)
+    except BagError as error:
+        raise CannotStart(str(error)) from error
+    turns = _turns(recorded)
+    flown = [_flown_by(bag, recorded, turn, given) for turn in turns]
+    values, told, notes = flown[0]
+    mission = _mission(path, values["mission"])
+    result = Check(
+        path, mission.name, values["law"], told.get("software", ""), software(), notes=notes
+    )
+    _note_software(result, told, mission)
+    if reason := bag.custom_data.get(INCOMPLETE_KEY):
+        result.notes.append(f"the bag is incomplete: {reason}")
+    answered: dict[str, dict[int, Any]] = {COMMAND: {}, STATUS: {}}
+    for turn, (values, _, _) in zip(turns, flown, strict=True):
+        _fly(recorded, turn, values, mission, result, answered)
+    _compare(recorded, answered, result)
+    return result
+
+
+# ---- the bag
+
+
+def _read(bag: Bag) -> _Recorded:
+    """What is compared; BagError: something of it is missing or damaged."""
+    for name in ("nav_state", *KINDS):
+        check_installed(bag, bag.topics[bag.name_of(name)])
+    states = []
+    for _, _, data in bag.raw_messages(["nav_state"]):
+        state = deserialize_message(data, NavState)
+        states.append((ns_from_stamp(state.stamp), int(state.sequence), data))
+    said: dict[str, dict[int, Any]] = {}
+    for name, kind in KINDS.items():
+        messages = (deserialize_message(data, kind) for _, _, data in bag.raw_messages([name]))
+        said[name] = {ns_from_stamp(message.stamp): message for message in messages}
+    if not states or not said[COMMAND]:
+        what = COMMAND if states else "nav_state"
+        raise BagError(f"bag {bag.path} cannot be checked: {what} is empty")
+    reports = []
+    if "/diagnostics" in bag.topics:
+        for _, message in bag.messages("/diagnostics"):
+            stamp = message.header.stamp
+            at = int(stamp.sec) * 10**9 + int(stamp.nanosec)
+            reports += [(at, s) for s in message.status if s.name.endswith("/guidance")]
+    return _Recorded(states, said, reports)
+
+
+def _turns(recorded: _Recorded) -> list[_Turn]:
+    """Who had to answer which states: another guidance may have come for one that was lost."""
+    heard: dict[int, int] = {}
+    for messages in recorded.said.values():
+        for stamp, message in messages.items():
+            identity = int(message.guidance_id)
+            heard[identity] = min(stamp, heard.get(identity, stamp))
+    order = sorted(heard, key=lambda identity: heard[identity])
+    stamps = [stamp for stamp, _, _ in recorded.states]
+    begins = [0, *(int(np.searchsorted(stamps, heard[identity])) for identity in order[1:])]
+    ends = [*begins[1:], len(stamps)]
+    return [_Turn(*turn) for turn in zip(order, begins, ends, strict=True)]
+
+
+# ---- what the flight was flown by
+
+
+def _flown_by(
+    bag: Bag, recorded: _Recorded, turn: _Turn, given: Mapping[str, str]
+) -> tuple[dict[str, Any], dict[str, Any], list[str]]:
+    """Settings of a guidance, what the bag tells of them, and what of them was assumed."""
+    told = _told(bag, turn.guidance_id)
+    notes = []
+    values = {name: item.default for name, item in SETTINGS.items()}
+    for name in ("mission", "law"):
+        if bag.custom_data.get(name):
+            told.setdefault(name, bag.custom_data[name])
+    if "law" not in told and "law" not in given and (law := _law_of(recorded, turn)):
+        told["law"] = law
+        notes.append(f"the bag does not say which law steered: {law}, by its guidance_status")
+    values |= {name: value for name, value in told.items() if name in values}
+    for name, text in given.items():
+        values[name] = _parsed(name, text)
+        if name in told and told[name] != values[name]:
+            notes.append(f"{name} was {told[name]} in the flight, given is {values[name]}")
+    if "mission" not in told and "mission" not in given:
+        raise CannotStart(f"bag {bag.path} does not say which mission was flown; --mission does")
+    unknown = [name for name in values if name not in told and name not in given]
+    if unknown:
+        assumed = ", ".join(f"{name} {_shown(values[name])}" for name in unknown)
+        notes.append(f"assumed, since the bag does not say (--set gives another): {assumed}")
+    return values, told, notes
+
+
+def _told(bag: Bag, guidance_id: int) -> dict[str, Any]:
+    """What the recorder has heard of a guidance."""
+    try:
+        told = json.loads(bag.custom_data.get(GUIDANCE_KEY + id_text(guidance_id), "{}"))
+    except ValueError:
+        told = None
+    if not isinstance(told, dict):
+        raise CannotStart(
+            f"bag {bag.path}: what it says of guidance {id_text(guidance_id)} is no JSON object"
+        )
+    return told
+
+
+def _shown(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _law_of(recorded: _Recorded, turn: _Turn) -> str:
+    """The law that a guidance says it flies; empty: none of ours."""
+    codes = {
+        int(status.law)
+        for status in recorded.said[STATUS].values()
+        if int(status.guidance_id) == turn.guidance_id
+    }
+    names = {find_law(name).code: name for name in law_names()}
+    # peg flies for the others where they find nothing
+    return next((names[code] for code in sorted(codes, reverse=True) if code in names), "")
+
+
+def _parsed(name: str, text: str) -> Any:
+    """A setting that was given."""
+    if name not in SETTINGS:
+        raise CannotStart(f"setting is {name!r}; expected one of {', '.join(SETTINGS)}")
+    item = SETTINGS[name]
+    if item.choices and text not in item.choices:
+        raise CannotStart(f"{name} is {text!r}; expected one of {', '.join(item.choices)}")
+    try:
+        return type(item.default)(text)
+    except ValueError as error:
+        kind = "an integer" if isinstance(item.default, int) else "a number"
+        raise CannotStart(f"{name} is {text!r}; expected {kind}") from error
+
+
+def _mission(path: Path, name: str) -> Mission:
+    try:
+        return load_mission(name)
+    except ValueError as error:
+        raise CannotStart(f"bag {path} is of a mission that cannot be read: {error}") from error
+
+
+def _note_software(result: Check, told: Mapping[str, Any], mission: Mission) -> None:
+    """What else of the flight is not as it was."""
+    if told.get("mission_digest", mission_digest(mission)) != mission_digest(mission):
+        result.notes.append(f"mission {mission.name} has other numbers now than it had then")
+    if result.recorded_by and result.recorded_by != result.software:
+        result.notes.append("another version flew: its last digits may differ, and its law")
+
+
+# ---- guidance as it is now
+
+
+def _fly(
+    recorded: _Recorded,
+    turn: _Turn,
+    values: Mapping[str, Any],
+    mission: Mission,
+    result: Check,
+    answered: Mapping[str, dict[int, Any]],
+) -> None:
+    """Give a turn's states to a guidance; its answers by topic and stamp go into `answered`."""
+    try:
+        answers = Answers(mission, values)
+    except ValueError as error:
+        raise CannotStart(" ".join(str(error).split())) from error
+    states = recorded.states[turn.begin : turn.end]
+    heard = {
+        stamp
+        for messages in recorded.said.values()
+        for stamp, message in messages.items()
+        if int(message.guidance_id) == turn.guidance_id
+    }
+    if answers.wants_guess:
+        # what came before its first answer it let pass
+        states = [state for state in states if state[0] >= min(heard)]
+        _start(recorded, answers, values, result)
+    before: int | None = None
+    for stamp, sequence, data in states:
+        if before is not None and sequence != before + 1:
+            result.cut = (
+                f"navigation states {before + 1} to {sequence - 1} are missing in the bag: what "
+                f"guidance knew from {stamp / NANOSECONDS:.3f} s on cannot be known"
+            )
+            return
+        before = sequence
+        if answers.law.steered and stamp not in heard:
+            # it did not get this one, or a cycle would have left its status
+            result.unanswered_s.append(stamp / NANOSECONDS)
+            continue
+        due = answers.step(stamp, answers.read(data)[3])
+        if answers.law.steered:
+            answered[COMMAND][stamp] = answers.command()
+        if due:
+            answered[STATUS][stamp] = answers.status()
+
+
+def _start(recorded: _Recorded, answers: Answers, values: Mapping[str, Any], result: Check) -> None:
+    """Ask the optimizer what the flight asked it, and start from what it answers."""
+    from ares_optimizer.messages import Answers as Optimizer
+
+    taken = [(at, status) for at, status in recorded.reports if status.message == ANSWER_TAKEN]
+    refused = [s.message for _, s in recorded.reports if s.message.startswith(WITHOUT_ANSWER)]
+    if refused and not taken and not answers.law.lacks_plan:
+        result.notes.append(f"as in the flight, without the optimizer: {refused[0]}")
+        return
+    asked_at, method = recorded.states[0][0], "indirect"
+    if taken:
+        told = {value.key: value.value for value in taken[0][1].values}
+        asked_at, method = int(told[ASKED_AT_NS]), told["method"]
+    else:
+        result.notes.append(
+            "assumed, since the bag does not say: the optimizer answered the first navigation "
+            "state by its own method"
+        )
+    data = next((data for stamp, _, data in recorded.states if stamp == asked_at), None)
+    if data is None:
+        raise CannotStart(
+            f"bag {result.path} cannot be checked: the navigation state at "
+            f"{asked_at / NANOSECONDS:.3f} s, from which the optimizer was asked, is not in it"
+        )
+    request = answers.request(deserialize_message(data, NavState))
+    request.method = request.method or method
+    # the answer came in time then; how fast this machine is does not count
+    request.time_limit = 0.0
+    answer = Optimizer(values["mission"], method, 600.0).answer(request)
+    result.notes.append(f"the optimizer's answer was found again, by its method {answer.method}")
+    try:
+        if answer.error_code:
+            raise ValueError(answer.message)
+        answers.start_from(answer)
+    except ValueError as error:
+        raise CannotStart(
+            f"bag {result.path} cannot be checked: the optimizer, asked again, gives no start: "
+            f"{error}"
+        ) from error
+
+
+# ---- what differs
+
+
+def _compare(recorded: _Recorded, answered: Mapping[str, Mapping[int, Any]], result: Check) -> None:
+    for topic, kind in KINDS.items():
+        fresh, then = answered[topic], recorded.said[topic]
+        stamps = sorted(fresh.keys() & then.keys())
+        result.compared[topic] = len(stamps)
+        missing = sorted(fresh.keys() - then.keys())
+        result.unanswered_s += [stamp / NANOSECONDS for stamp in missing]
+        last = max(fresh, default=0) if result.cut else math.inf
+        extra = sorted(stamp for stamp in then.keys() - fresh.keys() if stamp <= last)
+        result.unexpected_s += [stamp / NANOSECONDS for stamp in extra]
+        for name in kind.get_fields_and_field_types():
+            if name not in IDENTITIES and stamps:
+                pair = [
+                    _column([getattr(messages[stamp], name) for stamp in stamps])
+                    for messages in (then, fresh)
+                ]
+                _compare_field(topic, name, stamps, pair, result)
+    result.unanswered_s.sort()
+
+
+def _column(values: Sequence[Any]) -> NDArray[np.float64]:
+    """A field of all messages as numbers, shape (n, m)."""
+    if hasattr(values[0], "nanosec"):
+        values = [ns_from_stamp(value) for value in values]
+    rows = [np.atleast_1d(np.asarray(value, dtype=np.float64)) for value in values]
+    width = max(len(row) for row in rows)
+    column = np.full((len(rows), width), math.nan)
+    for row, numbers in zip(column, rows, strict=True):
+        row[: len(numbers)] = numbers
+    return column
+
+
+def _compare_field(
+    topic: str,
+    name: str,
+    stamps: Sequence[int],
+    pair: Sequence[NDArray[np.float64]],
+    result: Check,
+) -> None:
+    width = max(column.shape[1] for column in pair)
+    then, now = (
+        np.pad(column, ((0, 0), (0, width - column.shape[1])), constant_values=math.nan)
+        for column in pair
+    )
+    same = (then == now) | (np.isnan(then) & np.isnan(now))
+    if same.all():
+        return
+    sizes = [np.linalg.norm(np.nan_to_num(column), axis=1, keepdims=True) for column in (then, now)]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        relative = np.abs(then - now) / np.maximum(*sizes)
+    relative = np.where(same, 0.0, np.where(np.isfinite(relative), relative, math.inf))
+
+    def at(row: int, k: int) -> Difference:
+        return Difference(
+            stamps[row] / NANOSECONDS,
+            topic,
+            f"{name}[{k}]" if width > 1 else name,
+            float(then[row, k]),
+            float(now[row, k]),
+            float(relative[row, k]),
+        )
+
+    row, k = np.unravel_index(int(np.argmax(relative)), relative.shape)
+    result.largest.append(at(int(row), int(k)))
+    beyond = np.flatnonzero(np.max(relative, axis=1) > TOLERANCE)
+    if len(beyond):
+        first = at(int(beyond[0]), int(np.argmax(relative[beyond[0]])))
+        if result.first is None or first.time_s < result.first.time_s:
+            result.first = first

@@ -1,0 +1,222 @@
+"""The law between messages: navigation states in, commands and status out.
+
+The node answers with it, and so does whoever gives it the states of a bag.
+"""
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import fields
+from hashlib import sha256
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_guidance.guess import OfflineTrajectory
+from ares_guidance.law import Law, LawSettings
+from ares_guidance.laws import make_law
+from ares_models.arrays import HEATING_LIMIT, NAVIGATION
+from ares_models.mission import Mission
+from ares_models.software import software
+from ares_msgs.msg import GuidanceStatus, NavState, ThrustCommand
+from ares_msgs.srv import SolveTrajectory
+from ares_node.states import StateMessage
+from ares_node.time import NANOSECONDS, stamp_from_ns
+
+#: Method of the optimizer that the law can ask for.
+ANALYTIC = "analytic"
+#: Reported once where the law starts from the optimizer's answer, with its method and the stamp
+#: of the navigation state in the request.
+ANSWER_TAKEN = "starting from the optimizer's answer"
+ASKED_AT_NS = "asked_at_ns"
+
+
+def mission_digest(mission: Mission) -> str:
+    """What tells a mission from another of its name: a digest of all its numbers."""
+    return sha256(mission.model_dump_json().encode()).hexdigest()[:16]
+
+
+class Answers:
+    """What a law answers to the navigation states of one flight, as messages.
+
+    Attributes:
+        law: the law.
+        identity: flight_id and guidance_id of what is answered.
+    """
+
+    def __init__(self, mission: Mission, values: Mapping[str, Any]) -> None:
+        """Prepare for the first navigation state.
+
+        Args:
+            mission: as guidance believes it.
+            values: parameters of the node guidance by name, but for flight_id.
+
+        Raises:
+            ValueError: no such law, a setting out of its range, or a law that cannot fly this
+                mission; one line.
+        """
+        self.arrays = mission.arrays(foreseen=True)
+        self.law: Law = make_law(
+            values["law"],
+            self.arrays,
+            LawSettings(**{item.name: values[item.name] for item in fields(LawSettings)}),
+        )
+        self.identity = (0, 0)
+        self._values = values
+        self._mission = mission
+        self._heating_jettisons = int(np.sum(self.arrays.jettisons["criterion"] == HEATING_LIMIT))
+        self._state_message = StateMessage(NavState)
+        self._nav = np.zeros(1, NAVIGATION)
+        self._measured = self._nav[list(self._state_message.fields)]
+        self._stamp = stamp_from_ns(0)
+
+    # ---- what it flies by
+
+    def settings(self) -> str:
+        """All that decides what is answered: a JSON object of the node's parameters and more.
+
+        `software` names what computes, `mission_digest` the numbers of the mission.
+        """
+        about = {"software": software(), "mission_digest": mission_digest(self._mission)}
+        return json.dumps(about | dict(self._values))
+
+    @property
+    def wants_guess(self) -> bool:
+        """Whether the optimizer is asked before the first answer."""
+        law = self.law
+        needed = law.kind.needs_trajectory or law.lacks_plan
+        return bool(self._values["initial_guess"] != "none" or needed)
+
+    def request(self, state: NavState) -> SolveTrajectory.Request:
+        """What the optimizer is asked from a navigation state."""
+        analytic = not self.law.lacks_plan and self._values["initial_guess"] != "optimizer"
+        return SolveTrajectory.Request(
+            mission=self._values["mission"],
+            method=ANALYTIC if analytic else "",
+            use_nav_state=True,
+            nav_state=state,
+            time_limit=self._values["optimizer_timeout_s"],
+        )
+
+    def start_from(self, answer: SolveTrajectory.Response) -> None:
+        """Start from the optimizer's answer.
+
+        Raises:
+            ValueError: it is no start; one line.
+        """
+        self.law.start_from(_trajectory(answer))
+
+    # ---- the flight
+
+    def read(self, data: bytes) -> tuple[int, int, int, Any]:
+        """Stamp in ns, flight_id, sequence and measured state of a NavState as CDR."""
+        return self._state_message.read(data)
+
+    def step(self, now: int, measured: Any) -> bool:
+        """Answer one navigation state.
+
+        Args:
+            now: its stamp, ns.
+            measured: as `read` gives it.
+
+        Returns:
+            Whether a guidance cycle was due: there is a new `status`. The `command` is the
+            answer either way, once `law.steered`.
+        """
+        nav = self._nav[0]
+        nav["time"] = now / NANOSECONDS
+        self._measured[0] = measured
+        self._stamp = stamp_from_ns(now)
+        return self.law.step(nav)
+
+    def command(self) -> ThrustCommand:
+        """The answer to the last state."""
+        flight_id, guidance_id = self.identity
+        steering = self.law.steering[0]
+        return ThrustCommand(
+            stamp=self._stamp,
+            flight_id=flight_id,
+            guidance_id=guidance_id,
+            nav_stamp=self._stamp,
+            reference_time=float(steering["reference_time"]),
+            direction=steering["direction"],
+            direction_rate=steering["direction_rate"],
+            cutoff_time=float(steering["cutoff_time"]),
+            jettison=int(steering["jettison"]),
+            jettison_time=float(steering["jettison_time"]),
+            arc_end_times=steering["arc_end_times"][: len(self.arrays.arcs)],
+        )
+
+    @property
+    def jettison_after_cutoff(self) -> bool:
+        """A heating jettison is still aboard and the plan does without it."""
+        aboard = self._heating_jettisons > int(self._nav[0]["jettisoned"]).bit_count()
+        return bool(aboard and self.law.converged and self.law.steering[0]["jettison"] < 0)
+
+    def status(self) -> GuidanceStatus:
+        """How the law is doing after the last cycle."""
+        flight_id, guidance_id = self.identity
+        state = self.law.state
+        steering = self.law.steering[0]
+        now = float(self._nav[0]["time"])
+        cutoff_time = float(steering["cutoff_time"])
+        return GuidanceStatus(
+            stamp=self._stamp,
+            flight_id=flight_id,
+            guidance_id=guidance_id,
+            cycle=int(state["cycle"]),
+            law=int(state["law"]),
+            phase=int(state["phase"]),
+            error_code=int(state["error"]),
+            converged=self.law.converged,
+            iterations=int(state["iterations"]),
+            total_iterations=int(state["total_iterations"]),
+            stale_cycles=int(state["stale_cycles"]),
+            time_to_go=cutoff_time - now if self.law.converged else math.nan,
+            cutoff_time=cutoff_time,
+            velocity_to_go=state["solution"]["velocity_to_go"],
+            predicted_position=state["predicted_position"],
+            predicted_velocity=state["predicted_velocity"],
+            miss_speed=float(state["solution"]["miss_speed"]),
+            jettison_time=float(steering["jettison_time"]),
+            jettison_after_cutoff=self.jettison_after_cutoff,
+            density_ratio=float(state["density_ratio"]),
+        )
+
+
+def _trajectory(answer: SolveTrajectory.Response) -> OfflineTrajectory:
+    """The optimizer's answer without the message.
+
+    Args:
+        answer: of the optimizer.
+
+    Raises:
+        ValueError: its lists do not belong together.
+    """
+
+    def vectors(values: Any) -> NDArray[np.float64]:
+        return np.reshape(np.asarray(values, dtype=np.float64), (-1, 3))
+
+    def numbers(values: Any) -> NDArray[np.float64]:
+        return np.asarray(values, dtype=np.float64)
+
+    return OfflineTrajectory(
+        jettison_time=answer.jettison_time,
+        cutoff_time=answer.cutoff_time,
+        arc_start_time=numbers(answer.arc_start_time),
+        arc_end_time=numbers(answer.arc_end_time),
+        arc_start_mass=numbers(answer.arc_start_mass),
+        arc_end_mass=numbers(answer.arc_end_mass),
+        arc_delta_v=numbers(answer.arc_delta_v),
+        steering_reference_time=numbers(answer.steering_reference_time),
+        steering_direction=vectors(answer.steering_direction),
+        steering_direction_rate=vectors(answer.steering_direction_rate),
+        primer_rate=vectors(answer.primer_rate),
+        sample_time=numbers(answer.sample_time),
+        sample_position=vectors(answer.sample_position),
+        sample_velocity=vectors(answer.sample_velocity),
+        flown_arc=np.asarray(answer.flown_arc, dtype=np.int64),
+        flown_start_time=numbers(answer.flown_start_time),
+        flown_end_time=numbers(answer.flown_end_time),
+    )

@@ -1,0 +1,184 @@
+"""What is shown of a flight, as messages that every ROS tool knows."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import (
+    Point,
+    PoseStamped,
+    Quaternion,
+    TransformStamped,
+    TwistStamped,
+    Vector3,
+)
+from nav_msgs.msg import Path
+from sensor_msgs.msg import NavSatFix, NavSatStatus
+from std_msgs.msg import ColorRGBA, Header
+from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import Marker
+
+from ares_models.earth import Earth
+from ares_models.frames import Matrix, earth_fixed_from_inertial
+from ares_models.geodesy import earth_fixed_place, geodetic
+from ares_node.time import NANOSECONDS, stamp_from_ns
+from ares_view.standard.frames import (
+    ECEF,
+    ECI,
+    START,
+    VEHICLE,
+    Array,
+    quaternion,
+    start_axes,
+    vehicle_axes,
+)
+
+#: Lengths in the picture, m: of the arrow along the thrust, of the letters of an event.
+ARROW_LENGTH = 400e3
+LETTERS = 120e3
+
+_OCEAN = ColorRGBA(r=0.16, g=0.35, b=0.55, a=1.0)
+_FLAME = ColorRGBA(r=1.0, g=0.55, b=0.1, a=1.0)
+_COAST = ColorRGBA(r=0.65, g=0.65, b=0.65, a=1.0)
+_INK = ColorRGBA(r=0.95, g=0.95, b=0.95, a=1.0)
+
+
+def header(stamp_ns: int, frame: str) -> Header:
+    """A header at a flight time in ns."""
+    return Header(stamp=stamp_from_ns(stamp_ns), frame_id=frame)
+
+
+def _vector(values: Sequence[float] | Array) -> Vector3:
+    x, y, z = (float(value) for value in values)
+    return Vector3(x=x, y=y, z=z)
+
+
+def _point(values: Sequence[float] | Array) -> Point:
+    x, y, z = (float(value) for value in values)
+    return Point(x=x, y=y, z=z)
+
+
+def _rotation(matrix: Matrix) -> Quaternion:
+    x, y, z, w = quaternion(matrix)
+    return Quaternion(x=x, y=y, z=z, w=w)
+
+
+def _transform(
+    stamp_ns: int, parent: str, child: str, origin: Sequence[float] | Array, axes: Matrix
+) -> TransformStamped:
+    """A frame in another: its origin, and its axes in components of the parent."""
+    message = TransformStamped(header=header(stamp_ns, parent), child_frame_id=child)
+    message.transform.translation = _vector(origin)
+    message.transform.rotation = _rotation(axes)
+    return message
+
+
+def moving_frames(stamp_ns: int, state: Any, earth: Earth) -> TFMessage:
+    """Where the Earth and the vehicle are.
+
+    Args:
+        stamp_ns: flight time, ns.
+        state: record with the fields of VehicleState.
+        earth: of the mission.
+    """
+    turned = earth_fixed_from_inertial(stamp_ns / NANOSECONDS, earth.rotation_rate)
+    axes = vehicle_axes(state["position"], state["velocity"], state["thrust_direction"])
+    return TFMessage(
+        transforms=[
+            _transform(stamp_ns, ECI, ECEF, (0.0, 0.0, 0.0), turned.T),
+            _transform(stamp_ns, ECI, VEHICLE, state["position"], axes),
+        ]
+    )
+
+
+def fixed_frames(stamp_ns: int, state: Any, earth: Earth) -> TFMessage:
+    """The place of the start, from the first state; arguments as for `moving_frames`."""
+    place = fix(stamp_ns, state, earth)
+    origin = earth_fixed_place(place.latitude, place.longitude, 0.0, earth)
+    axes = start_axes(place.latitude, place.longitude)
+    return TFMessage(transforms=[_transform(stamp_ns, ECEF, START, origin, axes)])
+
+
+def pose(stamp_ns: int, state: Any) -> PoseStamped:
+    """Position and axes of the vehicle in the root frame."""
+    message = PoseStamped(header=header(stamp_ns, ECI))
+    axes = vehicle_axes(state["position"], state["velocity"], state["thrust_direction"])
+    message.pose.position = _point(state["position"])
+    message.pose.orientation = _rotation(axes)
+    return message
+
+
+def twist(stamp_ns: int, state: Any, turn: Array) -> TwistStamped:
+    """Inertial velocity and the turn of the thrust axis, in components of the root frame.
+
+    Args:
+        stamp_ns: flight time, ns.
+        state: record with the fields of VehicleState.
+        turn: angular velocity, shape (3,), rad/s.
+    """
+    message = TwistStamped(header=header(stamp_ns, ECI))
+    message.twist.linear = _vector(state["velocity"])
+    message.twist.angular = _vector(turn)
+    return message
+
+
+def fix(stamp_ns: int, state: Any, earth: Earth) -> NavSatFix:
+    """Geodetic place of the vehicle on the mission's ellipsoid; its covariance is not known."""
+    time, position = np.array([stamp_ns / NANOSECONDS]), np.array([state["position"]])
+    place = geodetic(time, position, earth)
+    return NavSatFix(
+        header=header(stamp_ns, VEHICLE),
+        status=NavSatStatus(status=NavSatStatus.STATUS_FIX, service=NavSatStatus.SERVICE_GPS),
+        latitude=float(place.latitude_deg[0]),
+        longitude=float(place.longitude_deg[0]),
+        altitude=float(place.height_m[0]),
+        position_covariance_type=NavSatFix.COVARIANCE_TYPE_UNKNOWN,
+    )
+
+
+def path(stamp_ns: int, points: Sequence[PoseStamped]) -> Path:
+    """The way so far, in the root frame."""
+    return Path(header=header(stamp_ns, ECI), poses=list(points))
+
+
+# ---- markers
+
+
+def _marker(stamp_ns: int, frame: str, space: str, number: int, kind: int) -> Marker:
+    message = Marker(header=header(stamp_ns, frame), ns=space, id=number, type=kind)
+    message.action = Marker.ADD
+    message.pose.orientation.w = 1.0
+    message.frame_locked = True
+    return message
+
+
+def nothing(stamp_ns: int) -> Marker:
+    """Takes all markers of a flight before away."""
+    return Marker(header=header(stamp_ns, ECI), action=Marker.DELETEALL)
+
+
+def globe(stamp_ns: int, earth: Earth) -> Marker:
+    """The mission's ellipsoid."""
+    message = _marker(stamp_ns, ECEF, "earth", 0, Marker.SPHERE)
+    wide, high = 2.0 * earth.equatorial_radius, 2.0 * earth.polar_radius
+    message.scale = _vector((wide, wide, high))
+    message.color = _OCEAN
+    return message
+
+
+def arrow(stamp_ns: int, burns: bool) -> Marker:
+    """The vehicle: an arrow along its thrust, grey while no engine burns."""
+    message = _marker(stamp_ns, VEHICLE, "vehicle", 0, Marker.ARROW)
+    message.scale = _vector((ARROW_LENGTH, 0.15 * ARROW_LENGTH, 0.15 * ARROW_LENGTH))
+    message.color = _FLAME if burns else _COAST
+    return message
+
+
+def label(stamp_ns: int, number: int, position: Sequence[float], text: str) -> Marker:
+    """An event, written where it happened."""
+    message = _marker(stamp_ns, ECI, "events", number, Marker.TEXT_VIEW_FACING)
+    message.pose.position = _point(position)
+    message.scale.z = LETTERS
+    message.color = _INK
+    message.text = text
+    return message

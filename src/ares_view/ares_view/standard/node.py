@@ -1,0 +1,326 @@
+"""View node: a flight in standard messages, for RViz, maps and whatever else knows them."""
+
+import math
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped, TwistStamped
+from nav_msgs.msg import Path
+from rclpy.executors import Executor
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import NavSatFix
+from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import Marker
+
+from ares_models.mission import Mission, MissionError, load_mission
+from ares_msgs.msg import FlightEvent, FlightMember, VehicleState
+from ares_node.diagnostics import Level
+from ares_node.membership import Role
+from ares_node.node import FlightNode, NodeError
+from ares_node.parameters import Parameter
+from ares_node.qos import (
+    EVENTS,
+    FLIGHT_EVENT,
+    FLIGHT_MEMBER,
+    MEMBERS,
+    VEHICLE_STATE,
+    reliable,
+)
+from ares_node.states import StateMessage
+from ares_node.time import NANOSECONDS, ns_from_stamp
+from ares_view.standard import messages
+from ares_view.standard.frames import Array, turn_rate
+from ares_view.standard.trail import Trail
+
+POSE = "pose"
+TWIST = "twist"
+FIX = "fix"
+PATH = "path"
+MARKER = "marker"
+TF = "/tf"
+TF_STATIC = "/tf_static"
+
+#: Topics, types and QoS of what is published; that of /tf and /tf_static is tf2's.
+PUBLISHED = {
+    POSE: (PoseStamped, reliable(10)),
+    TWIST: (TwistStamped, reliable(10)),
+    FIX: (NavSatFix, reliable(10)),
+    PATH: (Path, reliable(1, keep_for_late=True)),
+    MARKER: (Marker, reliable(100, keep_for_late=True)),
+    TF: (TFMessage, reliable(100)),
+    TF_STATIC: (TFMessage, reliable(1, keep_for_late=True)),
+}
+#: What is asked of the states: nobody sends one again for a viewer, and the newest are enough.
+GLIMPSE = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=10,
+    reliability=ReliabilityPolicy.BEST_EFFORT,
+    durability=DurabilityPolicy.VOLATILE,
+)
+
+#: Wall time in s between two paths: a message with all points.
+PATH_PERIOD = 1.0
+#: Wall time in s without a state after which another flight may be shown.
+SILENCE = 5.0
+
+ENDS = (FlightEvent.FLIGHT_COMPLETE, FlightEvent.IMPACT, FlightEvent.TIME_LIMIT)
+#: Events that are written into the picture.
+LABELS = {
+    FlightEvent.IGNITION: "ignition",
+    FlightEvent.STAGING: "staging",
+    FlightEvent.JETTISON: "jettison",
+    FlightEvent.CUTOFF: "cut-off",
+    FlightEvent.DEPLETION: "propellant depleted",
+    FlightEvent.FLIGHT_COMPLETE: "flight complete",
+    FlightEvent.IMPACT: "impact",
+}
+
+PARAMETERS = (
+    Parameter(
+        "mission",
+        "ares_v",
+        "Mission whose Earth is shown: name, or path of its file. A flight that says another "
+        "shipped mission is shown on that one's.",
+    ),
+    Parameter(
+        "flight_id",
+        0,
+        "Identity of the flight that is shown; 0: the first that is heard of, and another when "
+        "it is over.",
+        minimum=0,
+    ),
+    Parameter(
+        "rate_hz",
+        20.0,
+        "States that are shown per second of wall time, at most.",
+        unit="Hz",
+        minimum=0.1,
+        maximum=1000.0,
+    ),
+    Parameter(
+        "path_points",
+        1000,
+        "Points of the path, at most; the path of a longer flight has them farther apart.",
+        minimum=2,
+        maximum=100_000,
+    ),
+)
+
+
+@dataclass
+class Shown:
+    """The flight that is shown.
+
+    Attributes:
+        flight_id: its identity.
+        mission: whose Earth and names it has.
+        trail: its path.
+        last_ns: stamp of its latest state; None before the first.
+        direction: of the thrust in the state shown last.
+        burns: whether an engine burnt then; None before.
+        labels: events written so far.
+        begun: its first event has come.
+        over: its last event has come.
+    """
+
+    flight_id: int
+    mission: Mission
+    trail: Trail
+    last_ns: int | None = None
+    shown_ns: int | None = None
+    direction: Array = field(default_factory=lambda: np.zeros(3))
+    burns: bool | None = None
+    labels: int = 0
+    begun: bool = False
+    over: bool = False
+
+
+class ViewNode(FlightNode):
+    """Turns vehicle states and events of one flight into standard messages.
+
+    It takes no part in the flight: nobody waits for it, and it may come and go. Of states that
+    come faster than it shows them it takes the newest; points of the path are taken from all.
+    """
+
+    def __init__(self, **kwargs: Any) -> None:
+        """Declare the parameters; everything else waits for `configure`."""
+        super().__init__("view", parameters=PARAMETERS, **kwargs)
+        self._shown: Shown | None = None
+
+    @property
+    def flight_id(self) -> int:
+        """The flight that is shown; 0 for none."""
+        return self._shown.flight_id if self._shown else 0
+
+    def configure(self) -> None:
+        """Read the mission, create the publishers."""
+        try:
+            self._mission = load_mission(self.values["mission"])
+        except MissionError as error:
+            raise NodeError(str(error)) from error
+        self._states = StateMessage(VehicleState)
+        self._missions: dict[int, str] = {}
+        self._out = {
+            name: self.create_publisher(kind, name, qos) for name, (kind, qos) in PUBLISHED.items()
+        }
+
+    def activate(self) -> None:
+        """Listen."""
+        self._shown = None
+        self._waiting: tuple[int, Any] | None = None
+        self._heard = self._last_shown = self._last_path = -math.inf
+        self._path_due = False
+        self._period = 1.0 / self.values["rate_hz"]
+        self._inputs = [
+            self.create_subscription(FlightMember, FLIGHT_MEMBER, self._on_member, MEMBERS),
+            self.create_subscription(FlightEvent, FLIGHT_EVENT, self._on_event, EVENTS),
+            self.create_subscription(
+                VehicleState, VEHICLE_STATE, self._on_state, GLIMPSE, raw=True
+            ),
+        ]
+        # what came last before a pause is shown too
+        self._timer = self.wall_timer(self._period, self._on_timer)
+
+    def deactivate(self) -> None:
+        """Listen no more; what has come is shown."""
+        self._show_the_rest()
+        self.destroy_timer(self._timer)
+        for subscription in self._inputs:
+            self.destroy_subscription(subscription)
+
+    def cleanup(self) -> None:
+        """Free the publishers."""
+        for publisher in self._out.values():
+            self.destroy_publisher(publisher)
+
+    def drain(self, executor: Executor) -> None:
+        """Show what came last."""
+        self._show_the_rest()
+
+    # ---- which flight
+
+    def _on_member(self, member: FlightMember) -> None:
+        if member.role == Role.VEHICLE_SIM and member.flight_id:
+            self._missions[int(member.flight_id)] = member.mission
+
+    def _admitted(self, flight_id: int, again: bool) -> Shown | None:
+        """The flight that is shown if this one is it, or becomes it.
+
+        Args:
+            flight_id: of a message.
+            again: the message says that its flight begins anew.
+        """
+        shown = self._shown
+        if shown is not None and flight_id == shown.flight_id and not again:
+            return shown
+        if self.values["flight_id"] not in (0, flight_id):
+            return None
+        busy = shown is not None and not shown.over and time.monotonic() - self._heard < SILENCE
+        if busy and flight_id != self.flight_id:
+            return None
+        return self._begin(flight_id)
+
+    def _begin(self, flight_id: int) -> Shown:
+        """Show a flight from its beginning, in place of the one before."""
+        mission, name = self._mission, self._missions.get(flight_id, "")
+        complaint = ""
+        if name and name != mission.name:
+            try:
+                mission = load_mission(name)
+            except MissionError as error:
+                complaint = f"shown on the Earth of {mission.name}: {error}"
+        self._waiting = None
+        self._shown = Shown(flight_id, mission, Trail(self.values["path_points"]))
+        self._publish(MARKER, messages.nothing(0))
+        if complaint:
+            self.diagnostics.report(Level.WARN, complaint, 0)
+        return self._shown
+
+    # ---- what comes
+
+    def _on_state(self, data: bytes) -> None:
+        stamp_ns, flight_id, _, state = self._states.read(data)
+        last = self._shown.last_ns if self._shown else None
+        shown = self._admitted(flight_id, last is not None and stamp_ns < last)
+        if shown is None:
+            return
+        if shown.last_ns is None:
+            self._show_the_start(shown, stamp_ns, state)
+        shown.last_ns = stamp_ns
+        self._heard = time.monotonic()
+        self._path_due |= shown.trail.offer(stamp_ns, lambda: messages.pose(stamp_ns, state))
+        self._waiting = stamp_ns, state
+        if self._heard - self._last_shown >= self._period:
+            self._show()
+
+    def _on_event(self, event: FlightEvent) -> None:
+        first = event.type == FlightEvent.FLIGHT_STARTED
+        again = first and self._shown is not None and self._shown.begun
+        shown = self._admitted(int(event.flight_id), again)
+        if shown is None:
+            return
+        shown.begun |= first
+        if event.type in LABELS:
+            text = LABELS[event.type]
+            if event.type == FlightEvent.JETTISON and event.index < len(shown.mission.jettisons):
+                text = f"{text}: {shown.mission.jettison_names[event.index]}"
+            stamp_ns = ns_from_stamp(event.stamp)
+            label = messages.label(stamp_ns, shown.labels, event.position, text)
+            self._publish(MARKER, label)
+            shown.labels += 1
+        if event.type in ENDS:
+            shown.over = True
+            self._show_the_rest()
+
+    def _on_timer(self) -> None:
+        now = time.monotonic()
+        if self._waiting is not None and now - self._last_shown >= self._period:
+            self._show()
+        if self._path_due and now - self._last_path >= PATH_PERIOD:
+            self._show_path()
+
+    # ---- what is shown
+
+    def _publish(self, topic: str, message: Any) -> None:
+        self._out[topic].publish(message)
+
+    def _show_the_start(self, shown: Shown, stamp_ns: int, state: Any) -> None:
+        earth = shown.mission.environment.earth.earth()
+        self._publish(MARKER, messages.globe(stamp_ns, earth))
+        self._publish(TF_STATIC, messages.fixed_frames(stamp_ns, state, earth))
+
+    def _show(self) -> None:
+        """Show the newest state."""
+        shown = self._shown
+        if shown is None or self._waiting is None:
+            return
+        stamp_ns, state = self._waiting
+        self._waiting = None
+        self._last_shown = time.monotonic()
+        earth = shown.mission.environment.earth.earth()
+        seconds = 0.0 if shown.shown_ns is None else (stamp_ns - shown.shown_ns) / NANOSECONDS
+        direction = state["thrust_direction"]
+        turn = turn_rate(shown.direction, direction, seconds)
+        shown.shown_ns, shown.direction = stamp_ns, direction
+        self._publish(TF, messages.moving_frames(stamp_ns, state, earth))
+        self._publish(POSE, messages.pose(stamp_ns, state))
+        self._publish(TWIST, messages.twist(stamp_ns, state, turn))
+        self._publish(FIX, messages.fix(stamp_ns, state, earth))
+        burns = bool(state["thrust"] > 0.0)
+        if burns != shown.burns:
+            shown.burns = burns
+            self._publish(MARKER, messages.arrow(stamp_ns, burns))
+
+    def _show_path(self) -> None:
+        shown = self._shown
+        if shown is not None and shown.last_ns is not None:
+            self._path_due = False
+            self._last_path = time.monotonic()
+            self._publish(PATH, messages.path(shown.last_ns, shown.trail.points))
+
+    def _show_the_rest(self) -> None:
+        self._show()
+        if self._path_due:
+            self._show_path()

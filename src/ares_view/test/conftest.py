@@ -1,0 +1,5 @@
+"""Fixtures of the tests of this package."""
+
+from ares_node.testing import ros_context, ros_domain, ros_environment
+
+__all__ = ["ros_context", "ros_domain", "ros_environment"]

@@ -1,0 +1,101 @@
+"""The site builds without a warning, holds what the sources hold, asks a network for nothing."""
+
+import importlib
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from ares_studies.pages.testing import THEMES
+
+ROOT = Path(__file__).parent.parent
+sys.path.insert(0, str(ROOT / "tools"))
+site_pages = importlib.import_module("site_pages")
+
+
+def build(folder: Path, *, tools: Path = ROOT / "tools") -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(
+        [sys.executable, str(tools / "build_site.py"), str(folder)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("site") / "html"
+    done = build(folder)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == f"site: {folder / 'index.html'}\n"
+    return folder
+
+
+def test_every_document_is_a_page(site: Path) -> None:
+    documents = {path.stem for path in ROOT.glob("docs/*.md")}
+    assert len(documents) > 10
+    assert {path.stem for path in site.glob("*.html")} >= documents | {"index", "contributing"}
+
+
+def test_the_reference_names_every_field_and_parameter(site: Path) -> None:
+    messages = (site / "reference" / "messages.html").read_text()
+    for path in [*ROOT.glob("src/ares_msgs/msg/*.msg"), *ROOT.glob("src/ares_msgs/srv/*.srv")]:
+        assert f"<h2>{path.stem}<" in messages
+        for line in path.read_text().splitlines():
+            if found := re.match(r"[A-Za-z]\S* (\w+)\s*(=|#|$)", line):
+                assert f">{found[1]}<" in messages
+    parameters = (site / "reference" / "parameters.html").read_text()
+    assert ">optimizer_timeout_s<" in parameters
+    assert "a number from 0 to 60 s" in parameters
+    # every process of a node has its table
+    for path in ROOT.glob("src/*/setup.py"):
+        for node in re.findall(r'"(\w+) = ares_[\w.]+\.(?:__main__|node)\b', path.read_text()):
+            assert f"<h2>{node}<" in parameters or node in {"ares", "judge"}
+
+
+def test_the_command_line_shows_every_verb(site: Path, ares) -> None:
+    page = (site / "reference" / "command_line.html").read_text()
+    verbs = re.findall(r"^  (\w+) +\S", ares("--help").stdout.partition("Commands:")[2], re.M)
+    assert "fly" in verbs
+    for verb in verbs:
+        if verb not in {"prepare", "exec", "env", "test"}:
+            assert f"<h2>ares {verb}<" in page
+
+
+def test_nothing_is_asked_of_a_network(site: Path) -> None:
+    elsewhere = r"[\"'(](https?:)?//"
+    for page in site.rglob("*.html"):
+        for tag in re.findall(r"<(?:script|img|iframe|link)\b[^>]*>", page.read_text()):
+            assert not re.search(elsewhere, tag), page
+    for sheet in site.rglob("*.css"):
+        assert not re.search(rf"@import|url{elsewhere}", sheet.read_text()), sheet
+
+
+@pytest.mark.parametrize("theme", THEMES)
+@pytest.mark.parametrize("name", ["index", "missions", "reference/messages"])
+def test_a_page_is_legible(site: Path, browser, serious_faults, name: str, theme: str) -> None:
+    with browser.new_context(
+        viewport={"width": 390, "height": 844}, color_scheme=theme, offline=True
+    ) as context:
+        page = context.new_page()
+        page.goto((site / f"{name}.html").as_uri())
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        assert serious_faults(page) == []
+
+
+@pytest.mark.parametrize("link", ["docs/gone.md", "docs/install.md#gone"])
+def test_a_link_that_leads_nowhere_is_an_error(tmp_path: Path, link: str) -> None:
+    tree = tmp_path / "tree"
+    (tree / "tools").mkdir(parents=True)
+    for name in ("docs", "src", "benchmarks", "README.md"):
+        (tree / name).symlink_to(ROOT / name)
+    (tree / "CONTRIBUTING.md").write_text(f"# Contributing\n\n[gone]({link})\n")
+    for name in ("build_site.py", "site_pages.py"):
+        (tree / "tools" / name).write_text((ROOT / "tools" / name).read_text())
+    done = build(tmp_path / "html", tools=tree / "tools")
+    assert done.returncode == 1
+    assert "gone" in done.stderr
+    assert "Traceback" not in done.stderr

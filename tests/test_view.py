@@ -1,0 +1,295 @@
+"""The view node in the graph: what other tools see of a flight."""
+
+import math
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped, TwistStamped
+from nav_msgs.msg import Path
+from pyproj import Transformer
+from rosbags.typesys import Stores, get_typestore
+from sensor_msgs.msg import NavSatFix
+from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import Marker
+
+from ares_bags.reader import open_bag
+from ares_bags.recorder import RecorderNode
+from ares_bags.schema import type_hash
+from ares_guidance.node import GuidanceNode
+from ares_models.mission import load_mission
+from ares_msgs.msg import FlightEvent, VehicleState
+from ares_node.qos import EVENTS, FLIGHT
+from ares_node.time import ns_from_stamp, stamp_from_seconds
+from ares_vehicle_sim.node import VehicleSimNode
+from ares_view.standard.frames import ECEF, ECI, START, VEHICLE
+from ares_view.standard.node import PUBLISHED, ViewNode
+
+EARTH = load_mission("ares_v").environment.earth
+
+
+class Viewer:
+    """What a tool hears that asks with the QoS of what is published."""
+
+    def __init__(self, graph):
+        self.heard = {name: [] for name in PUBLISHED}
+        for name, (kind, qos) in PUBLISHED.items():
+            graph.observer.create_subscription(kind, name, self.heard[name].append, qos)
+
+    def __getitem__(self, name):
+        return self.heard[name]
+
+    def texts(self):
+        return [marker.text for marker in self["marker"] if marker.text]
+
+
+class Flight:
+    """States and events of a made-up flight on a circle over the equator."""
+
+    RADIUS, SPEED = 6.6e6, 7.7e3
+
+    def __init__(self, graph, flight_id):
+        self.flight_id = flight_id
+        self.node = graph.observer
+        self.states = self.node.create_publisher(VehicleState, "vehicle_state", FLIGHT)
+        self.events = self.node.create_publisher(FlightEvent, "flight_event", EVENTS)
+        # best effort: a state that is sent before the view listens is lost
+        graph.spin(lambda: self.states.get_subscription_count() and self.heard())
+
+    def heard(self):
+        return self.events.get_subscription_count() > 1
+
+    def fly(self, time):
+        angle = self.SPEED / self.RADIUS * time
+        cosine, sine = math.cos(angle), math.sin(angle)
+        self.states.publish(
+            VehicleState(
+                stamp=stamp_from_seconds(time),
+                flight_id=self.flight_id,
+                position=[self.RADIUS * cosine, self.RADIUS * sine, 0.0],
+                velocity=[-self.SPEED * sine, self.SPEED * cosine, 0.0],
+                thrust_direction=[-sine, cosine, 0.0],
+                thrust=1.0e6,
+            )
+        )
+
+    def say(self, kind, time=0.0, index=0):
+        self.events.publish(
+            FlightEvent(
+                stamp=stamp_from_seconds(time),
+                flight_id=self.flight_id,
+                type=kind,
+                index=index,
+                time=time,
+            )
+        )
+
+
+def stamp_of(heard):
+    """Flight time of the latest of some messages, ns."""
+    return ns_from_stamp(heard[-1].header.stamp) if heard else -1
+
+
+@pytest.fixture
+def flown(graph, tmp_path):
+    """The default mission with the view at work, all of it recorded that can be."""
+    viewer = Viewer(graph)
+    graph.start(ViewNode)
+    kinds = {"pose": PoseStamped, "twist": TwistStamped, "fix": NavSatFix, "path": Path}
+    kinds["marker"] = Marker
+    for kind in kinds.values():
+        assert kind.get_fields_and_field_types()["header"] == "std_msgs/Header"
+    also = [
+        f"{name}:{kind.__module__.split('.')[0]}/msg/{kind.__name__}"
+        for name, kind in kinds.items()
+    ]
+    recorder = graph.start(
+        RecorderNode,
+        bag=str(tmp_path / "bag"),
+        topics=["vehicle_state", "flight_event", *also],
+    )
+    graph.start(VehicleSimNode, expected_recorders=1)
+    graph.start(GuidanceNode)
+    graph.spin(lambda: any(e.type == FlightEvent.FLIGHT_COMPLETE for e in graph.events))
+    graph.spin(lambda: "flight complete" in viewer.texts())
+    end = ns_from_stamp(graph.states[-1].stamp)
+    graph.spin(lambda: all(stamp_of(viewer[x]) >= end for x in ("path", "fix")))
+    recorder.drain_and_close(graph.executor)
+    return viewer, open_bag(tmp_path / "bag")
+
+
+def proj():
+    figure = f"+a={EARTH.equatorial_radius_m} +b={EARTH.polar_radius_m} +no_defs"
+    return Transformer.from_crs(f"+proj=geocent {figure}", f"+proj=longlat {figure}")
+
+
+def rotated(vector, q):
+    axis = np.array([q.x, q.y, q.z])
+    return vector + 2.0 * np.cross(axis, np.cross(axis, vector) + q.w * vector)
+
+
+def frames(viewer):
+    """Transforms by child, in order."""
+    found = {}
+    for message in (*viewer["/tf_static"], *viewer["/tf"]):
+        for transform in message.transforms:
+            found.setdefault(transform.child_frame_id, []).append(transform)
+    return found
+
+
+def test_a_flight_in_standard_messages(flown, graph):
+    viewer, bag = flown
+    truth = bag.columns("vehicle_state")
+    row_at = {int(stamp): row for row, stamp in enumerate(truth["stamp"])}
+
+    # every frame reaches the root, by one way
+    tree = frames(viewer)
+    assert set(tree) == {ECEF, VEHICLE, START}
+    parents = {child: {t.header.frame_id for t in all_} for child, all_ in tree.items()}
+    assert parents == {ECEF: {ECI}, VEHICLE: {ECI}, START: {ECEF}}
+    known = {ECI, *tree}
+    headed = (*viewer["pose"], *viewer["twist"], *viewer["fix"], *viewer["path"])
+    assert {message.header.frame_id for message in (*headed, *viewer["marker"])} <= known
+
+    # the Earth turns at its rate, x of the vehicle is its thrust
+    for transform in tree[ECEF]:
+        angle = EARTH.rotation_rate_rad_s * ns_from_stamp(transform.header.stamp) / 1e9
+        east = rotated(np.array([1.0, 0.0, 0.0]), transform.transform.rotation)
+        assert east == pytest.approx([math.cos(angle), math.sin(angle), 0.0], abs=1e-12)
+    for transform in tree[VEHICLE]:
+        row = row_at[ns_from_stamp(transform.header.stamp)]
+        at = transform.transform.translation
+        assert [at.x, at.y, at.z] == truth["position"][row].tolist()
+        ahead = rotated(np.array([1.0, 0.0, 0.0]), transform.transform.rotation)
+        assert ahead == pytest.approx(truth["thrust_direction"][row], abs=1e-12)
+
+    # the place is that of PROJ to a metre, by way of the published frames
+    to_place = proj()
+    turned = {ns_from_stamp(t.header.stamp): t.transform.rotation for t in tree[ECEF]}
+    assert viewer["fix"]
+    for fix in viewer["fix"]:
+        stamp = ns_from_stamp(fix.header.stamp)
+        q = turned[stamp]
+        inverse = type(q)(x=-q.x, y=-q.y, z=-q.z, w=q.w)
+        fixed = rotated(truth["position"][row_at[stamp]], inverse)
+        longitude, latitude, height = to_place.transform(*fixed)
+        metre = 180.0 / math.pi / EARTH.equatorial_radius_m
+        assert fix.latitude == pytest.approx(latitude, abs=metre)
+        assert fix.longitude == pytest.approx(longitude, abs=metre)
+        assert fix.altitude == pytest.approx(height, abs=1.0)
+
+    # the path is the whole flight, and ends where it ends
+    last = viewer["path"][-1]
+    stamps = [ns_from_stamp(point.header.stamp) for point in last.poses]
+    assert stamps[0] == truth["stamp"][0]
+    assert truth["stamp"][-1] - stamps[-1] < 2e9
+    assert len(stamps) == pytest.approx((truth["stamp"][-1] - truth["stamp"][0]) / 1e9, rel=0.05)
+    assert viewer["pose"][-1].header.stamp == viewer["fix"][-1].header.stamp
+    assert ns_from_stamp(viewer["pose"][-1].header.stamp) == truth["stamp"][-1]
+    assert viewer.texts() == [
+        "ignition",
+        "staging",
+        "ignition",
+        "jettison: payload fairing",
+        "cut-off",
+        "flight complete",
+    ]
+
+    # and all of it with a header is in the bag
+    counts = {name.rsplit("/", 1)[-1]: topic.count for name, topic in bag.topics.items()}
+    for name in ("pose", "twist", "fix", "path", "marker"):
+        assert counts[name] == len(viewer[name]), name
+    assert not graph.reports
+
+
+def test_states_are_thinned_to_the_rate(graph):
+    viewer = Viewer(graph)
+    graph.start(ViewNode, rate_hz=2.0)
+    flight = Flight(graph, 7)
+    for step in range(200):
+        flight.fly(step * 0.1)
+        graph.executor.spin_once(timeout_sec=0.002)
+    graph.spin(lambda: all(stamp_of(viewer[x]) == 19_900_000_000 for x in ("pose", "twist")))
+    # one at once, one each half second, one at the end
+    assert len(viewer["pose"]) <= 6
+    assert viewer["twist"][-1].twist.angular.z == pytest.approx(
+        Flight.SPEED / Flight.RADIUS, rel=1e-3
+    )
+
+
+def test_one_flight_is_shown_and_then_the_next(graph):
+    viewer = Viewer(graph)
+    view = graph.start(ViewNode)
+    first, second = Flight(graph, 7), Flight(graph, 8)
+    first.say(FlightEvent.FLIGHT_STARTED)
+    first.say(FlightEvent.IGNITION)
+    for time in (1.0, 2.0, 3.0):
+        first.fly(time)
+    graph.spin(lambda: viewer["pose"] and viewer["pose"][-1].header.stamp.sec == 3)
+    second.fly(1.0)
+    second.say(FlightEvent.IGNITION, 1.0)
+    first.fly(4.0)
+    graph.spin(lambda: viewer["pose"][-1].header.stamp.sec == 4)
+    assert view.flight_id == 7
+    assert viewer.texts() == ["ignition"]
+    first.say(FlightEvent.FLIGHT_COMPLETE, 4.0)
+    graph.spin(lambda: viewer.texts()[-1] == "flight complete")
+    graph.spin(lambda: stamp_of(viewer["path"]) == 4_000_000_000)
+    assert len(viewer["path"][-1].poses) == 4
+    second.fly(2.0)
+    graph.spin(lambda: viewer["pose"][-1].header.stamp.sec == 2)
+    assert view.flight_id == 8
+    second.say(FlightEvent.FLIGHT_COMPLETE, 2.0)
+    graph.spin(lambda: len(viewer["path"][-1].poses) == 1)
+    # what belongs to the first is taken away before anything of the second comes
+    actions = [marker.action for marker in viewer["marker"]]
+    assert actions.count(Marker.DELETEALL) == 2
+
+
+def test_a_flight_that_is_published_again_begins_anew(graph):
+    viewer = Viewer(graph)
+    graph.start(ViewNode)
+    flight = Flight(graph, 7)
+    for time in (1.0, 2.0, 3.0, 4.0):
+        flight.fly(time)
+    graph.spin(lambda: viewer["path"] and viewer["path"][-1].header.stamp.sec == 4)
+    for time in (1.0, 2.0):
+        flight.fly(time)
+    graph.spin(lambda: viewer["path"][-1].header.stamp.sec == 2)
+    assert len(viewer["path"][-1].poses) == 2
+
+
+def test_a_named_flight_only(graph):
+    viewer = Viewer(graph)
+    graph.start(ViewNode, flight_id=8)
+    first, second = Flight(graph, 7), Flight(graph, 8)
+    first.fly(1.0)
+    second.fly(2.0)
+    graph.spin(lambda: viewer["pose"])
+    assert [pose.header.stamp.sec for pose in viewer["pose"]] == [2]
+
+
+def test_who_comes_late_sees_path_markers_and_start(graph):
+    graph.start(ViewNode)
+    flight = Flight(graph, 7)
+    flight.say(FlightEvent.IGNITION)
+    flight.fly(1.0)
+    flight.fly(2.0)
+    flight.say(FlightEvent.FLIGHT_COMPLETE, 2.0)
+    graph.spin(lambda: graph.events and graph.events[-1].type == FlightEvent.FLIGHT_COMPLETE)
+    late = Viewer(graph)
+    graph.spin(lambda: late["path"] and late["/tf_static"] and "flight complete" in late.texts())
+
+
+def test_tf_is_the_type_that_tools_know():
+    store = get_typestore(Stores.ROS2_JAZZY)
+    assert type_hash("tf2_msgs/msg/TFMessage") == store.hash_rihs01("tf2_msgs/msg/TFMessage")
+    assert TFMessage.get_fields_and_field_types() == {
+        "transforms": "sequence<geometry_msgs/TransformStamped>"
+    }
+
+
+def test_an_unknown_mission_is_refused(graph):
+    view = graph.add(ViewNode(context=graph.context))
+    view.set_parameters([view.get_parameter("mission").__class__("mission", value="rocket")])
+    assert not view.start()
+    assert "rocket" in view.failure

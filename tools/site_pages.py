@@ -1,0 +1,240 @@
+"""Pages of the site, as Markdown: docs/, and what is made of the sources, so that it stays true.
+
+Messages are read from their definitions, parameters from the nodes' tables, help from the command
+line, measurements from what benchmarks kept; the front page and the packages' pages are READMEs.
+"""
+
+import importlib
+import json
+import posixpath
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parent.parent
+
+#: Files outside of docs/ that are pages, and where on the site they are.
+PAGES = {"README.md": "index.md", "CONTRIBUTING.md": "contributing.md"} | {
+    f"src/{path.parent.name}/README.md": f"packages/{path.parent.name}.md"
+    for path in sorted(ROOT.glob("src/*/README.md"))
+}
+PAGES |= {f"docs/{path.name}": path.name for path in sorted(ROOT.glob("docs/*.md"))}
+
+#: The side bar: names of pages by chapter.
+CHAPTERS = {
+    "How to": (
+        "install",
+        "missions",
+        "your_law",
+        "report",
+        "montecarlo",
+        "optimization",
+        "contributing",
+    ),
+    "Theory": ("guidance", "optimal_guidance", "igm", "peg_thesis", "analytic", "reproduction"),
+    "Inside": (
+        "architecture",
+        *(page.removesuffix(".md") for page in PAGES.values() if page.startswith("packages/")),
+    ),
+    "Reference": (
+        "reference/messages",
+        "reference/parameters",
+        "reference/command_line",
+        "glossary",
+        "benchmarks",
+        "comparison",
+    ),
+}
+#: Nodes and the modules with their parameter tables.
+NODES = {
+    "vehicle_sim": "ares_vehicle_sim.node",
+    "guidance": "ares_guidance.node",
+    "optimizer": "ares_optimizer.node",
+    "recorder": "ares_bags.recorder",
+    "live": "ares_view.live.node",
+}
+INTERFACES = "src/ares_msgs"
+
+_LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)#\s]+)(#[^)\s]*)?\)")
+
+
+class SiteError(ValueError):
+    """A page cannot be made; the text is one line."""
+
+
+def pages() -> dict[str, str]:
+    """Every page by its name on the site."""
+    made = {page: moved(source, page) for source, page in PAGES.items()}
+    made["index.md"] += contents()
+    made["reference/messages.md"] = messages()
+    made["reference/parameters.md"] = parameters()
+    made["reference/command_line.md"] = command_line()
+    made["benchmarks.md"] = benchmarks()
+    return made
+
+
+def contents() -> str:
+    """What stands in the side bar."""
+    return "".join(
+        f"\n```{{toctree}}\n:hidden:\n:caption: {caption}\n\n{chr(10).join(names)}\n```\n"
+        for caption, names in CHAPTERS.items()
+    )
+
+
+def moved(source: str, page: str) -> str:
+    """A page that is a file of the project."""
+    return relinked((ROOT / source).read_text(), source, page)
+
+
+def relinked(text: str, source: str, page: str) -> str:
+    """A file's text as a page of the site.
+
+    Args:
+        text: Markdown.
+        source: the file, from the top of the project; its links start from there.
+        page: where it is on the site.
+
+    Raises:
+        SiteError: a link leads nowhere.
+    """
+
+    def link(found: re.Match[str]) -> str:
+        picture, words, target, anchor = found.groups()
+        if "://" in target or target.startswith("mailto:"):
+            return found.group()
+        there = posixpath.normpath(posixpath.join(posixpath.dirname(source), target))
+        on_site = PAGES.get(there) or (there[5:] if there.startswith("docs/images/") else None)
+        if not (ROOT / there).exists():
+            raise SiteError(f"{source}: link to {target}, which is not there")
+        if on_site is None:
+            # a source file: the site names it
+            return f"{words} (`{there}`)" if words.strip("`") != there else f"`{there}`"
+        relative = posixpath.relpath(on_site, posixpath.dirname(page) or ".")
+        return f"{picture}[{words}]({relative}{anchor or ''})"
+
+    return _LINK.sub(link, text)
+
+
+def cell(text: str) -> str:
+    """A text in a table."""
+    return " ".join(text.split()).replace("|", "\\|")
+
+
+def table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A Markdown table."""
+    lines = [titles, ["---"] * len(titles), *([cell(item) for item in row] for row in rows)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+# ---- messages
+
+
+def messages() -> str:
+    """Every message and service with its fields."""
+    from rosidl_adapter import parser
+
+    parts = ["# Messages\n\nMade of the definitions in `src/ares_msgs`."]
+    for path in sorted((ROOT / INTERFACES / "msg").glob("*.msg")):
+        message = parser.parse_message_file("ares_msgs", path)
+        parts += [f"## {path.stem}", *described(message)]
+    for path in sorted((ROOT / INTERFACES / "srv").glob("*.srv")):
+        service = parser.parse_service_file("ares_msgs", path)
+        parts += [f"## {path.stem}", *described(service.request)]
+        parts += ["### Answer", *described(service.response)]
+    return "\n\n".join(parts)
+
+
+def described(message: Any) -> Iterator[str]:
+    """Text, constants and fields of a parsed message."""
+    if text := message.annotations.get("comment"):
+        yield "\n".join(text)
+    if message.constants:
+        yield table(
+            ("constant", "type", "value", "what"),
+            [
+                (f"`{item.name}`", item.type, str(item.value), comment(item, message))
+                for item in message.constants
+            ],
+        )
+    if message.fields:
+        yield table(
+            ("field", "type", "what"),
+            [
+                (f"`{item.name}`", f"`{item.type}`", comment(item, message))
+                for item in message.fields
+            ],
+        )
+
+
+def comment(item: Any, message: Any) -> str:
+    """What a definition says of a field or a constant; the parser takes the first unit out."""
+    lines = item.annotations.get("comment", [])
+    if lines and lines[0] in {field.name for field in message.fields}:
+        # the field whose values the constants below are
+        lines = lines[1:]
+    text = " ".join(lines)
+    unit = item.annotations.get("unit")
+    return f"{text} [{unit}]" if unit else text
+
+
+# ---- parameters
+
+
+def parameters() -> str:
+    """The parameters of each node."""
+    parts = ["# Parameters\n\nMade of the tables that the nodes declare their parameters from."]
+    for node, module in NODES.items():
+        rows = [
+            (
+                f"`{row.name}`",
+                f"`{row.default!r}`" if row.default != "" else "",
+                row.unit,
+                row.expected,
+                row.description,
+            )
+            for row in importlib.import_module(module).PARAMETERS
+        ]
+        parts += [f"## {node}", table(("parameter", "default", "unit", "expected", "what"), rows)]
+    return "\n\n".join(parts)
+
+
+# ---- command line
+
+
+def command_line() -> str:
+    """Help of every verb."""
+    import typer
+
+    from ares_bringup.commands.cli import app
+
+    command = typer.main.get_command(app)
+    parts = ["# Command line\n\nWhat `--help` says of each verb."]
+    parts += [f"## {name}\n\n```text\n{text}\n```" for name, text in helps(command, "ares")]
+    return "\n\n".join(parts)
+
+
+def helps(command: Any, name: str) -> Iterator[tuple[str, str]]:
+    """Full name and help of a command and of those below it."""
+    context = command.make_context(name, [], resilient_parsing=True)
+    yield name, command.get_help(context)
+    for below, child in getattr(command, "commands", {}).items():
+        yield from helps(child, f"{name} {below}")
+
+
+# ---- benchmarks
+
+
+def benchmarks() -> str:
+    """What was measured, as the scripts kept it; then how."""
+    parts = []
+    for path in sorted((ROOT / "benchmarks" / "results").glob("*.json")):
+        result = json.loads(path.read_text())
+        rows = [(item["what"], f"{item['value']:.4g}", item["unit"]) for item in result["figures"]]
+        parts += [
+            f"### {path.stem}.py",
+            f"{result['about']} {result['measured']}, {result['machine']}.",
+            table(("what", "value", "unit"), rows),
+        ]
+    how = moved("benchmarks/README.md", "benchmarks.md").removeprefix("# Benchmarks\n")
+    return "\n\n".join(["# Benchmarks", "## Measured", *parts, "## How", how])
