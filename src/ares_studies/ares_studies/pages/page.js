@@ -74,6 +74,7 @@ function anchor(instants, i, [low, high]) {
 function layout(figure) {
   const range = extent(figure);
   const quiet = colour("quiet");
+  const ticks = growing ? 4 : innerWidth > 700 ? 8 : 6;
   const axis = {
     gridcolor: colour("faint"), linecolor: colour("edge"), zeroline: false, automargin: true,
     tickfont: { ...FONT, color: quiet }, fixedrange: coarse, ticks: "outside",
@@ -93,7 +94,7 @@ function layout(figure) {
       bgcolor: colour("panel"), bordercolor: colour("edge"), font: { ...FONT, color: colour("ink") },
       namelength: -1,
     },
-    xaxis: { ...axis, range, showgrid: false, nticks: innerWidth > 700 ? 8 : 6, hoverformat: ".2f" },
+    xaxis: { ...axis, range, showgrid: false, nticks: ticks, hoverformat: ".2f" },
     yaxis: { ...axis, ...vertical, ...(linked && { fixedrange: true }) },
     shapes: [
       ...figure.instants.map((instant) => ({

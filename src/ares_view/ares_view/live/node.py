@@ -202,6 +202,8 @@ class LiveNode(FlightNode):
             note = f"{note or 'The mission was not told'}: its names and limits are not known."
         self._story.begin(flight_id, mission, note)
         self._forget_setter()
+        if simulator is not None:
+            self._control(simulator)
 
     # ---- what is heard
 
@@ -291,11 +293,12 @@ class LiveNode(FlightNode):
     # ---- what is commanded
 
     def _control(self, simulator: FlightMember) -> None:
-        flying = simulator.state in (State.PRESENT, State.READY, State.FLYING)
-        if flying and self._setter is None:
+        if simulator.state not in (State.PRESENT, State.READY, State.FLYING):
+            self._forget_setter()
+        elif self._setter is None:
             name = f"{simulator.node}/set_parameters"
             self._setter = self.create_client(SetParameters, name)
-        self._story.may_control(flying)
+            self._story.may_control(True)
 
     def _forget_setter(self) -> None:
         self._story.may_control(False)

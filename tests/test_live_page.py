@@ -1,0 +1,339 @@
+"""The live page in a browser, beside flights by `ares fly --live`."""
+
+import json
+import os
+import pty
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import ExitStack
+
+import psutil
+import pytest
+import yaml
+
+from ares_bringup.testing import short_burn
+from ares_studies.pages.testing import FIGURES, SIZES, TEXTS, THEMES
+from ares_view.live.address import listen
+
+LEAST_CONTRAST = 4.5
+LEAST_FONT_PX = 12.0
+#: What the page calls what it sees.
+STATE = "document.documentElement.dataset.state"
+#: Charts whose drawing has come to the last state.
+DRAWN = """() => plots.every((plot) => plot.data
+  && plot.data[0].x.at(-1) >= (live.states.last("time_s") - 5))"""
+#: Names of controls, figures and landmarks that a reader of screens is told.
+NAMELESS = """() => [...document.querySelectorAll(
+    "button, input, canvas, section, [role=img], [role=group]")]
+  .filter((e) => !(e.getAttribute("aria-label") || e.textContent.trim()
+    || e.labels && e.labels.length
+    || document.getElementById(e.getAttribute("aria-labelledby"))))
+  .map((e) => e.outerHTML.slice(0, 80))"""
+
+
+class Command:
+    """`ares fly --live` as a process; its page is served when it is made."""
+
+    def __init__(self, environment, *words, terminal=None):
+        self.process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "ares_bringup", *words],
+            stdout=subprocess.PIPE,
+            stderr=terminal or subprocess.PIPE,
+            text=True,
+            env=environment,
+        )
+        self.lines = []
+        if terminal is None:
+            self.reading = threading.Thread(target=self._read, daemon=True)
+            self.reading.start()
+
+    def _read(self):
+        for line in self.process.stderr:
+            self.lines.append(line)
+
+    def wait_for(self, text):
+        until = time.monotonic() + 120.0
+        while not (found := [line for line in self.lines if text in line]):
+            assert time.monotonic() < until, self.lines
+            assert self.process.poll() is None, self.lines
+            time.sleep(0.01)
+        return found[0]
+
+    @property
+    def url(self):
+        return re.search(r"live: (\S+)", self.wait_for("live: "))[1]
+
+    def live_process(self):
+        for child in psutil.Process(self.process.pid).children():
+            if "ares_view.live" in child.cmdline():
+                return child.pid
+        raise AssertionError("no process serves the page")
+
+    def end(self):
+        """Exit status and the object that is printed."""
+        out, _ = self.process.communicate(timeout=120)
+        self.reading.join()
+        return self.process.returncode, json.loads(out)
+
+
+@pytest.fixture
+def flown(tmp_path, ros_environment):
+    """Starts commands on a short mission; none outlives the test."""
+    path = tmp_path / "short_burn.yaml"
+    path.write_text(yaml.safe_dump(short_burn(450.0)))
+    with ExitStack() as stack:
+
+        def start(*words, **more):
+            words = ("fly", "--live", "--json", "--mission", str(path), *words)
+            command = Command(ros_environment, *words, **more)
+            stack.callback(command.process.wait)
+            stack.callback(command.process.kill)
+            return command
+
+        yield start
+
+
+@pytest.fixture
+def opened(browser):
+    """Opens pages; nothing may be loaded from elsewhere, and nothing go wrong."""
+    complaints, contexts = [], []
+
+    def opener(url, size="wide", theme="light"):
+        width, height = SIZES[size]
+        view = {"width": width, "height": height}
+        context = browser.new_context(viewport=view, color_scheme=theme)
+        contexts.append(context)
+        page = context.new_page()
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on(
+            "console",
+            # a server that is gone cannot be called
+            lambda said: "WebSocket" in said.text or complaints.append(said.text),
+        )
+        page.on("request", lambda asked: asked.url.startswith(url) or complaints.append(asked.url))
+        page.goto(url)
+        return page
+
+    yield opener
+    for context in contexts:
+        context.close()
+    assert not complaints
+
+
+def wait_for_state(page, text, timeout=60_000):
+    page.wait_for_function(
+        f"text => {STATE} && {STATE}.startsWith(text)", arg=text, timeout=timeout
+    )
+
+
+def seen_time(page):
+    return page.evaluate("live.states.last('time_s')")
+
+
+def check_legible(page, size):
+    page.set_viewport_size({"width": SIZES[size][0], "height": 6000})
+    page.wait_for_function(DRAWN)
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    figures = page.evaluate(FIGURES)
+    assert len(figures) == 6
+    for figure in figures:
+        assert figure["width"] > 0.75 * min(SIZES[size][0], 380), figure["key"]
+        assert figure["traces"] == len(figure["data"]), figure["key"]
+        assert not figure["cropped"], figure["key"]
+        assert not figure["overlapping"], figure["key"]
+    texts = page.evaluate(TEXTS)
+    assert not [text for text in texts if text["contrast"] < LEAST_CONTRAST]
+    assert not [text for text in texts if text["size"] < LEAST_FONT_PX]
+    axes = page.locator(".axis").all_inner_texts()
+    assert len(axes) == 12
+    assert all(re.fullmatch(r"[a-z -]+, \S+", text) for text in axes), axes
+    assert page.evaluate(NAMELESS) == []
+
+
+def test_a_flight_from_its_begin_to_its_verdict(flown, opened):
+    flight = flown("--pace", "2", "--no-record")
+    pages = [(size, opened(flight.url, size, theme)) for size in SIZES for theme in THEMES]
+    page = pages[0][1]
+    wait_for_state(page, "Live")
+    page.locator(".play").click()
+    wait_for_state(page, "Paused")
+    # the page is told the last states before the pause
+    page.wait_for_timeout(300)
+    held = seen_time(page)
+    # a page that comes back has all that was
+    count = page.evaluate("live.states.rows.length")
+    page.reload()
+    wait_for_state(page, "Paused")
+    assert seen_time(page) == held
+    assert page.evaluate("live.states.rows.length") == count
+    assert page.evaluate("live.events[0].text") == "flight started"
+    # one that goes is missed by nobody
+    gone = opened(flight.url)
+    wait_for_state(gone, "Paused")
+    gone.close()
+    page.locator("[data-pace='50']").click()
+    page.wait_for_function("() => live.about.pace === 50")
+    assert page.locator("[data-pace='50']").get_attribute("aria-pressed") == "true"
+    page.locator(".play").click()
+    for _, one in pages:
+        wait_for_state(one, "Flight over: Flown to the target")
+        assert seen_time(one) == pytest.approx(1150.0, abs=10.0)
+    status, told = flight.end()
+    assert (status, told["shortcomings"]) == (0, [])
+    end = told["events"][-1]["t_s"]
+    for size, one in pages:
+        one.wait_for_function("() => live.over")
+        assert seen_time(one) == pytest.approx(end, abs=0.11)
+        assert one.locator(".play").is_disabled()
+        assert len(one.locator("#timeline li").all()) == len(told["events"])
+        # all of it works without the server
+        check_legible(one, size)
+    page.locator(".theme").click()
+    page.wait_for_function("() => plots.every((plot) => plot._fullLayout)")
+
+
+def test_updates_come_evenly(flown, opened):
+    flight = flown("--pace", "5", "--no-record")
+    page = opened(flight.url)
+    wait_for_state(page, "Live")
+    before = page.evaluate("[live.updates, performance.now()]")
+    page.wait_for_timeout(3000)
+    after = page.evaluate("[live.updates, performance.now()]")
+    rate = 1e3 * (after[0] - before[0]) / (after[1] - before[1])
+    assert 8.0 < rate < 21.0
+    page.locator("[data-pace='0']").click()
+    assert flight.end()[0] == 0
+
+
+def test_what_is_no_command_disturbs_nothing(flown, opened):
+    flight = flown("--pace", "5", "--no-record")
+    page = opened(flight.url)
+    wait_for_state(page, "Live")
+    page.evaluate("""live.socket.send('{"command": "pace", "value": -3}')""")
+    page.wait_for_function("() => document.getElementById('answer').textContent")
+    assert page.locator("#answer").inner_text() == "pace is -3; expected 0, or 0.001 to 1e+06"
+    wait_for_state(page, "Live")
+    page.locator("[data-pace='0']").click()
+    assert flight.end()[0] == 0
+
+
+def test_a_server_that_is_killed_is_missed_by_nobody(flown, opened, tmp_path):
+    flight = flown("--pace", "10", "--bag", str(tmp_path / "bag"))
+    page = opened(flight.url)
+    wait_for_state(page, "Live")
+    os.kill(flight.live_process(), signal.SIGKILL)
+    wait_for_state(page, "Connection lost")
+    assert page.locator(".play").is_disabled()
+    held = seen_time(page)
+    status, told = flight.end()
+    assert (status, told["shortcomings"]) == (0, [])
+    assert any("goes on without its page" in line for line in flight.lines)
+    assert told["events"][-1]["t_s"] > held
+    assert page.evaluate(STATE).startswith("Connection lost")
+    check_legible(page, "wide")
+
+
+def test_a_server_that_stands_still_holds_nobody_up(flown, opened):
+    flight = flown("--pace", "10", "--no-record")
+    page = opened(flight.url)
+    wait_for_state(page, "Live")
+    live = flight.live_process()
+    os.kill(live, signal.SIGSTOP)
+    page.wait_for_timeout(1500)
+    assert page.evaluate(STATE).startswith("No word from the server")
+    status, told = flight.end()
+    assert (status, told["shortcomings"]) == (0, [])
+    assert not psutil.pid_exists(live)
+
+
+def test_a_flight_that_stops_is_not_shown_as_live(flown, opened):
+    flight = flown("--pace", "5", "--no-record")
+    page = opened(flight.url)
+    wait_for_state(page, "Live")
+    for child in psutil.Process(flight.process.pid).children():
+        if "ares_vehicle_sim" in child.cmdline():
+            child.suspend()
+            wait_for_state(page, "No data for")
+            child.resume()
+    wait_for_state(page, "Live")
+    page.locator("[data-pace='0']").click()
+    assert flight.end()[0] == 0
+
+
+def test_in_one_process(flown, opened):
+    flight = flown("--pace", "20", "--in-process", "--no-record")
+    page = opened(flight.url)
+    wait_for_state(page, "Flight over: Flown to the target")
+    assert flight.end()[0] == 0
+
+
+def test_an_interrupted_flight_says_so(flown, opened):
+    flight = flown("--pace", "5", "--no-record")
+    page = opened(flight.url)
+    wait_for_state(page, "Live")
+    flight.process.send_signal(signal.SIGINT)
+    wait_for_state(page, "Interrupted")
+    assert flight.end()[0] == 130
+
+
+def test_a_person_gets_the_page_opened_and_the_flight_waits_for_it(tmp_path, browser):
+    """At a terminal with a display; the browser is a script that notes the address."""
+    noted = tmp_path / "noted"
+    script = tmp_path / "browser"
+    script.write_text(f'#!/bin/sh\nsleep 1\necho "$1" > {noted}.new\nmv {noted}.new {noted}\n')
+    script.chmod(0o755)
+    ours, theirs = pty.openpty()
+    environment = {**os.environ, "DISPLAY": ":7", "BROWSER": f"{script} %s"}
+    mission = tmp_path / "short_burn.yaml"
+    mission.write_text(yaml.safe_dump(short_burn()))
+    words = ["fly", "--live", "--no-record", "--mission", str(mission)]
+    command = Command(environment, *words, terminal=theirs)
+    os.close(theirs)
+    try:
+        until = time.monotonic() + 60.0
+        while not noted.exists():
+            assert time.monotonic() < until
+            time.sleep(0.02)
+        page = browser.new_page()
+        page.goto(noted.read_text().strip())
+        wait_for_state(page, "Live")
+        # it has waited: the page has the flight from its first state on
+        assert page.evaluate("live.states.rows[0][1][0]") == 1000.0
+        wait_for_state(page, "Flight over")
+        page.close()
+        assert command.process.wait(timeout=60) == 0
+    finally:
+        command.process.kill()
+        command.process.wait()
+        os.close(ours)
+
+
+# ---- what cannot be
+
+
+def test_an_address_that_cannot_be_had_is_one_line(ares):
+    with listen("127.0.0.1", 0) as taken:
+        port = str(taken.getsockname()[1])
+        done = ares("fly", "--live", "--live-port", port)
+        assert (done.returncode, done.stdout) == (2, "")
+        assert done.stderr == (
+            f"ares: --live-port is {port}, which is taken; expected a free one, or 0 for any\n"
+        )
+    done = ares("fly", "--live", "--live-host", "no.such.host.invalid")
+    assert done.returncode == 2
+    assert done.stderr == (
+        "ares: --live-host is 'no.such.host.invalid'; expected an address of this machine\n"
+    )
+    done = ares("live", "--host", "no.such.host.invalid")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+
+
+@pytest.mark.parametrize("words", [("--live-port", "8000"), ("--no-browser",)])
+def test_options_of_the_page_need_the_page(ares, words):
+    done = ares("fly", *words)
+    assert done.returncode == 2
+    assert "go with --live only" in done.stderr
