@@ -12,7 +12,7 @@ import pyarrow.parquet
 from numpy.typing import NDArray
 
 from ares_studies.export.recording import Export
-from ares_studies.flight_page.data import Columns, States, phases_of, states_of
+from ares_studies.flight_page.data import Columns, States, phases_of, states_from_start
 
 #: Ends of column names and the units that they stand for, the longest first.
 UNITS = {
@@ -63,7 +63,7 @@ def flight_table(export: Export) -> pa.Table:
         "longitude_deg": places.longitude_deg,
         "height_m": places.height_m,
     }
-    states = states_of(truth, recording.mission)
+    states = states_from_start(truth, recording.mission)
     left_out = {"time_s", "track"}
     names = [each.name for each in fields(States) if each.name not in left_out]
     series |= {name: getattr(states, name) for name in names}

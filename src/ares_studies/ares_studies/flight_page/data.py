@@ -153,9 +153,7 @@ def make_flight(recording: Recording) -> Flight:
     mission, truth = recording.mission, recording.truth
     rows = chosen(truth)
     picked = {name: values[rows] for name, values in truth.items()}
-    states = states_of(picked, mission)
-    if len(rows) > 1:
-        states.pitch_deg[0] = states.yaw_deg[0] = math.nan
+    states = states_from_start(picked, mission)
     falls = rows[_spread(len(rows), MAX_IMPACTS)]
     limits = [part.heating_limit_w_m2 for part in mission.jettisons if part.heating_limit_w_m2]
     return Flight(
@@ -222,6 +220,14 @@ def phase_name(arc: int, gone: int, mission: Mission) -> str:
     name = names[arc] if arc < len(names) else f"arc {arc}"
     dropped = [part for k, part in enumerate(mission.jettison_names) if gone >> k & 1]
     return f"{name}, after {dropped[-1]}" if dropped else name
+
+
+def states_from_start(truth: Columns, mission: Mission) -> States:
+    """What is shown of a flight; its first state was before any command, and points nowhere."""
+    states = states_of(truth, mission)
+    if len(states.time_s) > 1:
+        states.pitch_deg[0] = states.yaw_deg[0] = math.nan
+    return states
 
 
 def states_of(truth: Columns, mission: Mission) -> States:
