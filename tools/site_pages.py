@@ -27,7 +27,9 @@ CHAPTERS = {
         "install",
         "missions",
         "your_law",
+        "live",
         "report",
+        "replay",
         "montecarlo",
         "optimization",
         "contributing",
@@ -53,6 +55,7 @@ NODES = {
     "optimizer": "ares_optimizer.node",
     "recorder": "ares_bags.recorder",
     "live": "ares_view.live.node",
+    "view": "ares_view.standard.node",
 }
 INTERFACES = "src/ares_msgs"
 

@@ -29,7 +29,7 @@ setup(
         "PyYAML>=6.0",
     ],
     extras_require={
-        # campaigns, pages and pictures; no flight needs them
+        # campaigns, pages, pictures, tables; no flight needs them
         "pages": [
             "distributed>=2024.5",
             "Jinja2>=3.1",

@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 import select
 import sys
 import termios
@@ -16,6 +17,9 @@ NAP = 0.05
 #: What a key does to the pace, and how far another goes, s of flight time.
 FASTER = 2.0
 JUMP_S = 10.0
+
+#: A key as the terminal sends it: an arrow, or a character.
+_KEY = re.compile(r"\x1b\[[A-D]|[^\x1b]")
 
 KEYS_HELP = (
     "keys: space pauses and goes on, + and - change the pace, left and right go 10 s, q ends"
@@ -153,7 +157,6 @@ def keys(playback: Playback, say: Callable[[str], None]) -> Iterator[Callable[[]
         yield lambda: False
         return
     before = termios.tcgetattr(terminal)
-    say(KEYS_HELP)
     asked_to_end = False
 
     def look() -> bool:
@@ -162,13 +165,15 @@ def keys(playback: Playback, say: Callable[[str], None]) -> Iterator[Callable[[]
             pressed = os.read(terminal, 32).decode(errors="replace")
             if not pressed:
                 break
-            asked_to_end |= pressed == "q"
-            _press(playback, pressed, say)
+            for key in _KEY.findall(pressed):
+                asked_to_end |= key == "q"
+                _press(playback, key, say)
         return asked_to_end
 
     try:
         # signals by key, such as Ctrl-C, still come
         tty.setcbreak(terminal, termios.TCSANOW)
+        say(KEYS_HELP)
         yield look
     finally:
         termios.tcsetattr(terminal, termios.TCSANOW, before)
@@ -197,7 +202,8 @@ def _press(playback: Playback, key: str, say: Callable[[str], None]) -> None:
             playback.resume()
         else:
             playback.pause()
-        say(f"{'paused' if playback.paused else 'on'} at {playback.time_s:.3f} s")
+        where = "" if math.isnan(playback.time_s) else f" at {playback.time_s:.3f} s"
+        say(f"{'paused' if playback.paused else 'going on'}{where}")
     elif key in ("+", "-", "\x1b[A", "\x1b[B") and playback.rate:
         factor = FASTER if key in ("+", "\x1b[A") else 1.0 / FASTER
         playback.set_rate(playback.rate * factor)

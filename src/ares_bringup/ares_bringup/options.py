@@ -78,6 +78,22 @@ class Heating(StrEnum):
     IGNORED = "ignored"
 
 
+class ExportFormat(StrEnum):
+    """Formats of `ares export`, by the ends of their files."""
+
+    CSV = "csv"
+    PARQUET = "parquet"
+    KML = "kml"
+    CZML = "czml"
+
+
+class ExportTable(StrEnum):
+    """Tables of a flight."""
+
+    FLIGHT = "flight"
+    EVENTS = "events"
+
+
 @dataclass(frozen=True)
 class LiveOptions:
     """The page that follows a flight.

@@ -27,6 +27,7 @@ TOPICS = {
         *("arc", "jettisoned"),
     ),
     "nav_state": ("sequence", "position", "velocity"),
+    "thrust_command": ("reference_time", "direction", "direction_rate", "cutoff_time"),
     "guidance_status": (
         *("cycle", "converged", "iterations", "total_iterations", "stale_cycles", "time_to_go"),
         *("cutoff_time", "jettison_time", "predicted_position", "predicted_velocity"),

@@ -24,6 +24,8 @@ from ares_bringup.options import (
     PEG,
     AnalyticProfile,
     CannotStart,
+    ExportFormat,
+    ExportTable,
     FlyOptions,
     Heating,
     HeatingSource,
@@ -605,6 +607,33 @@ def report(
     from ares_bringup.commands.report import report as write_report
 
     typer.echo(write_report(bags, out))
+
+
+@app.command()
+def export(
+    bag: Annotated[Path, typer.Argument(metavar="BAG", help="Folder of a bag.")],
+    form: Annotated[
+        ExportFormat,
+        typer.Option("--format", help="Tables: csv, parquet. Tracks for globes: kml, czml."),
+    ],
+    table: Annotated[
+        ExportTable | None,
+        typer.Option(help="Of csv and parquet: a row per state (default), or per event."),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="The file; default: flight or events, with the format's end, in the bag."
+        ),
+    ] = None,
+) -> None:
+    """Write a recorded flight for other tools. Exit status 1: the bag is damaged."""
+    if table is not None and form not in (ExportFormat.CSV, ExportFormat.PARQUET):
+        raise BadInput("--table goes with --format csv and parquet only")
+    _needs("pages")
+    from ares_bringup.commands.export import export as write_export
+
+    raise typer.Exit(write_export(bag, form, table or ExportTable.FLIGHT, out))
 
 
 NODES = {

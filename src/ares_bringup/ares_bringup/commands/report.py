@@ -1,7 +1,6 @@
 """What `ares report` does: flights from their bags onto a page. No ROS."""
 
 import math
-import os
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,6 +16,7 @@ from ares_bringup.summary import (
     insertion_tolerances,
     orbit_state,
 )
+from ares_bringup.whole_file import write_whole
 from ares_models.orbits import Elements
 from ares_studies.event_words import MARKS
 from ares_studies.flight_page.data import Recording, make_flight
@@ -75,13 +75,14 @@ def report(paths: Sequence[Path], out: Path | None) -> Path:
         out = find_file(paths[0]).parent / (PAGE if len(paths) == 1 else COMPARISON)
     names = short_names(flown)
     accounts = [_account(name, flight) for name, flight in zip(names, flown, strict=True)]
-    flights = [make_flight(_recording(name, one)) for name, one in zip(names, flown, strict=True)]
+    flights = [make_flight(recording_of(name, one)) for name, one in zip(names, flown, strict=True)]
     comparison = _comparison(names, flown) if len(flown) > 1 else None
-    _write(out, render(make_report(flights, accounts, comparison)))
+    write_whole(out, render(make_report(flights, accounts, comparison)).encode())
     return out
 
 
-def _recording(name: str, flown: RecordedFlight) -> Recording:
+def recording_of(name: str, flown: RecordedFlight) -> Recording:
+    """A flight from its bag, as charts, globes and tables take it."""
     return Recording(
         name=name,
         law=flown.law,
@@ -104,20 +105,6 @@ def short_names(flown: Sequence[RecordedFlight]) -> list[str]:
 
 def _bag_name(path: Path) -> str:
     return find_file(path).absolute().parent.name
-
-
-def _write(out: Path, page: str) -> None:
-    """Write the page whole, or not at all."""
-    partial = out.with_name(f".{out.name}.partial")
-    try:
-        partial.write_text(page, encoding="utf-8")
-        os.replace(partial, out)
-    except OSError as error:
-        raise CannotStart(
-            f"--out is {str(out)!r}, which cannot be written: {error.strerror}"
-        ) from error
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 # ---- what is told of a flight

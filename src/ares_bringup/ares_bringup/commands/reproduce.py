@@ -6,7 +6,14 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 from ares_bringup.options import CannotStart
 from ares_bringup.report import console, shown_path
@@ -34,6 +41,8 @@ def reproduce(out: Path) -> None:
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
     )
     names = parts()
     with Progress(*columns, console=console(sys.stderr)) as progress:

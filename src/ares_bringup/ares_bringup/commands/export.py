@@ -1,0 +1,72 @@
+"""What `ares export` does: a flight from its bag for other tools. No ROS."""
+
+import sys
+from pathlib import Path
+
+from ares_bags.reader import find_file
+from ares_bringup.commands.report import VERDICTS, recording_of
+from ares_bringup.options import ExportFormat, ExportTable
+from ares_bringup.recorded import RecordedFlight, read_flight
+from ares_bringup.whole_file import write_whole
+from ares_studies.export.czml import as_czml
+from ares_studies.export.kml import as_kml
+from ares_studies.export.recording import Export, Happening
+from ares_studies.export.tables import as_csv, as_parquet, event_table, flight_table
+
+EXIT_INCOMPLETE = 1
+
+_TABLES = {ExportTable.FLIGHT: flight_table, ExportTable.EVENTS: event_table}
+_AS_TABLE = {ExportFormat.CSV: as_csv, ExportFormat.PARQUET: as_parquet}
+_AS_GLOBE = {ExportFormat.KML: as_kml, ExportFormat.CZML: as_czml}
+
+
+def export(path: Path, form: ExportFormat, table: ExportTable, out: Path | None) -> int:
+    """Write a recorded flight in another format, and print where.
+
+    Args:
+        path: bag.
+        form: the format.
+        table: which table, of the formats that have tables.
+        out: the file; None: named for table and format, in the bag's folder.
+
+    Returns:
+        Exit status: 0, or 1 if the bag is damaged or cut, which is said on standard error; what
+        it still holds is written all the same.
+
+    Raises:
+        CannotStart: no such bag, no flight in it, its mission cannot be read, or the file
+            cannot be written; one line.
+    """
+    flown = read_flight(path)
+    # before the flight is looked at, its problems are those of the bag
+    missing = tuple(flown.summary.problems)
+    if out is None:
+        out = find_file(path).parent / f"{table.value}.{form.value}"
+    what = _exported(flown)
+    if form in _AS_GLOBE:
+        write_whole(out, _AS_GLOBE[form](what))
+    else:
+        write_whole(out, _AS_TABLE[form](_TABLES[table](what)))
+    for line in missing:
+        print(f"ares: {line}", file=sys.stderr)
+    print(out)
+    return EXIT_INCOMPLETE if missing else 0
+
+
+def _exported(flown: RecordedFlight) -> Export:
+    summary = flown.summary
+    return Export(
+        recording=recording_of(find_file(flown.path).absolute().parent.name, flown),
+        commands=flown.columns["thrust_command"],
+        events=[
+            Happening(
+                time_s=event.time,
+                name=summary.event_name(event),
+                position=event.position,
+                velocity=event.velocity,
+                mass_kg=event.mass,
+            )
+            for event in summary.events
+        ],
+        verdict=VERDICTS[summary.outcome],
+    )

@@ -1,0 +1,1 @@
+"""A recorded flight for other tools: tables, and tracks for globes."""

@@ -1,0 +1,101 @@
+"""Flights as CZML, for Cesium: JSON, in packets."""
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ares_studies.export.globes import BURNS, WIDTH, Way, about, coordinates_of, moment, way_of
+from ares_studies.export.recording import Export
+
+
+def as_czml(export: Export) -> bytes:
+    """A document with its clock, the vehicle with its path, a line per phase, the events."""
+    way = way_of(export)
+    begin, end = moment(way.time_s[0]), moment(way.time_s[-1])
+    span = f"{begin}/{end}"
+    packets = [
+        {
+            "id": "document",
+            "name": export.title,
+            "description": about(export),
+            "version": "1.0",
+            "clock": {
+                "interval": span,
+                "currentTime": begin,
+                "multiplier": 10,
+                "range": "LOOP_STOP",
+                "step": "SYSTEM_CLOCK_MULTIPLIER",
+            },
+        },
+        _vehicle(export, way, span),
+        *_lines(way, end),
+        *_events(export, end),
+    ]
+    return json.dumps(packets, indent=1, allow_nan=False, ensure_ascii=False).encode()
+
+
+def _colour(rgb: tuple[int, int, int]) -> dict[str, Any]:
+    return {"rgba": [*rgb, 255]}
+
+
+def _vehicle(export: Export, way: Way, span: str) -> dict[str, Any]:
+    samples = [
+        [round(time, 9), *place] for time, place in zip(way.time_s, way.coordinates, strict=True)
+    ]
+    return {
+        "id": "vehicle",
+        "name": export.recording.mission.title,
+        "availability": span,
+        "position": {
+            "epoch": moment(0.0),
+            "interpolationAlgorithm": "LINEAR",
+            "interpolationDegree": 1,
+            "cartographicDegrees": np.ravel(samples).tolist(),
+        },
+        "point": {"pixelSize": 10, "color": _colour(BURNS[0])},
+        "path": {
+            "width": WIDTH,
+            "leadTime": 0,
+            "material": {"solidColor": {"color": _colour((255, 255, 255))}},
+        },
+    }
+
+
+def _lines(way: Way, end: str) -> Iterator[dict[str, Any]]:
+    for number, stretch in enumerate(way.stretches):
+        points = way.coordinates[stretch.first : stretch.last + 1]
+        for kind, on_ground in (("phase", False), ("ground", True)):
+            yield {
+                "id": f"{kind}/{number}",
+                "name": stretch.name,
+                "availability": f"{moment(stretch.begin_s)}/{end}",
+                "polyline": {
+                    "positions": {"cartographicDegrees": np.ravel(points).tolist()},
+                    "width": 1 if on_ground else WIDTH,
+                    "arcType": "GEODESIC" if on_ground else "NONE",
+                    "clampToGround": on_ground,
+                    "material": {"solidColor": {"color": _colour(stretch.colour)}},
+                },
+            }
+
+
+def _events(export: Export, end: str) -> Iterator[dict[str, Any]]:
+    places = coordinates_of(export.event_places())
+    for number, (event, place) in enumerate(zip(export.events, places, strict=True)):
+        begin = min(moment(event.time_s), end)
+        yield {
+            "id": f"event/{number}",
+            "name": event.name,
+            "description": f"t = {event.time_s:.3f} s, mass {event.mass_kg:,.1f} kg",
+            "availability": f"{begin}/{end}",
+            "position": {"cartographicDegrees": list(place)},
+            "point": {"pixelSize": 6, "color": _colour((255, 255, 255))},
+            "label": {
+                "text": event.name,
+                "font": "12px sans-serif",
+                "pixelOffset": {"cartesian2": [8, -8]},
+                "horizontalOrigin": "LEFT",
+            },
+        }

@@ -1,0 +1,93 @@
+"""What other globes are given of a flight, in whatever format.
+
+All of them want a date: mission elapsed time 0 is EPOCH, which means nothing.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+
+from ares_models.geodesy import Places
+from ares_studies.export.recording import Export
+from ares_studies.flight_page.data import Phase, chosen, phases_of
+
+EPOCH = datetime(2000, 1, 1, tzinfo=UTC)
+#: Colours of the burns in turn, and of coasts: red, green, blue.
+BURNS = ((255, 140, 26), (64, 156, 255), (94, 201, 98), (232, 90, 160), (240, 210, 60))
+COAST = (170, 170, 170)
+#: Width of lines, px.
+WIDTH = 3
+#: Significant places: 1e-8 deg is a millimetre on the ground.
+_DEGREES, _METRES = 8, 3
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A phase to be drawn: rows from first to last, its times in s, its colour."""
+
+    name: str
+    first: int
+    last: int
+    begin_s: float
+    end_s: float
+    colour: tuple[int, int, int]
+
+
+@dataclass(frozen=True)
+class Way:
+    """A flight in points that a globe can take, not more than a page has, and its stretches."""
+
+    time_s: list[float]
+    coordinates: list[tuple[float, float, float]]
+    stretches: tuple[Stretch, ...]
+
+
+def coordinates_of(places: Places) -> list[tuple[float, float, float]]:
+    """Longitude, latitude in deg, height in m: the order that globes want."""
+    return [
+        (round(longitude, _DEGREES), round(latitude, _DEGREES), round(height, _METRES))
+        for longitude, latitude, height in zip(
+            places.longitude_deg.tolist(),
+            places.latitude_deg.tolist(),
+            places.height_m.tolist(),
+            strict=True,
+        )
+    ]
+
+
+def way_of(export: Export) -> Way:
+    """The way of a flight, each stretch up to where the next begins."""
+    truth = export.recording.truth
+    rows = chosen(truth)
+    picked = {name: values[rows] for name, values in truth.items()}
+    coordinates = coordinates_of(export.places())
+    time = picked["time"].tolist()
+    phases = phases_of(picked, export.recording.mission)
+    stretches = tuple(_stretches(phases, time))
+    return Way(time, [coordinates[row] for row in rows], stretches)
+
+
+def _stretches(phases: tuple[Phase, ...], time: list[float]) -> Iterator[Stretch]:
+    burns = 0
+    for phase in phases:
+        colour = COAST
+        if phase.burns:
+            colour = BURNS[burns % len(BURNS)]
+            burns += 1
+        last = min(phase.last + 1, len(time) - 1)
+        yield Stretch(phase.name, phase.first, last, time[phase.first], time[last], colour)
+
+
+def moment(time_s: float) -> str:
+    """A mission elapsed time as a date and time of day, to the millisecond."""
+    at = EPOCH + timedelta(milliseconds=round(1000.0 * time_s))
+    return at.strftime("%Y-%m-%dT%H:%M:%S.") + f"{at.microsecond // 1000:03d}Z"
+
+
+def about(export: Export) -> str:
+    """The flight in two sentences."""
+    recording = export.recording
+    return (
+        f"Flight {recording.name} of {recording.mission.name} by {recording.law}: "
+        f"{export.verdict}. Mission elapsed time 0 is {moment(0.0)}, which means nothing else."
+    )

@@ -1,0 +1,97 @@
+"""Flights as KML 2.2, for Google Earth and maps: elements in the order that its schema asks for."""
+
+from collections.abc import Sequence
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+from ares_studies.export.globes import (
+    WIDTH,
+    Stretch,
+    Way,
+    about,
+    coordinates_of,
+    moment,
+    way_of,
+)
+from ares_studies.export.recording import Export
+
+KML = "http://www.opengis.net/kml/2.2"
+#: Extensions of Google: a track with a time at each point.
+GX = "http://www.google.com/kml/ext/2.2"
+
+Place = tuple[float, float, float]
+
+
+def as_kml(export: Export) -> bytes:
+    """A track at its height in a colour per phase, the ground track, a placemark per event."""
+    way = way_of(export)
+    root = Element("kml", {"xmlns": KML, "xmlns:gx": GX})
+    document = _named(root, "Document", export.title)
+    _text(document, "description", about(export))
+    for number, stretch in enumerate(way.stretches):
+        for kind, width in (("flight", WIDTH), ("ground", 1)):
+            style = SubElement(document, "Style", {"id": f"{kind}-{number}"})
+            line = SubElement(style, "LineStyle")
+            red, green, blue = stretch.colour
+            _text(line, "color", f"ff{blue:02x}{green:02x}{red:02x}")
+            _text(line, "width", str(width))
+    end = moment(way.time_s[-1])
+    flight = _named(document, "Folder", "flight")
+    ground = _named(document, "Folder", "ground track")
+    for number, stretch in enumerate(way.stretches):
+        points = way.coordinates[stretch.first : stretch.last + 1]
+        line = _line(flight, stretch, end, f"flight-{number}")
+        _points(line, "absolute", points)
+        line = _line(ground, stretch, end, f"ground-{number}")
+        _text(line, "tessellate", "1")
+        _points(line, "clampToGround", points)
+    _vehicle(document, export, way)
+    events = _named(document, "Folder", "events")
+    places = coordinates_of(export.event_places())
+    for event, place in zip(export.events, places, strict=True):
+        mark = _named(events, "Placemark", event.name)
+        _text(mark, "description", f"t = {event.time_s:.3f} s, mass {event.mass_kg:,.1f} kg")
+        _span(mark, moment(event.time_s), end)
+        _points(SubElement(mark, "Point"), "absolute", [place])
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)
+
+
+def _text(parent: Element, tag: str, text: str) -> None:
+    SubElement(parent, tag).text = text
+
+
+def _named(parent: Element, tag: str, name: str) -> Element:
+    element = SubElement(parent, tag)
+    _text(element, "name", name)
+    return element
+
+
+def _span(feature: Element, begin: str, end: str) -> None:
+    span = SubElement(feature, "TimeSpan")
+    _text(span, "begin", begin)
+    _text(span, "end", end)
+
+
+def _line(folder: Element, stretch: Stretch, end: str, style: str) -> Element:
+    """A line that appears as it is flown, and stays; still without its points."""
+    mark = _named(folder, "Placemark", stretch.name)
+    _span(mark, moment(stretch.begin_s), end)
+    _text(mark, "styleUrl", f"#{style}")
+    return SubElement(mark, "LineString")
+
+
+def _points(geometry: Element, mode: str, points: Sequence[Place]) -> None:
+    _text(geometry, "altitudeMode", mode)
+    _text(geometry, "coordinates", " ".join(f"{x},{y},{z}" for x, y, z in points))
+
+
+def _vehicle(document: Element, export: Export, way: Way) -> None:
+    """What moves as time goes by."""
+    mark = _named(document, "Placemark", export.recording.mission.title)
+    track = SubElement(mark, "gx:Track")
+    _text(track, "altitudeMode", "absolute")
+    for time in way.time_s:
+        _text(track, "when", moment(time))
+    for x, y, z in way.coordinates:
+        _text(track, "gx:coord", f"{x} {y} {z}")

@@ -1,0 +1,61 @@
+"""What is exported of a flight, put together once for all formats."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models.earth import Earth
+from ares_models.geodesy import Places, geodetic
+from ares_studies.flight_page.data import Columns, Recording
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Happening:
+    """An event: mission elapsed time in s, its name in words, inertial state, mass in kg."""
+
+    time_s: float
+    name: str
+    position: tuple[float, float, float]
+    velocity: tuple[float, float, float]
+    mass_kg: float
+
+
+@dataclass(frozen=True)
+class Export:
+    """A flight to be exported.
+
+    Attributes:
+        recording: states and what guidance said.
+        commands: columns of ThrustCommand, with `time` in s; may have no rows.
+        events: in order of time.
+        verdict: what the flight came to, in words.
+    """
+
+    recording: Recording
+    commands: Columns
+    events: Sequence[Happening]
+    verdict: str
+
+    def places(self) -> Places:
+        """Geodetic places of all states, on the mission's ellipsoid."""
+        truth = self.recording.truth
+        return geodetic(truth["time"], truth["position"], self._earth)
+
+    def event_places(self) -> Places:
+        """Geodetic places of the events."""
+        times = np.array([event.time_s for event in self.events])
+        positions = np.array([event.position for event in self.events]).reshape(-1, 3)
+        return geodetic(times, positions, self._earth)
+
+    @property
+    def title(self) -> str:
+        """Mission and law."""
+        return f"{self.recording.mission.title}, {self.recording.law}"
+
+    @property
+    def _earth(self) -> Earth:
+        return self.recording.mission.environment.earth.earth()
