@@ -17,6 +17,7 @@ from ares_guidance.node import PARAMETERS as GUIDANCE_PARAMETERS
 from ares_node.node import AUTOSTART
 from ares_optimizer.node import PARAMETERS as OPTIMIZER_PARAMETERS
 from ares_vehicle_sim.node import PARAMETERS as SIMULATOR_PARAMETERS
+from ares_view.live.node import PARAMETERS as LIVE_PARAMETERS
 from ares_view.standard.node import PARAMETERS as VIEW_PARAMETERS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -31,9 +32,14 @@ TABLES = {
     "recorder": (*RECORDER_PARAMETERS, AUTOSTART),
     "judge": (*JUDGE_PARAMETERS, AUTOSTART),
     "view": (*VIEW_PARAMETERS, AUTOSTART),
+    "live": (*LIVE_PARAMETERS, AUTOSTART),
 }
 #: Where the executables begin that do not begin in `__main__:main` of their package.
-ENTRIES = {"judge": "ares_bringup.__main__:judge", "view": "ares_view.standard.__main__:main"}
+ENTRIES = {
+    "judge": "ares_bringup.__main__:judge",
+    "view": "ares_view.standard.__main__:main",
+    "live": "ares_view.live.__main__:main",
+}
 #: What every rclpy node has besides its own table.
 EVERY_NODE = {"use_sim_time"}
 
@@ -50,6 +56,7 @@ PROMISED = {
     "dispersions",
     "record",
     "view",
+    "live",
     "bag",
     "exit_when_complete",
     "log_level",
@@ -181,6 +188,7 @@ def test_the_nodes_exist_and_know_what_they_are_given(description):
         seed="3",
         dispersions="standard",
         bag="/some/bag",
+        live="true",
     )
     assert set(nodes) == set(TABLES)
     for name, node in nodes.items():

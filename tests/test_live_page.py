@@ -154,7 +154,7 @@ def check_legible(page, size):
     assert page.evaluate(NAMELESS) == []
 
 
-def test_a_flight_from_its_begin_to_its_verdict(flown, opened):
+def test_a_flight_from_its_begin_to_its_verdict(flown, opened, serious_faults):
     flight = flown("--pace", "2", "--no-record")
     pages = [(size, opened(flight.url, size, theme)) for size in SIZES for theme in THEMES]
     page = pages[0][1]
@@ -178,6 +178,7 @@ def test_a_flight_from_its_begin_to_its_verdict(flown, opened):
     page.locator("[data-pace='50']").click()
     page.wait_for_function("() => live.about.pace === 50")
     assert page.locator("[data-pace='50']").get_attribute("aria-pressed") == "true"
+    assert serious_faults(page) == []
     page.locator(".play").click()
     for _, one in pages:
         wait_for_state(one, "Flight over: Flown to the target")
@@ -192,6 +193,7 @@ def test_a_flight_from_its_begin_to_its_verdict(flown, opened):
         assert len(one.locator("#timeline li").all()) == len(told["events"])
         # all of it works without the server
         check_legible(one, size)
+        assert serious_faults(one) == []
     page.locator(".theme").click()
     page.wait_for_function("() => plots.every((plot) => plot._fullLayout)")
 

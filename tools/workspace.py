@@ -873,6 +873,8 @@ def additions_for(arguments: Sequence[str]) -> tuple[str, ...]:
         if any(map(SHOWN_BY.fullmatch, arguments)):
             return PAGES
         return ("solve.txt",) * solved + ("live.txt",) * ("--live" in arguments)
+    if verb == "replay" and "--live" in arguments:
+        return ("live.txt",)
     return ALSO.get(verb, ())
 
 

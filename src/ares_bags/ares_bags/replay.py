@@ -27,9 +27,10 @@ from rosgraph_msgs.msg import Clock
 from ares_bags.errors import BagError
 from ares_bags.playback import Playback, keys
 from ares_bags.reader import Bag, BagTopic, open_bag
+from ares_bags.remote import remote
 from ares_bags.schema import type_hash
 from ares_bags.types import check_installed, message_class
-from ares_node.qos import CLOCK, CLOCK_QOS
+from ares_node.qos import CLOCK, CLOCK_QOS, TIMING, VEHICLE_STATE
 from ares_node.time import NANOSECONDS, stamp_from_ns
 
 #: Messages between two waits for the readers' acknowledgement; below the publishers' depth.
@@ -178,8 +179,8 @@ def replay(
         f"replay_{os.getpid()}",
         context=context,
         use_global_arguments=False,
-        start_parameter_services=False,
     )
+    playback = playback or Playback()
     try:
         publishers = {
             name: node.create_publisher(
@@ -191,8 +192,9 @@ def replay(
         }
         clock = node.create_publisher(Clock, CLOCK, CLOCK_QOS)
         _wait_for_readers(publishers.values(), wait_for_readers_s, stopped)
-        run = _Run(bag, extract, publishers, clock, playback or Playback(), stopped)
-        return run.publish()
+        run = _Run(bag, extract, publishers, clock, playback, stopped)
+        with remote(node, playback, _beside(full_names), _flight_of(bag)):
+            return run.publish()
     finally:
         node.destroy_node()
 
@@ -210,6 +212,21 @@ def _joined(namespace: str, name: str) -> str:
             f"topic {full!r} has {len(full)} characters; expected at most {LONGEST_NAME}"
         )
     return full
+
+
+def _flight_of(bag: Bag) -> int:
+    """Identity of the flight in a bag; 0 if it does not say."""
+    try:
+        return int(bag.custom_data["flight_id"], 16)
+    except (KeyError, ValueError):
+        return 0
+
+
+def _beside(full_names: dict[str, str]) -> str:
+    """The topic TIMING in the namespace of the flight that is published."""
+    states = [full for full in full_names.values() if full.endswith(f"/{VEHICLE_STATE}")]
+    home = states[0].removesuffix(VEHICLE_STATE) if states else "/"
+    return f"{home}{TIMING}"
 
 
 def _wait_for_readers(

@@ -1,14 +1,15 @@
 """The page that follows a flight, in a process of its own: no flight needs it."""
 
 import os
+import socket
 import sys
 import time
-from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, NoReturn, Self
 
-from ares_bringup.crew import Crew, describe_end, ros_arguments
+from ares_bringup.crew import LOOK_PERIOD, Crew, describe_end, ros_arguments
 from ares_bringup.discovery import apply_discovery_settings
 from ares_bringup.options import CannotStart, FlyOptions, LiveOptions
 from ares_bringup.summary import EXIT_CANNOT_START, FlightSummary
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 LIVE = "live"
 MODULE = "ares_view.live"
+#: What it means that its process has ended.
+PAGELESS = "the flight goes on without its page"
 
 #: Wall time in s for the page to be served, and opened, before the flight begins without it.
 PATIENCE = 10.0
@@ -117,7 +120,7 @@ class Audience:
         for name, status in self._crew.newly_ended():
             if status == EXIT_CANNOT_START and not self._summary.started:
                 raise CannotStart("")
-            self._say(f"{name} {describe_end(status)}: the flight goes on without its page")
+            self._say(f"{name} {describe_end(status)}: {PAGELESS}")
             monitor.let_go()
         wanted = 1 if self._live.wait else 0
         if monitor.pages >= wanted or time.monotonic() > self._deadline:
@@ -128,6 +131,40 @@ class Audience:
         if self._crew is not None and self._crew.running():
             monitor.say_verdict()
             self._crew.stop([LIVE], STOP_TIMEOUT)
+
+
+@contextmanager
+def served(live: LiveOptions, mission: str, namespace: str) -> Iterator[None]:
+    """A page on whatever comes, from when it can be opened to the end of the block.
+
+    Args:
+        live: how to serve it.
+        mission: that is shown; without its names if it cannot be read.
+        namespace: of the flight.
+
+    Raises:
+        CannotStart: it cannot be served so; one line.
+    """
+    parameters = page_parameters(live, mission if _is_readable(mission) else "", 0)
+    with Crew() as crew:
+        crew.start(LIVE, MODULE, ros_arguments(parameters, namespace))
+        deadline = time.monotonic() + PATIENCE
+        while crew.running() and time.monotonic() < deadline:
+            with suppress(OSError):
+                socket.create_connection((live.host, parameters["port"]), 1.0).close()
+                break
+            time.sleep(LOOK_PERIOD)
+        yield
+
+
+def _is_readable(mission: str) -> bool:
+    from ares_models.mission import MissionError, load_mission
+
+    try:
+        load_mission(mission)
+    except MissionError:
+        return False
+    return True
 
 
 def follow(live: LiveOptions, mission: str, namespace: str, domain: int | None) -> NoReturn:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ares_bringup.audience import Audience
+from ares_bringup.audience import LIVE, PAGELESS, Audience
 from ares_bringup.bag_paths import new_bag
 from ares_bringup.crew import Crew, describe_end, ros_arguments
 from ares_bringup.discovery import apply_discovery_settings
@@ -70,6 +70,7 @@ MODULES = {
 SPARED = {
     OPTIMIZER: "guidance starts without its guess",
     VIEW: "it is not shown any more",
+    LIVE: PAGELESS,
 }
 
 #: Wall time in s for simulator and guidance to end.

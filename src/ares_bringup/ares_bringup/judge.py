@@ -125,6 +125,7 @@ class JudgeNode(FlightNode):
         for member in self._monitor.recorders(State.FAILED):
             summary.problems.append(f"{RECORDER}: {member.reason}")
         summary.wall_s = time.monotonic() - self._begun
+        self._monitor.say_verdict()
         print_summary(summary, console())
         sys.stdout.flush()
         self.finish(summary.exit_code)

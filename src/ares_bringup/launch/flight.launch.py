@@ -26,6 +26,7 @@ from launch.events.process import SignalProcess
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
+from ares_bringup.audience import LIVE
 from ares_bringup.bag_paths import new_bag
 from ares_bringup.discovery import discovery_settings
 from ares_bringup.fly import (
@@ -121,6 +122,12 @@ def arguments() -> list[DeclareLaunchArgument]:
             description="Show the flight in standard messages too, for RViz and maps.",
         ),
         DeclareLaunchArgument(
+            "live",
+            default_value="false",
+            choices=SWITCH,
+            description="Serve a page that follows the flight; its address is printed.",
+        ),
+        DeclareLaunchArgument(
             "exit_when_complete",
             default_value="true",
             choices=SWITCH,
@@ -143,7 +150,7 @@ class Flight:
         }
         self.switches = {
             name: LaunchConfiguration(name).perform(context) == "true"
-            for name in ("use_sim_time", "record", "view", "exit_when_complete")
+            for name in ("use_sim_time", "record", "view", "live", "exit_when_complete")
         }
         self.verdict = LaunchVerdict(self.switches["exit_when_complete"])
         self.reports = end_process_with(self.verdict)
@@ -209,6 +216,8 @@ class Flight:
             started.append(
                 self._node("ares_view", VIEW, _of(values, "mission"), **identity, **self._clock())
             )
+        if self.switches["live"]:
+            started.append(self._node("ares_view", LIVE, _of(values, "mission"), **identity))
         if record:
             about |= {"seed": flown["seed"]} if "seed" in flown else {}
             started.append(

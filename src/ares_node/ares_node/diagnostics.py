@@ -16,9 +16,11 @@ from ares_node.time import stamp_from_ns
 Timing = DiagnosticStatus
 #: What guidance tells of its timing when its last solution stands.
 LONGEST_CYCLE_MS = "longest_cycle_ms"
-#: What the simulator tells of the wall clock: its real-time factor, and whether it pauses.
+#: What simulator and replay tell of the wall clock: real-time factor, whether it pauses, and the
+#: full name of the node, whose parameters of the same names may be set.
 PACE = "pace"
 PAUSED = "paused"
+NODE = "node"
 #: What the live page tells: in how many browsers it is open.
 PAGES = "pages"
 #: What the judge tells the live page in the end, and whether all was as it should be.
@@ -133,6 +135,19 @@ class Diagnostics:
         """An error on /rosout from a node that ends at once: wait until it has been sent."""
         self.log(Level.ERROR, message)
         self._log.wait_for_all_acked(Duration(seconds=_LAST_WORDS))
+
+
+def pace_word(node: Node, flight_id: int, pace: float, paused: bool) -> DiagnosticStatus:
+    """How fast a node lets a flight go by, for the topic TIMING.
+
+    Args:
+        node: whose parameters `pace` and `paused` say so.
+        flight_id: the flight.
+        pace: real-time factor; 0: as fast as may be.
+        paused: nothing goes by.
+    """
+    name = node.get_fully_qualified_name()
+    return timing(node, flight_id, {PACE: pace, PAUSED: paused, NODE: name})
 
 
 def timing(node: Node, flight_id: int, values: Mapping[str, object]) -> DiagnosticStatus:

@@ -18,7 +18,7 @@ from rosgraph_msgs.msg import Clock
 from ares_models.arrays import STEERING
 from ares_models.mission import load_mission
 from ares_msgs.msg import FlightEvent, FlightMember, NavState, ThrustCommand, VehicleState
-from ares_node.diagnostics import PACE, PAUSED, Level, Timing, timing
+from ares_node.diagnostics import Level, Timing, pace_word
 from ares_node.identity import id_text, new_id
 from ares_node.membership import FLIGHT_ID, Membership, Role, State
 from ares_node.node import FlightNode, NodeError
@@ -493,8 +493,9 @@ class VehicleSimNode(FlightNode):
     def _say_pace(self) -> None:
         """Tell pages the pace, and the judge that a flight which pauses is not stuck."""
         self._pace_word_at = time.monotonic()
-        words = {PACE: self.values["pace"], PAUSED: self.values["paused"]}
-        self._timing_out.publish(timing(self, self.flight_id, words))
+        values = self.values
+        word = pace_word(self, self.flight_id, values["pace"], values["paused"])
+        self._timing_out.publish(word)
 
     def _step(self) -> None:
         if self.values["paused"]:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from ares_bags.errors import BagError
 from ares_bags.reader import Bag, open_bag
 from ares_bags.repair import repair
 from ares_bags.verify import Verification, verify
-from ares_bringup.options import CannotStart
+from ares_bringup.options import CannotStart, LiveOptions
 from ares_bringup.report import console, number
 
 NANOSECONDS = 1e9
@@ -167,7 +168,13 @@ def repair_bag(path: Path, into: Path | None) -> int:
     return EXIT_DAMAGED if result.lost != 0 else 0
 
 
-def replay_bag(path: Path, pace: float, extract: Mapping[str, Any], namespace: str | None) -> int:
+def replay_bag(
+    path: Path,
+    pace: float,
+    extract: Mapping[str, Any],
+    namespace: str | None,
+    live: LiveOptions | None = None,
+) -> int:
     """Publish a bag again until its end, a key or a signal; returns the exit status.
 
     Args:
@@ -175,9 +182,10 @@ def replay_bag(path: Path, pace: float, extract: Mapping[str, Any], namespace: s
         pace: real-time factor; 0 as fast as the readers take it.
         extract: attributes of `ares_bags.replay.Extract`.
         namespace: put in front of every topic name.
+        live: the page that follows it; None: none.
 
     Raises:
-        CannotStart: the namespace has no name.
+        CannotStart: the namespace has no name, or the page cannot be served.
     """
     if namespace is not None and not namespace.strip("/"):
         raise CannotStart(f"--namespace is {namespace!r}; expected a name such as /again")
@@ -185,4 +193,14 @@ def replay_bag(path: Path, pace: float, extract: Mapping[str, Any], namespace: s
     from ares_bringup.discovery import apply_discovery_settings
 
     apply_discovery_settings()
-    return run_replay(path, rate=pace, extract=Extract(**extract), namespace=namespace or "")
+    with ExitStack() as held:
+        if live is not None:
+            from ares_bringup.audience import served
+
+            try:
+                mission = open_bag(path).custom_data.get("mission", "")
+            except BagError as error:
+                raise CannotStart(str(error)) from error
+            home = f"/{(namespace or '').strip('/')}/ares".replace("//", "/")
+            held.enter_context(served(live, mission, home))
+        return run_replay(path, rate=pace, extract=Extract(**extract), namespace=namespace or "")

@@ -210,9 +210,8 @@ def fly(
         raise BadInput("--bag and --no-record exclude each other")
     if bag is not None and os.path.lexists(bag):
         raise BadInput(f"--bag is {str(bag)!r}, which exists; expected a new folder")
+    _check_page(live, live_host, live_port, no_browser)
     page = _live_options(live_host, live_port, no_browser, as_json)
-    if not live and (live_host != LOOPBACK or live_port or no_browser):
-        raise BadInput("--live-host, --live-port and --no-browser go with --live only")
     if pace is None:
         pace = PACE_TO_WATCH if live else 0.0
     from ares_bringup.fly import fly as fly_mission
@@ -493,6 +492,12 @@ def replay(
         list[str] | None, typer.Option(help="Only this topic; may be given again.")
     ] = None,
     namespace: Annotated[str | None, typer.Option(help="Put in front of every topic name.")] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Follow it on a page in the browser.")
+    ] = False,
+    live_host: LiveHost = LOOPBACK,
+    live_port: LivePort = 0,
+    no_browser: NoBrowser = False,
     check: Annotated[
         bool,
         typer.Option(
@@ -526,8 +531,9 @@ def replay(
     q ends.
     """
     published = (pace, start, end, topic, namespace)
+    _check_page(live, live_host, live_port, no_browser)
     if check:
-        if loop or any(given is not None for given in published):
+        if loop or live or any(given is not None for given in published):
             raise BadInput("--check publishes nothing: it goes without the options of publishing")
         from ares_bringup.commands.check import check_bag, parse_settings
 
@@ -542,7 +548,8 @@ def replay(
     from ares_bringup.commands.bags import replay_bag
 
     extract = {"topics": topic or None, "start_s": start, "end_s": end, "loop": loop}
-    raise typer.Exit(replay_bag(bag, 1.0 if pace is None else pace, extract, namespace))
+    page = _live_options(live_host, live_port, no_browser, False) if live else None
+    raise typer.Exit(replay_bag(bag, 1.0 if pace is None else pace, extract, namespace, page))
 
 
 @app.command()
@@ -660,6 +667,11 @@ def _live_options(host: str, port: int, no_browser: bool, as_json: bool) -> Live
     """The page, opened and waited for where a person sits before it."""
     watched = sys.stderr.isatty() and not as_json
     return LiveOptions(host, port, watched and not no_browser and has_display(), watched)
+
+
+def _check_page(live: bool, host: str, port: int, no_browser: bool) -> None:
+    if not live and (host != LOOPBACK or port or no_browser):
+        raise BadInput("--live-host, --live-port and --no-browser go with --live only")
 
 
 def _needs(extra: str) -> None:

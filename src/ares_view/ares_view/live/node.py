@@ -24,6 +24,7 @@ from ares_models.mission import Mission, MissionError, load_mission
 from ares_msgs.msg import FlightEvent, FlightMember, GuidanceStatus, VehicleState
 from ares_node.diagnostics import (
     GOOD,
+    NODE,
     PACE,
     PAGES,
     PAUSED,
@@ -174,8 +175,8 @@ class LiveNode(FlightNode):
         self._simulators[int(member.flight_id)] = member
         if member.state in (State.PRESENT, State.READY, State.FLYING):
             self._turn_to(int(member.flight_id))
-        if member.flight_id == self._shown:
-            self._control(member)
+        elif member.flight_id == self._shown:
+            self._forget_setter()
 
     def _turn_to(self, flight_id: int) -> bool:
         """Whether a flight is shown; another one is taken up when the one shown is over."""
@@ -202,8 +203,6 @@ class LiveNode(FlightNode):
             note = f"{note or 'The mission was not told'}: its names and limits are not known."
         self._story.begin(flight_id, mission, note)
         self._forget_setter()
-        if simulator is not None:
-            self._control(simulator)
 
     # ---- what is heard
 
@@ -231,6 +230,7 @@ class LiveNode(FlightNode):
         said = {item.key: item.value for item in status.values}
         if PACE in said:
             self._story.tell(pace=float(said[PACE]), paused=said[PAUSED] == str(True))
+            self._control(said[NODE])
         if VERDICT in said:
             self._story.tell(verdict=said[VERDICT], good=said[GOOD] == str(True))
 
@@ -292,11 +292,12 @@ class LiveNode(FlightNode):
 
     # ---- what is commanded
 
-    def _control(self, simulator: FlightMember) -> None:
-        if simulator.state not in (State.PRESENT, State.READY, State.FLYING):
+    def _control(self, node: str) -> None:
+        """A node says the pace: it takes one too, unless the flight is over."""
+        name = f"{node}/set_parameters"
+        if self._setter is not None and self._setter.srv_name != name:
             self._forget_setter()
-        elif self._setter is None:
-            name = f"{simulator.node}/set_parameters"
+        if self._setter is None and not self._story.ended:
             self._setter = self.create_client(SetParameters, name)
             self._story.may_control(True)
 
