@@ -374,6 +374,7 @@ def test_what_a_verb_needs_is_added_once(project):
         (["fly", "--guidance", "../x"], "peg"),
         (["fly", "--guidance", "igm", "--help"], ""),
         (["missions"], ""),
+        (["dispersions", "new", "--mission", "ares_v"], ""),
         (["optimize"], "all"),
         (["montecarlo", "--guidance", "igm"], "all"),
         (["test"], "all"),
@@ -395,6 +396,8 @@ def test_a_flight_compiles_its_own_law(arguments, kernels):
         (["fly", "--dispersions", "standard"], ("solve.txt",)),
         (["fly", "--flight", "3"], ("solve.txt",)),
         (["missions"], ()),
+        (["missions", "new", "mine"], ()),
+        (["dispersions", "new"], ()),
         (["optimize"], ("solve.txt",)),
         (["montecarlo"], ("solve.txt", "pages.txt")),
         # the extra `pages` asks for SciPy
