@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from ares_bringup import __version__
 from ares_bringup.commands.interrupts import Interrupts
@@ -110,12 +111,43 @@ LivePort = Annotated[
 ]
 NoBrowser = Annotated[bool, typer.Option("--no-browser", help="Do not open the page.")]
 Namespace = Annotated[str, typer.Option(help="Namespace of all nodes and topics.")]
+FilesArgument = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="[NAME|PATH]...", help="Show and check these only."),
+]
+SchemaOut = Annotated[
+    Path | None, typer.Option(help="Write it to this file, which must not exist.")
+]
+
+
+class _Lists(TyperGroup):
+    """A verb that lists, or checks what it is given, unless another word follows it."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """What is no word of the verb is a file to list."""
+        if not args or args[0] not in (*self.commands, *ctx.help_option_names):
+            args = ["list", *args]
+        return super().parse_args(ctx, args)
+
 
 app = typer.Typer(
     name="ares", help=HELP, context_settings={"help_option_names": ["-h", "--help"]}, **SETTINGS
 )
 bag_app = typer.Typer(help="Look into recorded flights: info, verify, repair.", **SETTINGS)
 app.add_typer(bag_app, name="bag")
+LISTS: dict[str, Any] = {
+    "cls": _Lists,
+    "subcommand_metavar": "[NAME|PATH]... | COMMAND",
+    **SETTINGS,
+}
+missions_app = typer.Typer(
+    help="List the shipped missions, or check mission files; new: write one.", **LISTS
+)
+app.add_typer(missions_app, name="missions")
+dispersions_app = typer.Typer(
+    help="List the shipped dispersions, or check files; new: propose some.", **LISTS
+)
+app.add_typer(dispersions_app, name="dispersions")
 
 
 class BadInput(Exception):
@@ -421,17 +453,71 @@ def montecarlo(
     raise typer.Exit(status)
 
 
-@app.command()
-def missions(
-    files: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="[NAME|PATH]...", help="Show and check these only."),
-    ] = None,
-) -> None:
+@missions_app.command("list")
+def missions_list(files: FilesArgument = None) -> None:
     """List the shipped missions, or check mission files."""
     from ares_bringup.commands.mission_list import show_missions
 
     raise typer.Exit(show_missions(files or ()))
+
+
+@missions_app.command("new")
+def missions_new(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Letters, digits and underscores.")],
+    out: Annotated[
+        Path | None, typer.Option(help="The file, which must not exist; default: NAME.yaml.")
+    ] = None,
+    like: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MISSION", help="With the numbers of this mission; default: a small launcher."
+        ),
+    ] = None,
+) -> None:
+    """Write a mission file with a comment on every key, ready to be flown."""
+    from ares_bringup.commands.new_files import new_mission
+
+    new_mission(name, out, like)
+
+
+@missions_app.command("schema")
+def missions_schema(out: SchemaOut = None) -> None:
+    """Print the JSON Schema of a mission file, for editors."""
+    from ares_bringup.commands.new_files import show_schema
+    from ares_models.mission import MISSION
+
+    show_schema(MISSION, out)
+
+
+@dispersions_app.command("list")
+def dispersions_list(files: FilesArgument = None) -> None:
+    """List the shipped dispersions, or check dispersions files."""
+    from ares_bringup.commands.mission_list import show_dispersions
+
+    raise typer.Exit(show_dispersions(files or ()))
+
+
+@dispersions_app.command("new")
+def dispersions_new(
+    mission: MissionOption,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="The file, which must not exist; default: MISSION_dispersions.yaml."),
+    ] = None,
+) -> None:
+    """Propose dispersions that fit a mission's vehicle, each with its reason."""
+    from ares_bringup.commands.new_files import new_dispersions
+
+    new_dispersions(mission, out)
+
+
+@dispersions_app.command("schema")
+def dispersions_schema(out: SchemaOut = None) -> None:
+    """Print the JSON Schema of a dispersions file, for editors."""
+    from ares_bringup.commands.new_files import show_schema
+    from ares_vehicle_sim.dispersions import DISPERSIONS
+
+    show_schema(DISPERSIONS, out)
 
 
 @bag_app.command("info")
