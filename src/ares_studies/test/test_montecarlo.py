@@ -586,6 +586,28 @@ def test_the_reserve_is_enough_as_often_as_it_says():
     assert stats.binom.sf(rank - 1, n, 0.003) >= 0.90 > stats.binom.sf(rank, n, 0.003)
 
 
+def mass_of(rows):
+    return np.array([row["m_f_kg"] for row in rows])
+
+
+def test_one_failed_flight_does_not_flatten_the_others(hundred, tmp_path):
+    """It stands at the edge, in a colour of its own, and the page says so."""
+    mass = hundred["m_f_kg"].to_numpy().copy()
+    good = hundred["succeeded"].to_numpy().copy()
+    mass[7], good[7] = 0.2 * mass[7], False
+    columns = {"m_f_kg": mass, "succeeded": good}
+    table = hundred
+    for name, values in columns.items():
+        table = table.set_column(table.schema.get_field_index(name), name, pa.array(values))
+    path = tmp_path / "flights.parquet"
+    pq.write_table(table, path)
+    histogram = summarize(path, 127_880.0).histograms["m_f_kg"]
+    assert (histogram.edges[0], histogram.edges[-1]) == (mass[good].min(), mass[good].max())
+    assert (histogram.below, histogram.above) == (1, 0)
+    assert histogram.failed.tolist() == [1] + 79 * [0]
+    assert histogram.counts.sum() == 99
+
+
 def test_a_summary_of_a_campaign(standard, tmp_path):
     weak = Settings(
         standard.mission,
@@ -605,7 +627,16 @@ def test_a_summary_of_a_campaign(standard, tmp_path):
     )
     assert summary.reserve.used_kg == used[-bound_rank(1000)]
     assert summary.reserve.reserve_kg == pytest.approx(summary.reserve.used_kg - 127_880.0)
-    assert summary.histograms["m_f_kg"].counts.sum() == 1000
+    histogram = summary.histograms["m_f_kg"]
+    assert histogram.counts.sum() == 1000 - len(failed)
+    assert histogram.failed.sum() == np.count_nonzero(np.isfinite([r["m_f_kg"] for r in failed]))
+    good = [row["m_f_kg"] for row in table.to_pylist() if row["succeeded"]]
+    width = max(good) - min(good)
+    assert histogram.edges[0] >= min(good) - 0.25 * width
+    assert histogram.edges[-1] <= max(good) + 0.25 * width
+    assert histogram.below == np.count_nonzero(mass_of(failed) < histogram.edges[0])
+    assert histogram.above == np.count_nonzero(mass_of(failed) > histogram.edges[-1])
+    assert summary.failed == [row["flight"] for row in failed][:30]
     strongest = summary.influences["m_f_kg"][0]
     assert strongest.name == "thrust_core"
     assert strongest.correlation > 0.5
@@ -645,8 +676,9 @@ def test_the_page_shows_the_campaign(standard, tmp_path):
     report = make_report(settings, summary, facts, "./ares fly --seed 0", reached)
     json.dumps(report.to_json(), allow_nan=False)
     items = {item.title: item for chapter in report.chapters for item in chapter.items}
-    bars = items["Final mass"].content.series[0]
-    assert sum(bars.y) == 200 + 0.5
+    bars = items["Final mass"].content.series
+    assert [series.name for series in bars] == ["success", "failure"]
+    assert sum(sum(series.y) for series in bars) == 200
     cloud = items["Radius against speed"].content.series
     assert sum(len(series.x) for series in cloud) == 200
     failed = table.filter(np.logical_not(table["succeeded"].to_numpy()))

@@ -17,6 +17,7 @@ from ares_studies.montecarlo.statistics import (
     LISTS,
     SAMPLE,
     TOLD,
+    Histogram,
     Summary,
 )
 from ares_studies.montecarlo.table import DRAWN, LIMITS
@@ -287,13 +288,33 @@ def _histogram(
 ) -> Item:
     title, unit, _ = RESULT_NAMES[name]
     histogram = summary.histograms[name]
-    edges, counts = histogram.edges, histogram.counts.astype(float)
+    edges = tuple(histogram.edges.tolist())
+    kinds: list[tuple[str, Role, NDArray[np.int64]]] = [("success", "here", histogram.counts)]
+    if histogram.failed.any():
+        kinds.append(("failure", "thesis", histogram.failed))
     flights = Axis("flights", "")
     if log:
-        flights = Axis("flights", "", log=True, span=(0.5, 2.0 * float(counts.max())))
-        counts = np.maximum(counts, 0.5)
-    series = Series("flights", "here", "bars", tuple(edges.tolist()), (*counts.tolist(), 0.5))
-    return _item(title, "", Figure(Axis(title, unit), flights, (series,), tuple(instants)))
+        most = max(float(counts.max()) for _, _, counts in kinds)
+        flights = Axis("flights", "", log=True, span=(0.5, 2.0 * most))
+    # a logarithm has no zero
+    floor = 0.5 if log else 0.0
+    series = tuple(
+        Series(
+            label, role, "bars", edges, (*np.maximum(counts.astype(float), floor).tolist(), floor)
+        )
+        for label, role, counts in kinds
+    )
+    figure = Figure(Axis(title, unit), flights, series, tuple(instants), finding=_beyond(histogram))
+    return _item(title, "", figure)
+
+
+def _beyond(histogram: Histogram) -> str:
+    """What the outermost bins hold besides their own."""
+    sides = (("below", histogram.below), ("beyond", histogram.above))
+    told = [f"{count:,} {side}" for side, count in sides if count]
+    if not told:
+        return ""
+    return f"{' and '.join(told)} what is shown: counted at the edge."
 
 
 def _result_figures(summary: Summary) -> list[Item]:
