@@ -50,6 +50,7 @@ PROMISED = {
     "dispersions",
     "record",
     "view",
+    "foxglove_port",
     "bag",
     "exit_when_complete",
     "log_level",

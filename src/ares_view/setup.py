@@ -19,11 +19,16 @@ setup(
     ],
     python_requires=">=3.11",
     install_requires=[
+        "ares_bags",
         "ares_models",
         "ares_node",
         "numpy>=2.0",
     ],
-    extras_require={"test": ["pytest"]},
+    extras_require={
+        # the live connection to Foxglove
+        "pages": ["foxglove-sdk>=0.30"],
+        "test": ["pytest"],
+    },
     zip_safe=False,
     entry_points={"console_scripts": ["view = ares_view.standard.__main__:main"]},
 )

@@ -121,6 +121,12 @@ def arguments() -> list[DeclareLaunchArgument]:
             description="Show the flight in standard messages too, for RViz and maps.",
         ),
         DeclareLaunchArgument(
+            "foxglove_port",
+            default_value="",
+            description="Port of this machine where Foxglove and Lichtblick get what view shows; "
+            "0: none.",
+        ),
+        DeclareLaunchArgument(
             "exit_when_complete",
             default_value="true",
             choices=SWITCH,
@@ -139,7 +145,7 @@ class Flight:
         self.given = {
             name: LaunchConfiguration(name).perform(context)
             for name in ("mission", "guidance", "initial_guess", "pace", "seed", "dispersions")
-            + ("bag", "namespace", "domain_id", "params_file", "log_level")
+            + ("foxglove_port", "bag", "namespace", "domain_id", "params_file", "log_level")
         }
         self.switches = {
             name: LaunchConfiguration(name).perform(context) == "true"
@@ -207,7 +213,13 @@ class Flight:
             )
         if self.switches["view"]:
             started.append(
-                self._node("ares_view", VIEW, _of(values, "mission"), **identity, **self._clock())
+                self._node(
+                    "ares_view",
+                    VIEW,
+                    _of(values, "mission", "foxglove_port"),
+                    **identity,
+                    **self._clock(),
+                )
             )
         if record:
             about |= {"seed": flown["seed"]} if "seed" in flown else {}
@@ -231,6 +243,7 @@ class Flight:
             if self.given[name]
         }
         kinds = {"pace": ("a number", float), "seed": ("an integer", int)}
+        kinds["foxglove_port"] = kinds["seed"]
         for name, (expected, kind) in kinds.items():
             if self.given[name]:
                 try:
