@@ -417,10 +417,7 @@ def test_a_flight_compiles_its_own_law(arguments, kernels):
         (["fly", "--dispersions", "standard"], ("solve.txt",)),
         (["fly", "--flight", "3"], ("solve.txt",)),
         (["fly", "--foxglove"], ("solve.txt", "live.txt", "pages.txt")),
-        (
-            ["fly", "--foxglove=8766", "--guidance", "optimal"],
-            ("solve.txt", "live.txt", "pages.txt"),
-        ),
+        (["fly", "--foxglove-port=8766", "--seed", "1"], ("solve.txt", "live.txt", "pages.txt")),
         (["missions"], ()),
         (["export"], ("solve.txt", "live.txt", "pages.txt")),
         (["missions", "new", "mine"], ()),

@@ -64,7 +64,7 @@ ALSO = {
 #: Options of a flight that the optimizer may have to plan, or that is drawn.
 SOLVED_FOR = re.compile(r"--(mission|guidance|initial-guess|dispersions|flight)(=.*)?")
 #: Options of a flight that is shown to Foxglove.
-SHOWN_BY = re.compile(r"--foxglove(=.*)?")
+SHOWN_BY = re.compile(r"--foxglove(-port)?(=.*)?")
 #: What of the kernels a verb needs; the name of a law: what a flight by it calls.
 ALL_KERNELS = "all"
 NO_KERNELS = ""

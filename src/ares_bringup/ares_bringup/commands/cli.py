@@ -18,6 +18,7 @@ from typer.core import TyperGroup
 from ares_bringup import __version__
 from ares_bringup.commands.interrupts import Interrupts
 from ares_bringup.options import (
+    FOXGLOVE_PORT,
     MAX_DOMAIN_ID,
     MAX_FLIGHTS,
     MAX_PORT,
@@ -227,6 +228,13 @@ def fly(
     view: Annotated[
         bool, typer.Option("--view", help="Show it in standard messages too: RViz, maps.")
     ] = False,
+    foxglove: Annotated[
+        bool, typer.Option("--foxglove", help="Serve all of it to Foxglove and Lichtblick too.")
+    ] = False,
+    foxglove_port: Annotated[
+        int | None,
+        typer.Option(min=1, max=MAX_PORT, help=f"Port for --foxglove; default: {FOXGLOVE_PORT}."),
+    ] = None,
     domain_id: Annotated[
         int | None,
         typer.Option(
@@ -242,6 +250,8 @@ def fly(
         raise BadInput("--bag and --no-record exclude each other")
     if bag is not None and os.path.lexists(bag):
         raise BadInput(f"--bag is {str(bag)!r}, which exists; expected a new folder")
+    if foxglove_port is not None and not foxglove:
+        raise BadInput("--foxglove-port goes with --foxglove only")
     _check_page(live, live_host, live_port, no_browser)
     page = _live_options(live_host, live_port, no_browser, as_json)
     if pace is None:
@@ -265,6 +275,7 @@ def fly(
         initial_guess=initial_guess,
         attitude_rate_limit_deg_s=attitude_rate_limit,
         view=view,
+        foxglove_port=(foxglove_port or FOXGLOVE_PORT) if foxglove else 0,
         domain_id=domain_id,
         namespace=namespace,
         live=page if live else None,
