@@ -17,7 +17,8 @@ from sensor_msgs.msg import NavSatFix
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker
 
-from ares_bags.types import flight_of_cdr, stamp_of_cdr
+from ares_bags.layout import stamp_of_cdr
+from ares_bags.types import flight_of_cdr
 from ares_models.mission import Mission, MissionError, load_mission
 from ares_msgs.msg import (
     FlightEvent,
