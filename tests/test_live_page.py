@@ -9,7 +9,8 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
 
 import psutil
 import pytest
@@ -21,6 +22,7 @@ from ares_view.live.address import listen
 
 LEAST_CONTRAST = 4.5
 LEAST_FONT_PX = 12.0
+REFERENCE = Path(__file__).parent.parent / "bags" / "reference"
 #: What the page calls what it sees.
 STATE = "document.documentElement.dataset.state"
 #: Charts whose drawing has come to the last state.
@@ -80,6 +82,17 @@ class Command:
         return self.process.returncode, json.loads(out)
 
 
+@contextmanager
+def started(environment, *words):
+    """A command that does not outlive the block."""
+    command = Command(environment, *words)
+    try:
+        yield command
+    finally:
+        command.process.kill()
+        command.process.wait()
+
+
 @pytest.fixture
 def flown(tmp_path, ros_environment):
     """Starts commands on a short mission; none outlives the test."""
@@ -87,12 +100,9 @@ def flown(tmp_path, ros_environment):
     path.write_text(yaml.safe_dump(short_burn(450.0)))
     with ExitStack() as stack:
 
-        def start(*words, **more):
-            words = ("fly", "--live", "--json", "--mission", str(path), *words)
-            command = Command(ros_environment, *words, **more)
-            stack.callback(command.process.wait)
-            stack.callback(command.process.kill)
-            return command
+        def start(*words):
+            given = ("fly", "--live", "--json", "--mission", str(path), *words)
+            return stack.enter_context(started(ros_environment, *given))
 
         yield start
 
@@ -314,6 +324,40 @@ def test_a_person_gets_the_page_opened_and_the_flight_waits_for_it(tmp_path, bro
         os.close(ours)
 
 
+def test_a_replay_is_followed_paused_and_paced(ros_environment, opened):
+    words = ("replay", str(REFERENCE), "--live", "--pace", "5")
+    with started(ros_environment, *words) as replay:
+        page = opened(replay.url)
+        wait_for_state(page, "Live")
+        assert "Ares V" in page.locator("h1").inner_text()
+        page.locator(".play").click()
+        wait_for_state(page, "Paused")
+        page.wait_for_timeout(300)
+        held = seen_time(page)
+        page.wait_for_timeout(500)
+        assert seen_time(page) == held
+        page.locator("[data-pace='50']").click()
+        page.wait_for_function("() => live.about.pace === 50")
+        page.locator(".play").click()
+        wait_for_state(page, "Flight over: the last event is flight complete")
+        assert seen_time(page) == pytest.approx(767.5, abs=1.0)
+        out, _ = replay.process.communicate(timeout=60)
+        assert replay.process.returncode == 0
+        assert out.startswith("published ")
+
+
+def test_a_page_of_its_own_finds_the_flight(ros_environment, flown, opened):
+    with started(ros_environment, "live", "--no-browser") as viewer:
+        page = opened(viewer.url)
+        wait_for_state(page, "Waiting for the flight")
+        flight = flown("--pace", "20", "--no-record")
+        wait_for_state(page, "Flight over")
+        assert flight.end()[0] == 0
+        viewer.process.send_signal(signal.SIGINT)
+        assert viewer.process.wait(timeout=20) == 0
+        page.wait_for_function("() => live.over")
+
+
 # ---- what cannot be
 
 
@@ -334,8 +378,9 @@ def test_an_address_that_cannot_be_had_is_one_line(ares):
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
 
 
+@pytest.mark.parametrize("verb", [("fly",), ("replay", "bag")])
 @pytest.mark.parametrize("words", [("--live-port", "8000"), ("--no-browser",)])
-def test_options_of_the_page_need_the_page(ares, words):
-    done = ares("fly", *words)
+def test_options_of_the_page_need_the_page(ares, verb, words):
+    done = ares(*verb, *words)
     assert done.returncode == 2
     assert "go with --live only" in done.stderr

@@ -23,7 +23,8 @@ WORD_PERIOD = 0.25
 
 def _check(parameters: list[Parameter]) -> SetParametersResult:
     for one in parameters:
-        if one.name == PACE and not 0.0 <= one.value < math.inf:
+        is_pace = one.name == PACE and isinstance(one.value, float)
+        if is_pace and not 0.0 <= one.value < math.inf:
             reason = f"parameter pace is {one.value!r}; expected zero or a positive number"
             return SetParametersResult(successful=False, reason=reason)
     return SetParametersResult(successful=True)
