@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 import time
+from collections import Counter
 from contextlib import ExitStack
 from functools import partial
 
@@ -39,6 +40,7 @@ from ares_studies.montecarlo.report import drawn_name, make_report, render
 from ares_studies.montecarlo.statistics import Tally, bound_rank, flights_needed, summarize
 from ares_studies.montecarlo.store import GROUP, Store, StoreError
 from ares_studies.montecarlo.table import Outcome, make_table
+from ares_studies.montecarlo.ways import make_ways, sampled
 from ares_vehicle_sim.dispersions import Dispersions, load_dispersions
 from ares_vehicle_sim.simulator import CAMPAIGN, SimulatorOptions
 
@@ -636,11 +638,26 @@ def test_a_summary_of_a_campaign(standard, tmp_path):
     assert histogram.edges[-1] <= max(good) + 0.25 * width
     assert histogram.below == np.count_nonzero(mass_of(failed) < histogram.edges[0])
     assert histogram.above == np.count_nonzero(mass_of(failed) > histogram.edges[-1])
-    assert summary.failed == [row["flight"] for row in failed][:30]
+    assert summary.failed == {row["flight"]: row["failure"] for row in failed[:30]}
     strongest = summary.influences["m_f_kg"][0]
     assert strongest.name == "thrust_core"
     assert strongest.correlation > 0.5
     assert summary.influences["t_plf_s"][0].name == "log_density"
+
+
+def test_a_way_over_the_earth_is_that_of_the_flight(standard):
+    """It ends when and where the campaign's flight does."""
+    globe = make_ways(standard, [3], {5: "why"})
+    table = make_table(Range(standard).fly(0, 6), Range(standard).columns, ("payload fairing",))
+    names = [flight.name for flight in globe.flights]
+    assert names == ["the nominal flight", "flight 3", "flight 5: why"]
+    for k, flight in zip((3, 5), globe.flights[1:], strict=True):
+        assert flight.time_s[0] == pytest.approx(standard.mission.start().time_s, abs=0.05)
+        assert flight.time_s[-1] == pytest.approx(table["t_meco_s"][k].as_py(), abs=0.06)
+        radius = standard.mission.environment.earth.equatorial_radius_m
+        target = standard.mission.arrays().target["radius"][0]
+        assert radius * (1.0 + flight.height[-1]) == pytest.approx(target, abs=200.0)
+    assert len(globe.land) > 10
 
 
 def test_a_summary_takes_no_more_memory_for_more_flights(hundred, tmp_path, monkeypatch):
@@ -673,7 +690,8 @@ def test_the_page_shows_the_campaign(standard, tmp_path):
     failures = summary.worst["failures"]
     reached = reaches(settings, failures)
     assert sorted(reached) == [row["flight"] for row in failures]
-    report = make_report(settings, summary, facts, "./ares fly --seed 0", reached)
+    globe = make_ways(settings, sampled(summary), summary.failed)
+    report = make_report(settings, summary, facts, "./ares fly --seed 0", reached, globe)
     json.dumps(report.to_json(), allow_nan=False)
     items = {item.title: item for chapter in report.chapters for item in chapter.items}
     bars = items["Final mass"].content.series
@@ -683,7 +701,13 @@ def test_the_page_shows_the_campaign(standard, tmp_path):
     assert sum(len(series.x) for series in cloud) == 200
     failed = table.filter(np.logical_not(table["succeeded"].to_numpy()))
     assert [case.flight for case in report.cases["failures"]] == failed["flight"].to_pylist()[:10]
+    shown = Counter(flight.role for flight in globe.flights)
+    assert shown["thesis"] == len(summary.failed)
+    assert shown["other"] == 1
+    assert shown["here"] == len(sampled(summary)) == 20
+    assert not set(sampled(summary)) & set(failed["flight"].to_pylist())
     page = render(report)
+    assert len(page) < 4e6
     first = report.cases["least final mass"][0]
     assert first.command == f"./ares fly --seed 0 --flight {first.flight}"
     for words in (

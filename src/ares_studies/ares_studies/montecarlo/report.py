@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ares_studies.flight_page.globe import Globe
 from ares_studies.montecarlo.flights import Settings
 from ares_studies.montecarlo.reach import Reach
 from ares_studies.montecarlo.statistics import (
@@ -21,6 +23,7 @@ from ares_studies.montecarlo.statistics import (
     Summary,
 )
 from ares_studies.montecarlo.table import DRAWN, LIMITS
+from ares_studies.montecarlo.ways import ARRIVED, FAILED, NOMINAL
 from ares_studies.pages.parts import (
     Axis,
     Cell,
@@ -114,6 +117,7 @@ class CampaignReport:
         masses: final mass and propellant.
         chapters: figures and tables.
         cases: flights to look at again, by what is special about them.
+        globe: ways of some flights over the Earth.
     """
 
     title: str
@@ -122,6 +126,24 @@ class CampaignReport:
     masses: Table
     chapters: tuple[Chapter, ...]
     cases: Mapping[str, tuple[Case, ...]]
+    globe: Globe
+
+    @property
+    def globe_key(self) -> list[tuple[str, Role, int]]:
+        """Names, colours and numbers of the flights on the globe."""
+        counts = Counter(flight.role for flight in self.globe.flights)
+        kinds = (ARRIVED, FAILED, NOMINAL)
+        return [(name, role, counts[role]) for name, role in kinds if counts[role]]
+
+    @property
+    def globe_text(self) -> str:
+        """What is on the globe, in words."""
+        counts = {name: count for name, _, count in self.globe_key}
+        arrived = counts.get(ARRIVED[0], 0)
+        text = f"{arrived:,} flights of those that arrived, evenly spread"
+        if failed := counts.get(FAILED[0], 0):
+            text += f", the first {failed:,} that failed" if failed > 1 else ", one that failed"
+        return f"{text}, and the one that nothing disperses: each flown again."
 
     def to_json(self) -> dict[str, Any]:
         """Ready for ``json.dumps(allow_nan=False)``."""
@@ -144,6 +166,7 @@ def make_report(
     facts: Mapping[str, str],
     command: str,
     reached: Mapping[int, Reach],
+    globe: Globe,
 ) -> CampaignReport:
     """What the page shows.
 
@@ -153,6 +176,7 @@ def make_report(
         facts: how it was flown, for people.
         command: flies flight k again with ``--flight k`` behind it.
         reached: what the failures could have done, by flight.
+        globe: ways of some flights over the Earth.
     """
     chapters = (
         Chapter(1, "Results", _results_text(summary), tuple(_result_figures(summary))),
@@ -180,6 +204,7 @@ def make_report(
         masses=_masses(summary),
         chapters=_numbered(chapters),
         cases=_cases(summary, command, reached),
+        globe=globe,
     )
 
 

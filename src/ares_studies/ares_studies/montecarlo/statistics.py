@@ -32,7 +32,7 @@ RESERVE_CONFIDENCE = 0.90
 SAMPLE = GROUP
 #: Flights of each list of worst ones.
 WORST = 5
-#: Numbers of flights that failed which are kept, for their ways over the Earth.
+#: Flights that failed which are kept, for their ways over the Earth.
 FAILED = 30
 BINS = 80
 #: A histogram is wider than the flights that succeeded by this share at most, on either side.
@@ -219,7 +219,7 @@ class Summary:
         histograms: by column of the table.
         influences: of each draw on a result, strongest first, by the result's column.
         worst: rows, by what is bad about them.
-        failed: numbers of the first flights that failed.
+        failed: the first flights that failed, and why.
         sample: columns of the first flights.
     """
 
@@ -228,7 +228,7 @@ class Summary:
     histograms: dict[str, Histogram]
     influences: dict[str, list[Influence]]
     worst: dict[str, list[dict[str, Any]]]
-    failed: list[int]
+    failed: dict[int, str]
     sample: dict[str, Array] = field(repr=False)
 
 
@@ -296,7 +296,7 @@ class _Gathered:
         self.tail = _Tail(int((1.0 - RESERVE_SHARE) * count) + 1)
         self.spans: dict[str, Interval] = {}
         self.good_spans: dict[str, Interval] = {}
-        self.failed: list[int] = []
+        self.failed: dict[int, str] = {}
         self.worst: dict[str, list[dict[str, Any]]] = {FAILURES: []}
         self.worst |= {name: [] for name, _, _ in LISTS}
         self.sample: dict[str, Array] = {}
@@ -311,8 +311,9 @@ class _Gathered:
             values = table[name].to_numpy()
             _widen(self.spans, name, values)
             _widen(self.good_spans, name, values[good])
-        numbers = table["flight"].to_numpy()[~good]
-        self.failed += numbers[: FAILED - len(self.failed)].tolist()
+        first = np.flatnonzero(~good)[: FAILED - len(self.failed)]
+        told = table.select(["flight", "failure"]).take(first).to_pylist()
+        self.failed |= {row["flight"]: row["failure"] for row in told}
         for title, name, low_is_bad in LISTS:
             values = table[name].to_numpy()
             badness = -values if low_is_bad else np.abs(values)

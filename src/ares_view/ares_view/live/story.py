@@ -20,7 +20,7 @@ from ares_studies.event_words import ENDS, EVENT_NAMES, MARKS, event_name
 from ares_studies.flight_page.charts import ROLES
 from ares_studies.flight_page.data import phase_name, states_of
 from ares_studies.flight_page.geometry import impact_track
-from ares_studies.flight_page.globe import land_of
+from ares_studies.flight_page.globe import land_on
 
 #: As many states, and words of guidance, are kept of a flight.
 MAX_ROWS = 1500
@@ -138,7 +138,7 @@ class Story:
             "title": mission.title if mission else "A flight",
             "flight": id_text(flight_id) if flight_id else "",
             "law": "",
-            "land": bool(land_of(self._mission)),
+            "land": bool(land_on(self._mission.environment.earth.equatorial_radius_m)),
             "heating_limit_w_m2": min(filter(None, limits), default=None) if mission else None,
             "pace": None,
             "paused": False,
