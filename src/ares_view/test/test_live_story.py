@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ares_models.mission import load_mission
-from ares_view.live.story import MAX_COMPLAINTS, STATE_FIELDS, Rows, Seen, Story
+from ares_view.live.story import MAX_COMPLAINTS, STATE_FIELDS, STATUS_FIELDS, Rows, Seen, Story
 
 MISSION = load_mission("ares_v")
 
@@ -99,6 +99,17 @@ def test_numbers_are_those_of_the_offline_page(story):
     assert shown["longitude_deg"] == pytest.approx(turn, abs=1e-4)
     first = dict(zip(STATE_FIELDS, story.news(Seen())[0]["states"][0][1], strict=True))
     assert first["pitch_deg"] is None
+
+
+def test_the_predicted_altitude_is_that_above_the_ellipsoid(story):
+    """So that the vehicle comes to it: the poles are 21 km lower than the equator."""
+    row = {"time_s": 1.0, "time_to_go_s": 2.0, "cutoff_s": 3.0, "iterations": 1.0}
+    polar = MISSION.environment.earth.polar_radius_m
+    story.add_status(row, [0.0, 0.0, polar + 1.5e5], [7e3, 0.0, 0.0])
+    (status,) = story.news(Seen())[0]["statuses"]
+    told = dict(zip(STATUS_FIELDS, status[1], strict=True))
+    assert told["predicted_altitude_km"] == pytest.approx(150.0, abs=1e-3)
+    assert told["predicted_speed_m_s"] == 7e3
 
 
 def test_a_phase_for_each_arc_and_a_colour_for_each_burn(story):
