@@ -30,7 +30,16 @@ def one_line(text):
 def test_help_lists_everything(capfd):
     status, out, err = run(capfd, "--help")
     assert (status, err) == (0, "")
-    for verb in ("fly", "missions", "bag", "replay", "report", "node", "info, verify, repair"):
+    for verb in (
+        "fly",
+        "missions",
+        "dispersions",
+        "bag",
+        "replay",
+        "report",
+        "node",
+        "info, verify, repair",
+    ):
         assert re.search(rf"\b{verb}\b", out)
     assert "Exit status" in out
     assert max(len(line) for line in out.splitlines()) <= 80
@@ -41,6 +50,13 @@ def test_help_lists_everything(capfd):
     [
         ["fly"],
         ["missions"],
+        ["missions", "list"],
+        ["missions", "new"],
+        ["missions", "schema"],
+        ["dispersions"],
+        ["dispersions", "list"],
+        ["dispersions", "new"],
+        ["dispersions", "schema"],
         ["bag"],
         ["bag", "info"],
         ["bag", "verify"],
