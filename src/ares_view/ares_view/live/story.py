@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ares_models.kernels.environment import altitude
 from ares_models.mission import Mission, load_mission
 from ares_node.identity import id_text
 from ares_studies.event_words import ENDS, EVENT_NAMES, MARKS, event_name
@@ -232,10 +233,13 @@ class Story:
             position: predicted at cut-off, shape (3,), m.
             velocity: the same, m/s.
         """
-        radius = self._mission.environment.earth.equatorial_radius_m
-        altitude = (float(np.linalg.norm(position)) - radius) / 1e3
-        speed = float(np.linalg.norm(velocity))
-        numbers = {**row, "predicted_altitude_km": altitude, "predicted_speed_m_s": speed}
+        x, y, z = (float(each) for each in position)
+        height = altitude((x, y, z), self._mission.environment_array()[0])
+        numbers = {
+            **row,
+            "predicted_altitude_km": height / 1e3,
+            "predicted_speed_m_s": float(np.linalg.norm(velocity)),
+        }
         with self._lock:
             self._statuses.add([_known(numbers[name], 4) for name in STATUS_FIELDS])
 
