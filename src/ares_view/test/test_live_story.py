@@ -101,15 +101,17 @@ def test_numbers_are_those_of_the_offline_page(story):
     assert first["pitch_deg"] is None
 
 
-def test_the_predicted_altitude_is_that_above_the_ellipsoid(story):
-    """So that the vehicle comes to it: the poles are 21 km lower than the equator."""
-    row = {"time_s": 1.0, "time_to_go_s": 2.0, "cutoff_s": 3.0, "iterations": 1.0}
-    polar = MISSION.environment.earth.polar_radius_m
-    story.add_status(row, [0.0, 0.0, polar + 1.5e5], [7e3, 0.0, 0.0])
-    (status,) = story.news(Seen())[0]["statuses"]
-    told = dict(zip(STATUS_FIELDS, status[1], strict=True))
-    assert told["predicted_altitude_km"] == pytest.approx(150.0, abs=1e-3)
-    assert told["predicted_speed_m_s"] == 7e3
+def test_the_predicted_altitude_is_by_the_rule_of_the_mission(story):
+    known = {"time_s": 1.0, "time_to_go_s": 2.0, "cutoff_s": 3.0, "iterations": 4}
+    # above the pole, on the ellipsoid of the mission
+    story.add_status(known, (0.0, 0.0, 6.5e6), (7e3, 0.0, 0.0))
+    story.add_status(known, (math.nan,) * 3, (math.nan,) * 3)
+    rows = [row for _, row in story.news(Seen())[0]["statuses"]]
+    shown = dict(zip(STATUS_FIELDS, rows[0], strict=True))
+    pole = MISSION.environment.earth.polar_radius_m
+    assert shown["predicted_altitude_km"] == pytest.approx((6.5e6 - pole) / 1e3, abs=1e-3)
+    assert shown["predicted_speed_m_s"] == 7e3
+    assert rows[1] == [1.0, 2.0, 3.0, 4, None, None]
 
 
 def test_a_phase_for_each_arc_and_a_colour_for_each_burn(story):
