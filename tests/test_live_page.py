@@ -16,6 +16,8 @@ import psutil
 import pytest
 import yaml
 
+from ares_bags.compare import differences
+from ares_bags.reader import open_bag
 from ares_bringup.testing import short_burn
 from ares_studies.pages.testing import FIGURES, SIZES, TEXTS, THEMES
 from ares_view.live.address import listen
@@ -322,6 +324,25 @@ def test_a_person_gets_the_page_opened_and_the_flight_waits_for_it(tmp_path, bro
         command.process.kill()
         command.process.wait()
         os.close(ours)
+
+
+def test_the_page_leaves_no_trace_in_the_bag(flown, opened, tmp_path, ares):
+    flight = flown("--pace", "2", "--bag", str(tmp_path / "seen"))
+    page = opened(flight.url)
+    wait_for_state(page, "Live")
+    page.locator(".play").click()
+    wait_for_state(page, "Paused")
+    page.locator("[data-pace='0']").click()
+    page.locator(".play").click()
+    assert flight.end()[0] == 0
+    words = ("fly", "--in-process", "--mission", str(tmp_path / "short_burn.yaml"))
+    assert ares(*words, "--bag", str(tmp_path / "unseen")).returncode == 0
+    seen, unseen = (open_bag(tmp_path / name) for name in ("seen", "unseen"))
+    topics = [topic for topic in unseen.topics if topic != "/diagnostics"]
+    assert differences(seen, unseen, topics) == []
+    # late on a busy machine is all that there may be to report
+    reports = seen.messages("/diagnostics") if "/diagnostics" in seen.topics else ()
+    assert all(one.name == "ares/vehicle_sim" for _, said in reports for one in said.status)
 
 
 def test_a_replay_is_followed_paused_and_paced(ros_environment, opened):

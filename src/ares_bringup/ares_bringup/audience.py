@@ -27,7 +27,7 @@ PAGELESS = "the flight goes on without its page"
 #: Wall time in s for the page to be served, and opened, before the flight begins without it.
 PATIENCE = 10.0
 #: Wall time in s for its process to end.
-STOP_TIMEOUT = 5.0
+STOP_TIMEOUT = 3.0
 
 
 def page_parameters(live: LiveOptions, mission: str, flight_id: int) -> dict[str, Any]:

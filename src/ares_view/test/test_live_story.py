@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ares_models.mission import load_mission
-from ares_view.live.story import MAX_COMPLAINTS, STATE_FIELDS, Rows, Seen, Story
+from ares_view.live.story import MAX_COMPLAINTS, STATE_FIELDS, STATUS_FIELDS, Rows, Seen, Story
 
 MISSION = load_mission("ares_v")
 
@@ -99,6 +99,19 @@ def test_numbers_are_those_of_the_offline_page(story):
     assert shown["longitude_deg"] == pytest.approx(turn, abs=1e-4)
     first = dict(zip(STATE_FIELDS, story.news(Seen())[0]["states"][0][1], strict=True))
     assert first["pitch_deg"] is None
+
+
+def test_the_predicted_altitude_is_by_the_rule_of_the_mission(story):
+    known = {"time_s": 1.0, "time_to_go_s": 2.0, "cutoff_s": 3.0, "iterations": 4}
+    # above the pole, on the ellipsoid of the mission
+    story.add_status(known, (0.0, 0.0, 6.5e6), (7e3, 0.0, 0.0))
+    story.add_status(known, (math.nan,) * 3, (math.nan,) * 3)
+    rows = [row for _, row in story.news(Seen())[0]["statuses"]]
+    shown = dict(zip(STATUS_FIELDS, rows[0], strict=True))
+    pole = MISSION.environment.earth.polar_radius_m
+    assert shown["predicted_altitude_km"] == pytest.approx((6.5e6 - pole) / 1e3, abs=1e-3)
+    assert shown["predicted_speed_m_s"] == 7e3
+    assert rows[1] == [1.0, 2.0, 3.0, 4, None, None]
 
 
 def test_a_phase_for_each_arc_and_a_colour_for_each_burn(story):

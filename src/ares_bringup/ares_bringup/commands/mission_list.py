@@ -10,7 +10,7 @@ from ares_bringup.report import console
 from ares_models.mission import Mission, list_missions, load_mission
 from ares_vehicle_sim.dispersions import DISPERSIONS, load_dispersions
 
-#: First of a row: name, then what is said of it; all rows of a file.
+#: What is said of a file: a word and a text in each row.
 Rows = list[tuple[str, str]]
 
 

@@ -356,7 +356,8 @@ class Globe {
     pen.strokeStyle = size > 5 ? colours.ink : colours.panel;
     pen.lineWidth = size > 5 ? 2 : 1.5;
     pen.stroke();
-    if (text) this.word(text, x, y);
+    // where the mark cannot be seen, its word would stand at the edge
+    if (text && x >= 0 && x <= 2 * this.x) this.word(text, x, y);
   }
 
   // a word beside its mark, below the words that are there already

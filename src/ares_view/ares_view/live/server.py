@@ -234,9 +234,7 @@ class LiveServer:
         self.sockets: set[_Socket] = set()
         self._listener = listener
         self._started: Future[None] = Future()
-        self._thread = threading.Thread(
-            target=lambda: asyncio.run(self._serve()), name="live", daemon=True
-        )
+        self._thread = threading.Thread(target=self._run, name="live", daemon=True)
         self._thread.start()
         self._started.result()
 
@@ -261,6 +259,15 @@ class LiveServer:
     def _send_all(self, beat: bool = False) -> None:
         for page in tuple(self.sockets):
             page.send_news(beat)
+
+    def _run(self) -> None:
+        try:
+            asyncio.run(self._serve())
+        except BaseException as error:
+            if self._started.done():
+                raise
+            # who waits for the start is told
+            self._started.set_exception(error)
 
     async def _serve(self) -> None:
         self._loop = asyncio.get_running_loop()

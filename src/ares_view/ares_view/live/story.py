@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ares_models.kernels.environment import altitude
 from ares_models.mission import Mission, load_mission
 from ares_node.identity import id_text
 from ares_studies.event_words import ENDS, EVENT_NAMES, MARKS, event_name
@@ -125,6 +126,7 @@ class Story:
     def _begin(self, flight_id: int, mission: Mission | None) -> None:
         self.flight_id = flight_id
         self._mission = mission or load_mission(_SOME_MISSION)
+        self._environment = self._mission.environment_array()[0]
         self._mission_known = mission is not None
         self._states, self._statuses = Rows(), Rows()
         self._events: list[dict[str, Any]] = []
@@ -197,7 +199,7 @@ class Story:
             truth["time"],
             truth["position"],
             truth["velocity"],
-            mission.environment_array()[0],
+            self._environment,
             earth,
         )
         columns = [(getattr(shown, name) * factor, k) for _, name, factor, k in _STATES]
@@ -232,10 +234,10 @@ class Story:
             position: predicted at cut-off, shape (3,), m.
             velocity: the same, m/s.
         """
-        radius = self._mission.environment.earth.equatorial_radius_m
-        altitude = (float(np.linalg.norm(position)) - radius) / 1e3
+        x, y, z = position
+        height = altitude((float(x), float(y), float(z)), self._environment)
         speed = float(np.linalg.norm(velocity))
-        numbers = {**row, "predicted_altitude_km": altitude, "predicted_speed_m_s": speed}
+        numbers = {**row, "predicted_altitude_km": height / 1e3, "predicted_speed_m_s": speed}
         with self._lock:
             self._statuses.add([_known(numbers[name], 4) for name in STATUS_FIELDS])
 
