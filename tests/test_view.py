@@ -384,7 +384,9 @@ def test_foxglove_gets_a_flight_as_it_happens(graph, free_port):
         await client.connect()
         # it comes late, and is told what has been
         await client.take_for(30, lambda: len(client.heard.get("/ares/flight_event", ())) == 2)
-        await client.take_for(30, lambda: {"/tf_static", "/ares/marker"} <= set(client.heard))
+        await client.take_for(
+            30, lambda: {"/tf_static", "/ares/marker", "/ares/path"} <= set(client.heard)
+        )
         over.set()
         await client.take_for(30, lambda: "/tf" in client.heard)
         await client.take_for(30, lambda: "/ares/fix" in client.heard)

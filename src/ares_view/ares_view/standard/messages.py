@@ -35,7 +35,7 @@ from ares_view.standard.frames import (
 
 #: Lengths in the picture, m: of the arrow along the thrust, of the letters of an event.
 ARROW_LENGTH = 400e3
-LETTERS = 120e3
+LETTERS = 50e3
 
 _OCEAN = ColorRGBA(r=0.16, g=0.35, b=0.55, a=1.0)
 _FLAME = ColorRGBA(r=1.0, g=0.55, b=0.1, a=1.0)
