@@ -226,7 +226,7 @@ def fly(
         float, typer.Option(min=0.0, help="Fastest turn of the thrust, deg/s; 0: none.")
     ] = 0.0,
     view: Annotated[
-        bool, typer.Option("--view", help="Show it in standard messages too: RViz, maps.")
+        bool, typer.Option("--view", help="Standard messages for RViz and maps; on with --live.")
     ] = False,
     foxglove: Annotated[
         bool, typer.Option("--foxglove", help="Serve all of it to Foxglove and Lichtblick too.")
@@ -274,7 +274,7 @@ def fly(
         heating_source=heating_source,
         initial_guess=initial_guess,
         attitude_rate_limit_deg_s=attitude_rate_limit,
-        view=view,
+        view=view or live,
         foxglove_port=(foxglove_port or FOXGLOVE_PORT) if foxglove else 0,
         domain_id=domain_id,
         namespace=namespace,
