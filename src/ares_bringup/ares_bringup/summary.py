@@ -56,8 +56,10 @@ EVENT_NAMES = {
     GUIDANCE_LOST: "no answer from guidance",
     GUIDANCE_BACK: "guidance answers again",
 }
-#: Events worth a mark in a picture, and the word beside it.
+#: Events worth a mark in a picture, and the word beside it; the end of a free arc has one too.
 MARKS = {STAGING: "staging", JETTISON_DONE: "jettison", CUTOFF: "cut-off"}
+#: Words of marks that are nearer than this share of the flight stand together, at the last of them.
+NEAR_MARKS = 0.15
 
 ENDS = (FLIGHT_COMPLETE, IMPACT, TIME_LIMIT)
 
@@ -580,6 +582,28 @@ class FlightSummary:
         name = EVENT_NAMES.get(event.type, f"event {event.type}")
         names = lists.get(event.type, ())
         return f"{name}: {names[event.index]}" if event.index < len(names) else name
+
+    def marks(self) -> list[tuple[float, str]]:
+        """Instants for pictures: mission elapsed time in s, and a word that may be empty.
+
+        One mark an instant, and no word over another. A coast begins where a free burn ends,
+        and ends where an engine ignites.
+        """
+        ignitions = {round(event.time, 3) for event in self.events if event.type == IGNITION}
+        words: dict[float, str] = {}
+        for event in self.events:
+            at = round(event.time, 3)
+            if event.type == ARC_ENDED:
+                words.setdefault(at, "ignition" if at in ignitions else "coast")
+            elif event.type in MARKS:
+                words.setdefault(at, MARKS[event.type])
+        marks = sorted(words.items())
+        near = NEAR_MARKS * (self.events[-1].time - self.events[0].time) if marks else 0.0
+        for k in range(len(marks) - 1):
+            (at, word), (after, next_word) = marks[k : k + 2]
+            if after - at < near:
+                marks[k : k + 2] = [(at, ""), (after, f"{word}, {next_word}")]
+        return marks
 
     def to_json(self) -> dict[str, Any]:
         """The object that `ares fly --json` prints; unknown numbers are None."""
