@@ -158,6 +158,16 @@ def serious_faults() -> Callable[[Any], list[str]]:
     return find
 
 
+#: What a browser says of its own affairs: a driver without a graphics card how long it took, the
+#: plotting library that room for the ticks and number of ticks have not settled at once.
+HARMLESS = ("[.WebGL-", "WARN: Too many auto-margin redraws")
+
+
+def _note(complaints: list[str], text: str) -> None:
+    if not text.startswith(HARMLESS):
+        complaints.append(text)
+
+
 @pytest.fixture
 def open_file(browser):
     """Opens a page as a reader would, network off; afterwards nothing may have gone wrong."""
@@ -174,7 +184,7 @@ def open_file(browser):
         )
         contexts.append(context)
         page = context.new_page()
-        page.on("console", lambda message: complaints.append(message.text))
+        page.on("console", lambda message: _note(complaints, message.text))
         page.on("pageerror", lambda error: complaints.append(str(error)))
         page.on(
             "request",

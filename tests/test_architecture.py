@@ -16,7 +16,7 @@ MAY_IMPORT = {
     "ares_studies": {"ares_models", "ares_guidance", "ares_vehicle_sim", "ares_optimizer"},
     "ares_node": {"ares_msgs"},
     "ares_bags": {"ares_node", "ares_msgs"},
-    "ares_view": {"ares_models", "ares_studies", "ares_node", "ares_msgs"},
+    "ares_view": {"ares_models", "ares_studies", "ares_bags", "ares_node", "ares_msgs"},
     "ares_bringup": {
         "ares_models",
         "ares_guidance",

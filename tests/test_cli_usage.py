@@ -33,6 +33,7 @@ def test_help_lists_everything(capfd):
     for verb in (
         "fly",
         "missions",
+        "dispersions",
         "bag",
         "replay",
         "report",
@@ -50,6 +51,13 @@ def test_help_lists_everything(capfd):
     [
         ["fly"],
         ["missions"],
+        ["missions", "list"],
+        ["missions", "new"],
+        ["missions", "schema"],
+        ["dispersions"],
+        ["dispersions", "list"],
+        ["dispersions", "new"],
+        ["dispersions", "schema"],
         ["bag"],
         ["bag", "info"],
         ["bag", "verify"],

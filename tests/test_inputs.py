@@ -206,3 +206,16 @@ def test_the_page_states_every_range_and_every_choice(kind):
             if not stated:
                 missing.append(f"{model.__name__}.{key}: {limit}")
     assert missing == []
+
+
+@pytest.mark.parametrize("kind", ACTIONS)
+def test_the_page_says_of_each_key_what_the_schema_says(kind):
+    rows = _rows(PAGES[kind])
+    missing = [
+        f"{model.__name__}.{key}: {model.model_fields[key].description}"
+        for model, key, _ in _fields(SCHEMAS[kind])
+        if not any(
+            model.model_fields[key].description in row.replace("`", "") for row in rows.get(key, ())
+        )
+    ]
+    assert missing == []

@@ -57,6 +57,7 @@ PROMISED = {
     "record",
     "view",
     "live",
+    "foxglove_port",
     "bag",
     "exit_when_complete",
     "log_level",

@@ -30,9 +30,10 @@ KEYS = {
     + ("pytest", "rich", "scipy", "tornado", "typer")
 }
 # rosdep knows no key for these: installed with pip
-NO_KEY = {"distributed", "plotly", "pyarrow", "pymsis"}
+NO_KEY = {"distributed", "foxglove", "plotly", "pyarrow", "pymsis"}
 # import name -> name in the package index, where they differ
 DISTRIBUTIONS = {
+    "foxglove": "foxglove-sdk",
     "llvmlite": "numba",
     "mcap_ros2": "mcap-ros2-support",
     "pydantic_core": "pydantic",
@@ -40,7 +41,12 @@ DISTRIBUTIONS = {
 }
 MESSAGE = re.compile(r"([a-z]\w*_msgs)/(?:msg|srv)/[A-Z]\w*$")
 # come with a distribution that is listed under another name
-COMES_WITH = {"mcap-ros2": "mcap-ros2-support", "yaml": "pyyaml", "pydantic-core": "pydantic-core"}
+COMES_WITH = {
+    "foxglove": "foxglove-sdk",
+    "mcap-ros2": "mcap-ros2-support",
+    "yaml": "pyyaml",
+    "pydantic-core": "pydantic-core",
+}
 
 
 def imported(module: Path) -> set[str]:
@@ -207,7 +213,7 @@ def test_the_install_page_names_every_requirement(monkeypatch):
     lines = [line for package in PACKAGES for line in required(package, monkeypatch)]
     assert told == dict(line.split(">=") for line in lines if ">=" in line)
     without_key = {name for name in told if re.search(rf"`{name}` .*\| no key", page)}
-    assert without_key == NO_KEY
+    assert without_key == {DISTRIBUTIONS.get(name, name) for name in NO_KEY}
 
 
 @pytest.mark.parametrize("package", PACKAGES, ids=lambda path: path.name)
@@ -231,8 +237,8 @@ def test_setup_installs_every_file_of_the_package(package, monkeypatch):
         given["packages"]
     )
     shared = {name for _, names in given["data_files"] for name in names}
-    assert {f"{path.parent.name}/{path.name}" for path in package.glob("launch/*.py")} <= shared
-    assert {f"{path.parent.name}/{path.name}" for path in package.glob("params/*")} <= shared
+    for files in ("launch/*.py", "layouts/*", "params/*", "rviz/*"):
+        assert {f"{path.parent.name}/{path.name}" for path in package.glob(files)} <= shared
 
 
 def test_the_containers_have_what_the_readme_asks_for():

@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from ares_models.mission import Mission
 from ares_studies.pages.testing import THEMES
+from ares_vehicle_sim.dispersions import Dispersions
 
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT / "tools"))
@@ -54,6 +56,16 @@ def test_the_reference_names_every_field_and_parameter(site: Path) -> None:
     for path in ROOT.glob("src/*/setup.py"):
         for node in re.findall(r'"(\w+) = ares_[\w.]+\.(?:__main__|node)\b', path.read_text()):
             assert f"<h2>{node}<" in parameters or node in {"ares", "judge"}
+
+
+def test_the_reference_names_every_key(site: Path) -> None:
+    page = (site / "reference" / "keys.html").read_text()
+    for model in (Mission, Dispersions):
+        schema = model.model_json_schema()
+        for part in [schema, *schema["$defs"].values()]:
+            for key in part.get("properties", {}):
+                assert f">{key}<" in page
+    assert "0.001 to 43200 or <code" in page  # burn_time_s, or free
 
 
 def test_the_command_line_shows_every_verb(site: Path, ares) -> None:

@@ -1,15 +1,24 @@
 """The view node in the graph: what other tools see of a flight."""
 
+import asyncio
+import contextlib
+import json
 import math
+import socket
+import struct
+import threading
 
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from nav_msgs.msg import Path
 from pyproj import Transformer
-from rosbags.typesys import Stores, get_typestore
+from rclpy.parameter import Parameter
+from rclpy.serialization import deserialize_message
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from sensor_msgs.msg import NavSatFix
 from tf2_msgs.msg import TFMessage
+from tornado.websocket import websocket_connect
 from visualization_msgs.msg import Marker
 
 from ares_bags.reader import open_bag
@@ -22,7 +31,7 @@ from ares_node.qos import EVENTS, FLIGHT
 from ares_node.time import ns_from_stamp, stamp_from_seconds
 from ares_vehicle_sim.node import VehicleSimNode
 from ares_view.standard.frames import ECEF, ECI, START, VEHICLE
-from ares_view.standard.node import PUBLISHED, ViewNode
+from ares_view.standard.node import FORWARDED, PUBLISHED, ViewNode
 
 EARTH = load_mission("ares_v").environment.earth
 
@@ -289,7 +298,113 @@ def test_tf_is_the_type_that_tools_know():
 
 
 def test_an_unknown_mission_is_refused(graph):
-    view = graph.add(ViewNode(context=graph.context))
-    view.set_parameters([view.get_parameter("mission").__class__("mission", value="rocket")])
+    overrides = [Parameter("mission", value="rocket")]
+    view = graph.add(ViewNode(context=graph.context, parameter_overrides=overrides))
     assert not view.start()
     assert "rocket" in view.failure
+
+
+# ---- Foxglove
+
+
+class Client:
+    """What a client of the WebSocket server is told, channel by channel."""
+
+    def __init__(self, port):
+        self._port = port
+        self.channels = {}
+        self.heard = {}
+        self.sessions = []
+
+    async def connect(self):
+        self._socket = await websocket_connect(
+            f"ws://127.0.0.1:{self._port}", subprotocols=["foxglove.sdk.v1"]
+        )
+        while len(self.channels) < len(PUBLISHED) + len(FORWARDED):
+            await self._take()
+        wanted = [{"id": key, "channelId": key} for key in self.channels]
+        await self._socket.write_message(json.dumps({"op": "subscribe", "subscriptions": wanted}))
+
+    async def _take(self):
+        message = await self._socket.read_message()
+        if isinstance(message, str):
+            told = json.loads(message)
+            if told["op"] == "serverInfo":
+                self.sessions.append(told["sessionId"])
+            for channel in told.get("channels", ()):
+                self.channels[channel["id"]] = channel
+        elif message and message[0] == 1:
+            key, stamp = struct.unpack_from("<IQ", message, 1)
+            topic = self.channels[key]["topic"]
+            self.heard.setdefault(topic, []).append((stamp, message[13:]))
+
+    async def take_for(self, seconds, enough):
+        """Take what comes until it is enough."""
+        loop = asyncio.get_running_loop()
+        deadline = loop.time() + seconds
+        while not enough() and loop.time() < deadline:
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._take(), 0.5)
+        assert enough(), {topic: len(told) for topic, told in self.heard.items()}
+
+
+@pytest.fixture
+def free_port():
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        return listener.getsockname()[1]
+
+
+def test_foxglove_gets_a_flight_as_it_happens(graph, free_port):
+    graph.start(ViewNode, foxglove_port=free_port)
+    flight = Flight(graph, 7)
+    for kind in (FlightEvent.FLIGHT_STARTED, FlightEvent.IGNITION):
+        flight.say(kind)
+    flight.fly(1.0)
+    graph.spin(lambda: len(graph.events) == 2)
+    over = threading.Event()
+    client = Client(free_port)
+
+    async def watch():
+        await client.connect()
+        # it comes late, and is told what has been
+        await client.take_for(30, lambda: len(client.heard.get("/ares/flight_event", ())) == 2)
+        await client.take_for(30, lambda: {"/tf_static", "/ares/marker"} <= set(client.heard))
+        over.set()
+        await client.take_for(30, lambda: "/tf" in client.heard)
+        await client.take_for(30, lambda: "/ares/fix" in client.heard)
+
+    thread = threading.Thread(target=lambda: asyncio.run(watch()))
+    thread.start()
+    try:
+        graph.spin(lambda: over.is_set() or not thread.is_alive(), 60)
+        flight.fly(2.0)
+        graph.spin(lambda: not thread.is_alive(), 60)
+    finally:
+        thread.join()
+    topics = {channel["topic"]: channel for channel in client.channels.values()}
+    assert len(topics) == len(PUBLISHED) + len(FORWARDED)
+    for channel in topics.values():
+        assert (channel["encoding"], channel["schemaEncoding"]) == ("cdr", "ros2msg")
+        # what any reader can make of it
+        assert get_types_from_msg(channel["schema"], channel["schemaName"])
+    (stamp, data), *_ = client.heard["/ares/fix"]
+    assert stamp == 2_000_000_000
+    assert deserialize_message(data, NavSatFix).altitude == pytest.approx(
+        Flight.RADIUS - EARTH.equatorial_radius_m
+    )
+    kinds = [
+        deserialize_message(data, FlightEvent).type
+        for _, data in client.heard["/ares/flight_event"]
+    ]
+    assert kinds[:2] == [FlightEvent.FLIGHT_STARTED, FlightEvent.IGNITION]
+
+
+def test_a_port_that_is_taken_is_refused(graph, free_port):
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", free_port))
+        listener.listen()
+        overrides = [Parameter("foxglove_port", value=free_port)]
+        view = graph.add(ViewNode(context=graph.context, parameter_overrides=overrides))
+        assert not view.start()
+    assert f"foxglove_port is {free_port}, which cannot be opened" in view.failure

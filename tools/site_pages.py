@@ -8,14 +8,18 @@ import importlib
 import json
 import posixpath
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
 
 #: Files outside of docs/ that are pages, and where on the site they are.
-PAGES = {"README.md": "index.md", "CONTRIBUTING.md": "contributing.md"} | {
+PAGES = {
+    "README.md": "index.md",
+    "CONTRIBUTING.md": "contributing.md",
+    "benchmarks/README.md": "benchmarks.md",
+} | {
     f"src/{path.parent.name}/README.md": f"packages/{path.parent.name}.md"
     for path in sorted(ROOT.glob("src/*/README.md"))
 }
@@ -25,11 +29,13 @@ PAGES |= {f"docs/{path.name}": path.name for path in sorted(ROOT.glob("docs/*.md
 CHAPTERS = {
     "How to": (
         "install",
+        "your_rocket",
         "missions",
         "your_law",
         "live",
         "report",
         "replay",
+        "tools",
         "montecarlo",
         "optimization",
         "contributing",
@@ -42,6 +48,7 @@ CHAPTERS = {
     "Reference": (
         "reference/messages",
         "reference/parameters",
+        "reference/keys",
         "reference/command_line",
         "glossary",
         "benchmarks",
@@ -72,6 +79,7 @@ def pages() -> dict[str, str]:
     made["index.md"] += contents()
     made["reference/messages.md"] = messages()
     made["reference/parameters.md"] = parameters()
+    made["reference/keys.md"] = keys()
     made["reference/command_line.md"] = command_line()
     made["benchmarks.md"] = benchmarks()
     return made
@@ -200,6 +208,72 @@ def parameters() -> str:
         ]
         parts += [f"## {node}", table(("parameter", "default", "unit", "expected", "what"), rows)]
     return "\n\n".join(parts)
+
+
+# ---- keys of files
+
+
+def keys() -> str:
+    """Every key of the files that people write."""
+    from ares_models.mission import Mission
+    from ares_vehicle_sim.dispersions import Dispersions
+
+    about = (
+        "Made of the models that check the files; `ares missions schema` and `ares dispersions "
+        "schema` print the same for editors. What keys must be together stands in "
+        "[missions](../missions.md) and [campaigns](../montecarlo.md)."
+    )
+    parts = ["# Keys of mission and dispersions files", about]
+    for title, model in (("Mission", Mission), ("Dispersions", Dispersions)):
+        schema = model.model_json_schema()
+        parts += [f"## {title}", key_table(schema)]
+        for name, part in schema.get("$defs", {}).items():
+            if "properties" in part:
+                parts += [f"### {name}", part.get("description", ""), key_table(part)]
+    return "\n\n".join(parts)
+
+
+def key_table(part: Mapping[str, Any]) -> str:
+    """The keys of one mapping."""
+    needed = part.get("required", ())
+    return table(
+        ("key", "value", "default", "what"),
+        [
+            (
+                f"`{name}`",
+                value_words(about),
+                "needed" if name in needed else default_words(about.get("default")),
+                about.get("description", ""),
+            )
+            for name, about in part["properties"].items()
+        ],
+    )
+
+
+def default_words(value: Any) -> str:
+    """A default; nothing for what is simply left out."""
+    return "" if value in (None, [], {}) else f"`{value}`"
+
+
+def value_words(about: Mapping[str, Any]) -> str:
+    """What a value must be, in words, from its JSON Schema."""
+    for forms in ("anyOf", "oneOf"):
+        if forms in about:
+            words = [value_words(form) for form in about[forms] if form.get("type") != "null"]
+            return " or ".join(dict.fromkeys(words))
+    if "$ref" in about:
+        return about["$ref"].rpartition("/")[2]
+    if "const" in about:
+        return f"`{about['const']}`"
+    if "enum" in about:
+        return ", ".join(f"`{choice}`" for choice in about["enum"])
+    if "minimum" in about:
+        return f"{about['minimum']:g} to {about['maximum']:g}"
+    if about.get("type") == "array":
+        inner = about.get("items") or about.get("prefixItems", [{}])[0]
+        return f"list of {value_words(inner)}" if inner else "list"
+    kinds = {"string": "text", "object": "mapping", "boolean": "true or false"}
+    return kinds.get(about.get("type", ""), about.get("type", ""))
 
 
 # ---- command line

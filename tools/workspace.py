@@ -64,11 +64,14 @@ ALSO = {
 #: Options of a flight that the optimizer may have to plan, or that is drawn.
 SOLVED_FOR = re.compile(r"--(mission|guidance|initial-guess|dispersions|flight)(=.*)?")
 #: Options of a flight that is shown to Foxglove.
-SHOWN_BY = re.compile(r"--foxglove(=.*)?")
+SHOWN_BY = re.compile(r"--foxglove(-port)?(=.*)?")
 #: What of the kernels a verb needs; the name of a law: what a flight by it calls.
 ALL_KERNELS = "all"
 NO_KERNELS = ""
-FEW_KERNELS = ("", "-h", "bag", "env", "export", "live", "missions", "plot", "replay", "report")
+FEW_KERNELS = (
+    *("", "-h", "bag", "dispersions", "env", "export", "live", "missions", "plot", "replay"),
+    "report",
+)
 #: The law whose kernels compile while the messages are built: it is known without a registry.
 FIRST_LAW = "peg"
 COMPILING = {True: "once, until they change: a minute", False: "once, half a minute"}

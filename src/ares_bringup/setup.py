@@ -19,7 +19,9 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
         (f"share/{PACKAGE}/launch", sorted(glob("launch/*.py"))),
+        (f"share/{PACKAGE}/layouts", sorted(glob("layouts/*.json"))),
         (f"share/{PACKAGE}/params", sorted(glob("params/*.yaml"))),
+        (f"share/{PACKAGE}/rviz", sorted(glob("rviz/*.rviz"))),
     ],
     python_requires=">=3.11",
     install_requires=[

@@ -12,7 +12,7 @@ setup(
     maintainer="Ares maintainers",
     maintainer_email="ares-maintainers@example.org",
     packages=find_packages(exclude=["test", "test.*"]),
-    package_data={PACKAGE: ["missions/*.yaml", "data/**/*.csv", "py.typed"]},
+    package_data={PACKAGE: ["missions/*.yaml", "data/*.yaml", "data/**/*.csv", "py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

@@ -19,6 +19,7 @@ setup(
     ],
     python_requires=">=3.11",
     install_requires=[
+        "ares_bags",
         "ares_models",
         "ares_node",
         "ares_studies",
@@ -27,6 +28,8 @@ setup(
     extras_require={
         # the live page; no flight needs it
         "live": ["plotly>=5.20", "tornado>=6.4"],
+        # the live connection to Foxglove
+        "pages": ["foxglove-sdk>=0.30"],
         "test": ["pytest"],
     },
     zip_safe=False,

@@ -245,8 +245,12 @@ def node_parameters(
         nodes[OPTIMIZER] = {"mission": options.mission, "method": InitialGuess.ANALYTIC.value}
     if OPTIMIZER in nodes and (reason := unmet("ares_optimizer", "solve")):
         raise CannotStart(reason)
-    if options.view:
-        nodes[VIEW] = {"flight_id": flight_id, "mission": options.mission}
+    if options.view or options.foxglove_port:
+        nodes[VIEW] = {
+            "flight_id": flight_id,
+            "mission": options.mission,
+            "foxglove_port": options.foxglove_port,
+        }
     if bag is not None:
         nodes[RECORDER] = {
             "flight_id": flight_id,

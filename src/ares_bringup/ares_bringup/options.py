@@ -9,6 +9,9 @@ from pathlib import Path
 #: Highest seed, and highest number of flights: their draws and noise are keyed by them.
 MAX_SEED = 2**63 - 1
 MAX_FLIGHTS = 10**8
+#: Port where Foxglove looks unless told otherwise, and the highest that there is.
+FOXGLOVE_PORT = 8765
+MAX_PORT = 65535
 #: The guidance law that is flown unless another is named.
 PEG = "peg"
 #: Highest ROS domain id; the ports of a higher one do not exist.
@@ -135,6 +138,7 @@ class FlyOptions:
             Law peg_thesis takes analytic for none.
         attitude_rate_limit_deg_s: fastest turn of the thrust; 0: none.
         view: start the view node too.
+        foxglove_port: where Foxglove gets what the view node shows, which is then started; 0: not.
         domain_id: ROS domain; None: that of ROS_DOMAIN_ID, else one that no other flight has.
         namespace: namespace of all nodes and topics.
         live: the page that follows the flight; None: none.
@@ -156,6 +160,7 @@ class FlyOptions:
     initial_guess: InitialGuess = InitialGuess.NONE
     attitude_rate_limit_deg_s: float = 0.0
     view: bool = False
+    foxglove_port: int = 0
     domain_id: int | None = None
     namespace: str = "ares"
     live: LiveOptions | None = None

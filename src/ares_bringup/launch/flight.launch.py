@@ -128,6 +128,12 @@ def arguments() -> list[DeclareLaunchArgument]:
             description="Serve a page that follows the flight; its address is printed.",
         ),
         DeclareLaunchArgument(
+            "foxglove_port",
+            default_value="",
+            description="Port of this machine where Foxglove and Lichtblick get what view shows; "
+            "0: none.",
+        ),
+        DeclareLaunchArgument(
             "exit_when_complete",
             default_value="true",
             choices=SWITCH,
@@ -146,7 +152,7 @@ class Flight:
         self.given = {
             name: LaunchConfiguration(name).perform(context)
             for name in ("mission", "guidance", "initial_guess", "pace", "seed", "dispersions")
-            + ("bag", "namespace", "domain_id", "params_file", "log_level")
+            + ("foxglove_port", "bag", "namespace", "domain_id", "params_file", "log_level")
         }
         self.switches = {
             name: LaunchConfiguration(name).perform(context) == "true"
@@ -214,7 +220,13 @@ class Flight:
             )
         if self.switches["view"]:
             started.append(
-                self._node("ares_view", VIEW, _of(values, "mission"), **identity, **self._clock())
+                self._node(
+                    "ares_view",
+                    VIEW,
+                    _of(values, "mission", "foxglove_port"),
+                    **identity,
+                    **self._clock(),
+                )
             )
         if self.switches["live"]:
             started.append(self._node("ares_view", LIVE, _of(values, "mission"), **identity))
@@ -240,6 +252,7 @@ class Flight:
             if self.given[name]
         }
         kinds = {"pace": ("a number", float), "seed": ("an integer", int)}
+        kinds["foxglove_port"] = kinds["seed"]
         for name, (expected, kind) in kinds.items():
             if self.given[name]:
                 try:

@@ -318,7 +318,8 @@ _EXPECTED: dict[str, str] = {
 }
 
 
-def _unit(key: str | int) -> str:
+def unit_of(key: str | int) -> str:
+    """Unit of a number by the ending of its key, such as " in kg"; empty if it has none."""
     if isinstance(key, str):
         for ending, unit in _UNITS.items():
             if key.endswith(ending):
@@ -328,7 +329,7 @@ def _unit(key: str | int) -> str:
 
 def _expected(kind: str, context: dict[str, Any], message: str, path: KeyPath) -> str:
     names = [part for part in path if isinstance(part, str)]
-    unit = _unit(names[-1]) if names else ""
+    unit = unit_of(names[-1]) if names else ""
     if kind == "out_of_range":
         return f"{context['noun']} from {context['low']} to {context['high']}{unit}"
     if kind == "too_short":
@@ -382,7 +383,7 @@ def explain(
         return f"{where}{name} is not a known key (its value is {format_value(value)}); {hint}"
     if missing:
         if kind == "missing":
-            unit = _unit(place[-1])
+            unit = unit_of(place[-1])
             number = isinstance(place[-1], int)
             expected = f"a number{unit}" if unit or number else "a value"
         return f"{where}{name} is missing; expected {expected}"

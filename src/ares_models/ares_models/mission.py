@@ -5,6 +5,7 @@ The file format is described key by key in ``docs/missions.md``.
 
 import math
 from dataclasses import dataclass
+from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -33,7 +34,15 @@ from ares_models.mission_parts import (
 )
 from ares_models.mission_target import Target, TargetOrbit, TargetState, target_record
 
-__all__ = ["MISSION", "Mission", "MissionError", "Start", "list_missions", "load_mission"]
+__all__ = [
+    "MISSION",
+    "TEMPLATE",
+    "Mission",
+    "MissionError",
+    "Start",
+    "list_missions",
+    "load_mission",
+]
 
 #: Share of the last stage's mass (its own jettisons aside) that is taken as propellant
 #: where the file does not say. Guidance then never runs dry by a made-up number.
@@ -47,6 +56,9 @@ class MissionError(InputError):
 
 
 MISSION = InputKind("mission", MissionError, "ares_models", "missions")
+
+#: What a new mission is written from: a small launcher that arrives.
+TEMPLATE = Path(str(resources.files("ares_models").joinpath("data/template.yaml")))
 
 
 @dataclass(frozen=True)
@@ -79,15 +91,24 @@ class Start:
 class Mission(Part):
     """A mission as its file says it, checked."""
 
-    name: Annotated[str, Field(strict=True, pattern=r"^[a-z0-9][a-z0-9_]*$", max_length=64)]
-    title: Text
-    source: Text
-    epoch: Moment | None = None
-    environment: EnvironmentPart
-    initial_state: InitialState
-    stages: Annotated[tuple[Stage, ...], Field(min_length=1, max_length=MAX_STAGES)]
-    jettisons: tuple[Jettison, ...] = ()
-    target: Target
+    name: Annotated[str, Field(strict=True, pattern=r"^[a-z0-9][a-z0-9_]*$", max_length=64)] = (
+        Field(description="at most 64 small letters, digits, underscores")
+    )
+    title: Text = Field(description="what it is")
+    source: Text = Field(description="where the numbers come from")
+    epoch: Moment | None = Field(
+        default=None,
+        description="date and time of mission time 0, ISO 8601; UTC if no zone is given",
+    )
+    environment: EnvironmentPart = Field(description="body, gravity, atmosphere")
+    initial_state: InitialState = Field(
+        description="where the flight begins, in one of three forms"
+    )
+    stages: Annotated[tuple[Stage, ...], Field(min_length=1, max_length=MAX_STAGES)] = Field(
+        description="in flight order"
+    )
+    jettisons: tuple[Jettison, ...] = Field(default=(), description="what is dropped on the way")
+    target: Target = Field(description="where to: a point of an orbit, or an orbit by its elements")
 
     @model_validator(mode="after")
     def _whole(self) -> "Mission":

@@ -20,11 +20,12 @@ from pydantic import (
     Discriminator,
     Field,
     Tag,
+    WithJsonSchema,
     model_validator,
 )
 from pydantic_core import PydanticCustomError
 
-from ares_models.arrays import MAX_KNOTS
+from ares_models.arrays import MAX_ARCS, MAX_KNOTS
 from ares_models.earth import Earth, LaunchAngles
 from ares_models.orbits import Elements
 from ares_models.ranges import Range
@@ -130,13 +131,27 @@ FreeTime = Annotated[
     | Annotated[Literal["free"], BeforeValidator(_free), Tag("<word>")],
     Discriminator(_is_free),
 ]
-Moment = Annotated[datetime, BeforeValidator(_moment)]
+Moment = Annotated[
+    datetime,
+    BeforeValidator(_moment),
+    WithJsonSchema({"type": "string", "examples": ["2010-06-21T12:00:00Z"]}),
+]
 
 
 class Part(BaseModel):
     """Base of all parts: unknown keys, nan and infinity are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+def one_of(*forms: tuple[str, ...]) -> dict[str, Any]:
+    """For editors: a mapping has the keys of one of these forms, none of them empty."""
+    filled = {"not": {"type": "null"}}
+    return {
+        "oneOf": [
+            {"required": list(form), "properties": dict.fromkeys(form, filled)} for form in forms
+        ]
+    }
 
 
 def by_keys(forms: Mapping[str, type[Part]], default: str | None) -> Callable[[Any], str | None]:
@@ -162,9 +177,9 @@ def by_keys(forms: Mapping[str, type[Part]], default: str | None) -> Callable[[A
 class EarthPart(Part):
     """Figure and rotation."""
 
-    equatorial_radius_m: BodyRadius
-    polar_radius_m: BodyRadius
-    rotation_rate_rad_s: RotationRate
+    equatorial_radius_m: BodyRadius = Field(description="of the ellipsoid, Eq. 2.16")
+    polar_radius_m: BodyRadius = Field(description="of the ellipsoid, Eq. 2.16")
+    rotation_rate_rad_s: RotationRate = Field(description="about z")
 
     @model_validator(mode="after")
     def _oblate(self) -> "EarthPart":
@@ -187,13 +202,17 @@ _INDICES = ("f107", "f107a", "ap", "latitude_deg", "longitude_deg")
 class AtmospherePart(Part):
     """Which atmosphere; the indices are for nrlmsis, and only for it."""
 
-    model: Literal["pra63", "pra63_exponential", "pra63_data", "us76", "nrlmsis"]
-    density_factor: DensityFactor = 1.0
-    f107: SolarFlux | None = None
-    f107a: SolarFlux | None = None
-    ap: GeomagneticIndex | None = None
-    latitude_deg: Latitude | None = None
-    longitude_deg: Turn | None = None
+    model: Literal["pra63", "pra63_exponential", "pra63_data", "us76", "nrlmsis"] = Field(
+        description="which atmosphere; nrlmsis takes place, day and activity from the keys below"
+    )
+    density_factor: DensityFactor = Field(default=1.0, description="multiplies every density")
+    f107: SolarFlux | None = Field(
+        default=None, description="solar flux of the day, 1e-22 W/m2/Hz; for nrlmsis and only there"
+    )
+    f107a: SolarFlux | None = Field(default=None, description="its 81-day mean; for nrlmsis")
+    ap: GeomagneticIndex | None = Field(default=None, description="geomagnetic index, for nrlmsis")
+    latitude_deg: Latitude | None = Field(default=None, description="place, for nrlmsis")
+    longitude_deg: Turn | None = Field(default=None, description="place, for nrlmsis")
 
     @model_validator(mode="after")
     def _indices(self) -> "AtmospherePart":
@@ -209,20 +228,28 @@ class AtmospherePart(Part):
 class EnvironmentPart(Part):
     """Gravity, Earth, altitude rule, atmosphere."""
 
-    mu_m3_s2: GravitationalParameter
-    g0_m_s2: StandardGravity = 9.80665
-    j2: Oblateness = 0.0
-    earth: EarthPart
-    altitude: Literal["ellipsoid", "spherical"] = "ellipsoid"
-    atmosphere: AtmospherePart
+    mu_m3_s2: GravitationalParameter = Field(description="gravitational parameter")
+    g0_m_s2: StandardGravity = Field(
+        default=9.80665, description="turns specific impulse into exhaust velocity"
+    )
+    j2: Oblateness = Field(default=0.0, description="oblateness term of gravity; 0 is Eq. 2.13")
+    earth: EarthPart = Field(description="figure and rotation of the body")
+    altitude: Literal["ellipsoid", "spherical"] = Field(
+        default="ellipsoid", description="above the ellipsoid, or r minus equatorial radius"
+    )
+    atmosphere: AtmospherePart = Field(
+        description="for the heating that a fairing waits for; no drag"
+    )
 
 
 class StateVectors(Part):
     """Initial state as inertial vectors."""
 
-    time_s: MissionTime
-    position_m: tuple[Coordinate, Coordinate, Coordinate]
-    velocity_m_s: tuple[VelocityComponent, VelocityComponent, VelocityComponent]
+    time_s: MissionTime = Field(description="mission elapsed time")
+    position_m: tuple[Coordinate, Coordinate, Coordinate] = Field(description="three numbers")
+    velocity_m_s: tuple[VelocityComponent, VelocityComponent, VelocityComponent] = Field(
+        description="three numbers"
+    )
 
     def state(self, mu: float) -> tuple[Array, Array]:
         """Position (m) and velocity (m/s), each shape (3,)."""
@@ -232,13 +259,13 @@ class StateVectors(Part):
 class StateAngles(Part):
     """Initial state as place, speed, flight-path angle and azimuth, all inertial."""
 
-    time_s: MissionTime
-    latitude_deg: Latitude
-    right_ascension_deg: Turn
-    radius_m: Radius
-    speed_m_s: Speed
-    flight_path_angle_deg: FlightPathAngle
-    azimuth_deg: Turn
+    time_s: MissionTime = Field(description="mission elapsed time")
+    latitude_deg: Latitude = Field(description="geocentric")
+    right_ascension_deg: Turn = Field(description="from the inertial x axis, not from Greenwich")
+    radius_m: Radius = Field(description="from the centre")
+    speed_m_s: Speed = Field(description="inertial")
+    flight_path_angle_deg: FlightPathAngle = Field(description="of the inertial velocity")
+    azimuth_deg: Turn = Field(description="of the inertial velocity, north to east")
 
     def state(self, mu: float) -> tuple[Array, Array]:
         """Position (m) and velocity (m/s), each shape (3,); Eqs. 2.14 and 2.18."""
@@ -255,13 +282,13 @@ class StateAngles(Part):
 class StateElements(Part):
     """Initial state as Keplerian elements."""
 
-    time_s: MissionTime
-    semi_major_axis_m: AnySemiMajorAxis
-    eccentricity: AnyEccentricity
-    inclination_deg: Inclination
-    ascending_node_deg: Turn
-    argument_of_perigee_deg: Turn
-    true_anomaly_deg: Turn
+    time_s: MissionTime = Field(description="mission elapsed time")
+    semi_major_axis_m: AnySemiMajorAxis = Field(description="negative for a hyperbola")
+    eccentricity: AnyEccentricity = Field(description="not 1")
+    inclination_deg: Inclination = Field(description="to the equator")
+    ascending_node_deg: Turn = Field(description="from the inertial x axis")
+    argument_of_perigee_deg: Turn = Field(description="from the node")
+    true_anomaly_deg: Turn = Field(description="from perigee")
 
     @model_validator(mode="after")
     def _conic(self) -> "StateElements":
@@ -331,9 +358,9 @@ def curve_area(curve: tuple[tuple[float, float], ...]) -> float:
 class EngineOut(Part):
     """Engines lost during a burn; the others burn what is left of its propellant."""
 
-    time_after_ignition_s: Duration
-    engines: Annotated[int, Range(2, 100)]
-    lost: Annotated[int, Range(1, 99)] = 1
+    time_after_ignition_s: Duration = Field(description="engines are lost on the way, then")
+    engines: Annotated[int, Range(2, 100)] = Field(description="of so many")
+    lost: Annotated[int, Range(1, 99)] = Field(default=1, description="so many")
 
     @model_validator(mode="after")
     def _some_are_left(self) -> "EngineOut":
@@ -359,18 +386,33 @@ def check_bounds(key: str, time_s: object, min_s: float | None, max_s: float | N
 class BurnArc(Part):
     """A stretch of constant full thrust; of less once engines are lost, or throttled."""
 
-    name: Name | None = None
-    thrust_n: Thrust
-    isp_s: SpecificImpulse
-    burn_time_s: FreeTime
-    min_s: Delay | None = None
-    max_s: Duration | None = None
-    attitude: Literal["guided", "held"] = "guided"
-    max_acceleration_m_s2: Acceleration | None = None
-    min_throttle: Fraction | None = None
-    start: Curve | None = None
-    tail_off: Curve | None = None
-    engine_out: EngineOut | None = None
+    name: Name | None = Field(default=None, description="shown in events; default: the stage's")
+    thrust_n: Thrust = Field(description="full thrust, vacuum")
+    isp_s: SpecificImpulse = Field(description="mass flow is T / (g0 Isp)")
+    burn_time_s: FreeTime = Field(description="from ignition command to cut-off command, or free")
+    min_s: Delay | None = Field(default=None, description="least length, if it is free")
+    max_s: Duration | None = Field(default=None, description="greatest length, if it is free")
+    attitude: Literal["guided", "held"] = Field(
+        default="guided", description="held: the direction at ignition is kept; not for a free burn"
+    )
+    max_acceleration_m_s2: Acceleration | None = Field(
+        default=None,
+        description="throttled to this thrust acceleration from where full thrust would pass it",
+    )
+    min_throttle: Fraction | None = Field(
+        default=None, description="fraction of full thrust below which it is not throttled"
+    )
+    start: Curve | None = Field(
+        default=None,
+        description="thrust fraction after the ignition command, knots [seconds, fraction]",
+    )
+    tail_off: Curve | None = Field(
+        default=None,
+        description="thrust fraction after the cut-off command, knots [seconds, fraction]",
+    )
+    engine_out: EngineOut | None = Field(
+        default=None, description="the burn loses engines and goes on with the others"
+    )
 
     @model_validator(mode="after")
     def _whole(self) -> "BurnArc":
@@ -488,10 +530,10 @@ class BurnArc(Part):
 class CoastArc(Part):
     """A stretch without thrust."""
 
-    name: Name | None = None
-    coast_s: FreeTime
-    min_s: Delay | None = None
-    max_s: Duration | None = None
+    name: Name | None = Field(default=None, description="shown in events; default: the stage's")
+    coast_s: FreeTime = Field(description="how long, or free")
+    min_s: Delay | None = Field(default=None, description="least length, if it is free")
+    max_s: Duration | None = Field(default=None, description="greatest length, if it is free")
 
     @model_validator(mode="after")
     def _bounds(self) -> "CoastArc":
@@ -522,27 +564,44 @@ Arc = Annotated[
 _SHORTHAND = tuple(key for key in BurnArc.model_fields if key != "name")
 
 
+def _of_burn(key: str, default: Any) -> Any:
+    """A key of a burn that a stage of one burn carries itself."""
+    return Field(default=default, description=BurnArc.model_fields[key].description)
+
+
 class Stage(Part):
     """A stage: its mass at the moment it begins, and its arcs in order.
 
     A stage of one burn may carry the keys of that burn itself, without ``arcs``.
     """
 
-    name: Name
-    ignition_mass_kg: Mass
-    propellant_kg: Mass | None = None
-    arcs: Annotated[tuple[Arc, ...], Field(min_length=1)] | None = None
-    thrust_n: Thrust | None = None
-    isp_s: SpecificImpulse | None = None
-    burn_time_s: FreeTime | None = None
-    min_s: Delay | None = None
-    max_s: Duration | None = None
-    attitude: Literal["guided", "held"] = "guided"
-    max_acceleration_m_s2: Acceleration | None = None
-    min_throttle: Fraction | None = None
-    start: Curve | None = None
-    tail_off: Curve | None = None
-    engine_out: EngineOut | None = None
+    model_config = ConfigDict(
+        json_schema_extra=one_of(("arcs",), ("thrust_n", "isp_s", "burn_time_s"))
+    )
+
+    name: Name = Field(description="unique; at most 80 characters")
+    ignition_mass_kg: Mass = Field(
+        description="this stage and everything above it, at the moment the stage begins"
+    )
+    propellant_kg: Mass | None = Field(
+        default=None, description="usable by the whole stage, shared by its burns"
+    )
+    arcs: Annotated[tuple[Arc, ...], Field(min_length=1)] | None = Field(
+        default=None,
+        description="burns and coasts in order",
+        json_schema_extra={"maxItems": MAX_ARCS},
+    )
+    thrust_n: Thrust | None = _of_burn("thrust_n", None)
+    isp_s: SpecificImpulse | None = _of_burn("isp_s", None)
+    burn_time_s: FreeTime | None = _of_burn("burn_time_s", None)
+    min_s: Delay | None = _of_burn("min_s", None)
+    max_s: Duration | None = _of_burn("max_s", None)
+    attitude: Literal["guided", "held"] = _of_burn("attitude", "guided")
+    max_acceleration_m_s2: Acceleration | None = _of_burn("max_acceleration_m_s2", None)
+    min_throttle: Fraction | None = _of_burn("min_throttle", None)
+    start: Curve | None = _of_burn("start", None)
+    tail_off: Curve | None = _of_burn("tail_off", None)
+    engine_out: EngineOut | None = _of_burn("engine_out", None)
 
     @model_validator(mode="after")
     def _one_form(self) -> "Stage":
@@ -590,13 +649,24 @@ HeatingLimitHolds = Literal["at_jettison", "from_jettison"]
 class Jettison(Part):
     """Something dropped on the way, and when."""
 
-    name: Name
-    mass_kg: Mass
-    stage: Name
-    heating_limit_w_m2: HeatingRate | None = None
-    heating_limit_holds: HeatingLimitHolds = "at_jettison"
-    time_s: MissionTime | None = None
-    time_after_ignition_s: Delay | None = None
+    model_config = ConfigDict(
+        json_schema_extra=one_of(("heating_limit_w_m2",), ("time_s",), ("time_after_ignition_s",))
+    )
+
+    name: Name = Field(description="unique; at most 80 characters")
+    mass_kg: Mass = Field(description="what is dropped")
+    stage: Name = Field(description="name of a stage: not before its first ignition")
+    heating_limit_w_m2: HeatingRate | None = Field(
+        default=None,
+        description="when free molecular heating, 0.5 rho V_rel^3, has fallen below this",
+    )
+    heating_limit_holds: HeatingLimitHolds = Field(
+        default="at_jettison", description="at the jettison, or from then until cut-off"
+    )
+    time_s: MissionTime | None = Field(default=None, description="at this mission elapsed time")
+    time_after_ignition_s: Delay | None = Field(
+        default=None, description="so long after the stage's first ignition command"
+    )
 
     @model_validator(mode="after")
     def _one_criterion(self) -> "Jettison":

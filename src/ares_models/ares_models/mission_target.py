@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Discriminator, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from ares_models import arrays as layout
 from ares_models.mission_parts import (
@@ -47,11 +47,11 @@ CharacteristicEnergy = Annotated[float, Range(-1e10, 1e10)]
 class TargetState(Part):
     """Terminal set: radius, speed, flight-path angle, inclination; perhaps the node."""
 
-    radius_m: Radius
-    speed_m_s: Speed
-    flight_path_angle_deg: FlightPathAngle
-    inclination_deg: Inclination
-    ascending_node_deg: Turn | None = None
+    radius_m: Radius = Field(description="from the centre")
+    speed_m_s: Speed = Field(description="inertial")
+    flight_path_angle_deg: FlightPathAngle = Field(description="of the inertial velocity")
+    inclination_deg: Inclination = Field(description="to the equator")
+    ascending_node_deg: Turn | None = Field(default=None, description="if the plane is fixed")
 
     def check(self, mission: "Mission") -> None:
         """Report what is out of reach."""
@@ -176,18 +176,30 @@ _NAMES_STATE = layout.NAMES_RADIUS | layout.NAMES_SPEED | layout.NAMES_FLIGHT_PA
 class TargetOrbit(Part):
     """Terminal set: an orbit by its elements, each named or left free."""
 
-    perigee_radius_m: Radius | None = None
-    perigee_altitude_m: Altitude | None = None
-    apogee_radius_m: Radius | None = None
-    apogee_altitude_m: Altitude | None = None
-    semi_major_axis_m: AnySemiMajorAxis | None = None
-    eccentricity: AnyEccentricity | None = None
-    c3_m2_s2: CharacteristicEnergy | None = None
-    inclination_deg: Inclination | None = None
-    ascending_node_deg: Turn | None = None
-    argument_of_perigee_deg: Turn | None = None
-    at: Literal["perigee", "apogee"] | None = None
-    true_anomaly_deg: Turn | None = None
+    perigee_radius_m: Radius | None = Field(default=None, description="from the centre")
+    perigee_altitude_m: Altitude | None = Field(
+        default=None, description="above the equatorial radius"
+    )
+    apogee_radius_m: Radius | None = Field(default=None, description="from the centre")
+    apogee_altitude_m: Altitude | None = Field(
+        default=None, description="above the equatorial radius"
+    )
+    semi_major_axis_m: AnySemiMajorAxis | None = Field(
+        default=None, description="negative for a hyperbola"
+    )
+    eccentricity: AnyEccentricity | None = Field(
+        default=None, description="beside another of size and shape"
+    )
+    c3_m2_s2: CharacteristicEnergy | None = Field(
+        default=None, description="twice the energy: 0 or more escapes"
+    )
+    inclination_deg: Inclination | None = Field(default=None, description="to the equator")
+    ascending_node_deg: Turn | None = Field(default=None, description="from the inertial x axis")
+    argument_of_perigee_deg: Turn | None = Field(default=None, description="from the node")
+    at: Literal["perigee", "apogee"] | None = Field(default=None, description="where on it")
+    true_anomaly_deg: Turn | None = Field(
+        default=None, description="the same as an angle from perigee"
+    )
 
     def _key(self, element: str) -> str:
         """The key of the file that names an element."""

@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 from typing import Any
 
-from pydantic import GetCoreSchemaHandler
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from ares_models.input_file import format_number
@@ -46,3 +47,9 @@ class Range:
             )
 
         return core_schema.no_info_after_validator_function(check, inner)
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """The bounds for editors."""
+        return handler(schema) | {"minimum": self.low, "maximum": self.high}

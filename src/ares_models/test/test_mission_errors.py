@@ -716,9 +716,10 @@ def test_a_file_that_may_not_be_read(tmp_path, monkeypatch):
 def test_unknown_name():
     text = message("ares_5")
     assert text == (
-        "mission 'ares_5': no such mission; shipped are ares_v, ares_v_transients, delta_iii, "
-        "delta_iii_coast, geostationary_transfer, saturn_v_as506, saturn_v_tli, or give a file's "
-        "path; did you mean ares_v?"
+        "mission 'ares_5': no such mission; shipped are apollo11_ascent, ares_v, "
+        "ares_v_transients, delta_iii, delta_iii_coast, geostationary_burn, "
+        "geostationary_transfer, saturn_v_as506, saturn_v_tli, space_shuttle_sts121, or give a "
+        "file's path; did you mean ares_v?"
     )
     assert "did you mean" not in message("soyuz")
     assert message("").startswith("mission ''")

@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 import time
+from collections import Counter
 from contextlib import ExitStack
 from functools import partial
 
@@ -39,6 +40,7 @@ from ares_studies.montecarlo.report import drawn_name, make_report, render
 from ares_studies.montecarlo.statistics import Tally, bound_rank, flights_needed, summarize
 from ares_studies.montecarlo.store import GROUP, Store, StoreError
 from ares_studies.montecarlo.table import Outcome, make_table
+from ares_studies.montecarlo.ways import make_ways, sampled
 from ares_vehicle_sim.dispersions import Dispersions, load_dispersions
 from ares_vehicle_sim.simulator import CAMPAIGN, SimulatorOptions
 
@@ -586,6 +588,28 @@ def test_the_reserve_is_enough_as_often_as_it_says():
     assert stats.binom.sf(rank - 1, n, 0.003) >= 0.90 > stats.binom.sf(rank, n, 0.003)
 
 
+def mass_of(rows):
+    return np.array([row["m_f_kg"] for row in rows])
+
+
+def test_one_failed_flight_does_not_flatten_the_others(hundred, tmp_path):
+    """It stands at the edge, in a colour of its own, and the page says so."""
+    mass = hundred["m_f_kg"].to_numpy().copy()
+    good = hundred["succeeded"].to_numpy().copy()
+    mass[7], good[7] = 0.2 * mass[7], False
+    columns = {"m_f_kg": mass, "succeeded": good}
+    table = hundred
+    for name, values in columns.items():
+        table = table.set_column(table.schema.get_field_index(name), name, pa.array(values))
+    path = tmp_path / "flights.parquet"
+    pq.write_table(table, path)
+    histogram = summarize(path, 127_880.0).histograms["m_f_kg"]
+    assert (histogram.edges[0], histogram.edges[-1]) == (mass[good].min(), mass[good].max())
+    assert (histogram.below, histogram.above) == (1, 0)
+    assert histogram.failed.tolist() == [1] + 79 * [0]
+    assert histogram.counts.sum() == 99
+
+
 def test_a_summary_of_a_campaign(standard, tmp_path):
     weak = Settings(
         standard.mission,
@@ -605,11 +629,35 @@ def test_a_summary_of_a_campaign(standard, tmp_path):
     )
     assert summary.reserve.used_kg == used[-bound_rank(1000)]
     assert summary.reserve.reserve_kg == pytest.approx(summary.reserve.used_kg - 127_880.0)
-    assert summary.histograms["m_f_kg"].counts.sum() == 1000
+    histogram = summary.histograms["m_f_kg"]
+    assert histogram.counts.sum() == 1000 - len(failed)
+    assert histogram.failed.sum() == np.count_nonzero(np.isfinite([r["m_f_kg"] for r in failed]))
+    good = [row["m_f_kg"] for row in table.to_pylist() if row["succeeded"]]
+    width = max(good) - min(good)
+    assert histogram.edges[0] >= min(good) - 0.25 * width
+    assert histogram.edges[-1] <= max(good) + 0.25 * width
+    assert histogram.below == np.count_nonzero(mass_of(failed) < histogram.edges[0])
+    assert histogram.above == np.count_nonzero(mass_of(failed) > histogram.edges[-1])
+    assert summary.failed == {row["flight"]: row["failure"] for row in failed[:30]}
     strongest = summary.influences["m_f_kg"][0]
     assert strongest.name == "thrust_core"
     assert strongest.correlation > 0.5
     assert summary.influences["t_plf_s"][0].name == "log_density"
+
+
+def test_a_way_over_the_earth_is_that_of_the_flight(standard):
+    """It ends when and where the campaign's flight does."""
+    globe = make_ways(standard, [3], {5: "why"})
+    table = make_table(Range(standard).fly(0, 6), Range(standard).columns, ("payload fairing",))
+    names = [flight.name for flight in globe.flights]
+    assert names == ["the nominal flight", "flight 3", "flight 5: why"]
+    for k, flight in zip((3, 5), globe.flights[1:], strict=True):
+        assert flight.time_s[0] == pytest.approx(standard.mission.start().time_s, abs=0.05)
+        assert flight.time_s[-1] == pytest.approx(table["t_meco_s"][k].as_py(), abs=0.06)
+        radius = standard.mission.environment.earth.equatorial_radius_m
+        target = standard.mission.arrays().target["radius"][0]
+        assert radius * (1.0 + flight.height[-1]) == pytest.approx(target, abs=200.0)
+    assert len(globe.land) > 10
 
 
 def test_a_summary_takes_no_more_memory_for_more_flights(hundred, tmp_path, monkeypatch):
@@ -642,16 +690,24 @@ def test_the_page_shows_the_campaign(standard, tmp_path):
     failures = summary.worst["failures"]
     reached = reaches(settings, failures)
     assert sorted(reached) == [row["flight"] for row in failures]
-    report = make_report(settings, summary, facts, "./ares fly --seed 0", reached)
+    globe = make_ways(settings, sampled(summary), summary.failed)
+    report = make_report(settings, summary, facts, "./ares fly --seed 0", reached, globe)
     json.dumps(report.to_json(), allow_nan=False)
     items = {item.title: item for chapter in report.chapters for item in chapter.items}
-    bars = items["Final mass"].content.series[0]
-    assert sum(bars.y) == 200 + 0.5
+    bars = items["Final mass"].content.series
+    assert [series.name for series in bars] == ["success", "failure"]
+    assert sum(sum(series.y) for series in bars) == 200
     cloud = items["Radius against speed"].content.series
     assert sum(len(series.x) for series in cloud) == 200
     failed = table.filter(np.logical_not(table["succeeded"].to_numpy()))
     assert [case.flight for case in report.cases["failures"]] == failed["flight"].to_pylist()[:10]
+    shown = Counter(flight.role for flight in globe.flights)
+    assert shown["thesis"] == len(summary.failed)
+    assert shown["other"] == 1
+    assert shown["here"] == len(sampled(summary)) == 20
+    assert not set(sampled(summary)) & set(failed["flight"].to_pylist())
     page = render(report)
+    assert len(page) < 4e6
     first = report.cases["least final mass"][0]
     assert first.command == f"./ares fly --seed 0 --flight {first.flight}"
     for words in (

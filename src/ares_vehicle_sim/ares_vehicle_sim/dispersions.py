@@ -11,10 +11,24 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import GetCoreSchemaHandler, ValidationError, model_validator
+from pydantic import (
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    ValidationError,
+    model_validator,
+)
+from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
-from ares_models.input_file import InputError, InputKind, KeyPath, explain, read_input
+from ares_models.input_file import (
+    InputError,
+    InputKind,
+    KeyPath,
+    explain,
+    format_number,
+    read_input,
+)
 from ares_models.mission_parts import Latitude, Moment, Part, Turn, fail
 from ares_models.ranges import Range
 
@@ -50,6 +64,12 @@ class Spread:
     centre: float = 0.0
     size: float = 0.0
     even: bool = False
+
+    def __str__(self) -> str:
+        """As a file has it."""
+        if self.even:
+            return f"{{low: {self.centre - self.size}, high: {self.centre + self.size}}}"
+        return f"{{mean: {self.centre}, sigma: {self.size}}}" if self.centre else str(self.size)
 
     @property
     def active(self) -> bool:
@@ -114,6 +134,9 @@ class SpreadRange:
     least: float = -math.inf
     components: int | None = None
 
+    def __str__(self) -> str:
+        return f"one sigma, at most {format_number(self.limit)}"
+
     @property
     def reach(self) -> float:
         """Greatest mean, sigma beside a mean, and high."""
@@ -129,6 +152,31 @@ class SpreadRange:
     ) -> CoreSchema:
         """Parses before the tuple of spreads is looked at."""
         return core_schema.no_info_before_validator_function(self._parse, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """What :meth:`_parse` takes, for editors."""
+        sigma = {"type": "number", "minimum": 0.0, "maximum": self.limit}
+        bound = {"type": "number", "minimum": self.low, "maximum": self.reach}
+        bounds = dict.fromkeys(("mean", "low", "high"), bound)
+        bounds["sigma"] = {**bound, "minimum": 0.0}
+        forms = [
+            {
+                "type": "object",
+                "properties": {key: bounds[key] for key in sorted(form)},
+                "required": sorted(form),
+                "additionalProperties": False,
+            }
+            for form in _FORMS
+        ]
+        one = {"anyOf": [sigma, *forms]}
+        if self.components == 1:
+            return one
+        some: dict[str, Any] = {"type": "array", "items": one, "minItems": 1}
+        if self.components is not None:
+            some["maxItems"] = self.components
+        return {"anyOf": [one, some]}
 
     def _parse(self, value: Any) -> Spreads:
         if not isinstance(value, (list, tuple)):
@@ -164,26 +212,30 @@ class NavigationErrors(Part):
     Biases and scales are drawn once a flight; noise is one sigma, new at every state.
     """
 
-    position_bias_m: Lengths = NOTHING
-    position_noise_m: LengthNoise = 0.0
-    velocity_bias_m_s: Speeds = NOTHING
-    velocity_noise_m_s: SpeedNoise = 0.0
-    sensed_delta_v_scale: Fractions3 = NOTHING
-    mass_scale: Fraction = NOTHING
-    heating_scale: Fraction = NOTHING
-    heating_noise: SmallSigma = 0.0
+    position_bias_m: Lengths = Field(default=NOTHING, description="drawn once a flight")
+    position_noise_m: LengthNoise = Field(default=0.0, description="one sigma, new at every state")
+    velocity_bias_m_s: Speeds = Field(default=NOTHING, description="drawn once a flight")
+    velocity_noise_m_s: SpeedNoise = Field(default=0.0, description="one sigma, new at every state")
+    sensed_delta_v_scale: Fractions3 = Field(default=NOTHING, description="spread of a fraction")
+    mass_scale: Fraction = Field(default=NOTHING, description="spread of a fraction")
+    heating_scale: Fraction = Field(default=NOTHING, description="spread of a fraction")
+    heating_noise: SmallSigma = Field(
+        default=0.0, description="one sigma of a fraction, new at every state"
+    )
 
 
 class Nrlmsis(Part):
     """The true atmosphere is NRLMSIS 2.1 over one place, at a date and an activity drawn."""
 
-    first_date: Moment
-    last_date: Moment
-    f107a: SolarFlux
-    f107_deviation: SolarFlux = NOTHING
-    ap: GeomagneticIndex
-    latitude_deg: Latitude
-    longitude_deg: Turn
+    first_date: Moment = Field(description="the date is even between them")
+    last_date: Moment = Field(description="the date is even between them")
+    f107a: SolarFlux = Field(description="spread of the 81-day mean of the solar flux")
+    f107_deviation: SolarFlux = Field(
+        default=NOTHING, description="spread of the day's flux from it"
+    )
+    ap: GeomagneticIndex = Field(description="spread of the geomagnetic index")
+    latitude_deg: Latitude = Field(description="of the place")
+    longitude_deg: Turn = Field(description="of the place")
 
     @model_validator(mode="after")
     def _in_order(self) -> "Nrlmsis":
@@ -195,47 +247,59 @@ class Nrlmsis(Part):
 class Dispersions(Part):
     """How the truth differs from the mission file, and navigation from the truth.
 
-    Attributes:
-        draws: pseudo-random numbers, or the points of a Sobol sequence.
-        initial_frame: axes of the initial state: ECI x, y, z; or local up, downrange and
-            crossrange (along the angular momentum) of the nominal state.
-        initial_position_m: per axis.
-        initial_velocity_m_s: per axis.
-        initial_covariance: of position and velocity, 6 by 6, in m and m/s; instead of the two.
-        thrust: fraction, per stage.
-        specific_impulse: fraction, per stage.
-        stage_mass: fraction of a stage's own mass without what it jettisons, per stage.
-        propellant: fraction of what is loaded, per stage.
-        jettison_mass: fraction, per jettison.
-        jettison_limit: fraction by which the true heating limit is above the mission's,
-            which guidance holds; per jettison.
-        log_density: of the natural logarithm of a factor on the density.
-        nrlmsis: the true atmosphere instead of the mission's.
-        start_delay_s: from ignition command to the begin of the thrust's rise, per stage.
-        start_scale: fraction by which the start takes longer, per stage.
-        latency_s: from a navigation state until the command that answers it is in force.
-        j2: J2 of the true gravity field; no draw.
-        navigation: errors of what navigation reports.
+    Each key says what it is; per stage, per jettison or per axis one value may stand for all.
     """
 
-    draws: Literal["random", "sobol"] = "random"
-    initial_frame: Literal["eci", "local"] = "eci"
-    initial_position_m: Lengths = NOTHING
-    initial_velocity_m_s: Speeds = NOTHING
-    initial_covariance: tuple[Row, Row, Row, Row, Row, Row] | None = None
-    thrust: Fractions = NOTHING
-    specific_impulse: Fractions = NOTHING
-    stage_mass: Fractions = NOTHING
-    propellant: Fractions = NOTHING
-    jettison_mass: Fractions = NOTHING
-    jettison_limit: Fractions = NOTHING
-    log_density: LogFactor = NOTHING
-    nrlmsis: Nrlmsis | None = None
-    start_delay_s: Times = NOTHING
-    start_scale: Fractions = NOTHING
-    latency_s: Time = NOTHING
-    j2: Oblateness | None = None
-    navigation: NavigationErrors = NavigationErrors()
+    draws: Literal["random", "sobol"] = Field(
+        default="random", description="pseudo-random numbers, or the points of a Sobol sequence"
+    )
+    initial_frame: Literal["eci", "local"] = Field(
+        default="eci", description="x, y, z; or up, downrange, crossrange of the nominal state"
+    )
+    initial_position_m: Lengths = Field(
+        default=NOTHING, description="what is added to the initial state"
+    )
+    initial_velocity_m_s: Speeds = Field(
+        default=NOTHING, description="what is added to the initial state"
+    )
+    initial_covariance: tuple[Row, Row, Row, Row, Row, Row] | None = Field(
+        default=None, description="instead of the two: 6 rows of 6 numbers, m and m/s"
+    )
+    thrust: Fractions = Field(default=NOTHING, description="fraction; mass flow follows")
+    specific_impulse: Fractions = Field(default=NOTHING, description="fraction; mass flow follows")
+    stage_mass: Fractions = Field(
+        default=NOTHING, description="fraction of a stage's own mass, without what it jettisons"
+    )
+    propellant: Fractions = Field(
+        default=NOTHING, description="fraction of the usable propellant; the stack weighs it"
+    )
+    jettison_mass: Fractions = Field(default=NOTHING, description="fraction; the stack weighs it")
+    jettison_limit: Fractions = Field(
+        default=NOTHING,
+        description="fraction by which the true heating limit lies above the mission's",
+    )
+    log_density: LogFactor = Field(
+        default=NOTHING, description="logarithm of a factor on the density"
+    )
+    nrlmsis: Nrlmsis | None = Field(
+        default=None, description="the true atmosphere is NRLMSIS 2.1 instead of the mission's"
+    )
+    start_delay_s: Times = Field(
+        default=NOTHING, description="from ignition command to the first knot of the start"
+    )
+    start_scale: Fractions = Field(
+        default=NOTHING, description="fraction by which the start takes longer"
+    )
+    latency_s: Time = Field(
+        default=NOTHING,
+        description="from a navigation state until the command that answers it is in force",
+    )
+    j2: Oblateness | None = Field(
+        default=None, description="J2 of the true gravity; guidance keeps the mission's"
+    )
+    navigation: NavigationErrors = Field(
+        default=NavigationErrors(), description="errors of what navigation reports"
+    )
 
     @model_validator(mode="after")
     def _covariance(self) -> "Dispersions":

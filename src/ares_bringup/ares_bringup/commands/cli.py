@@ -13,10 +13,12 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from ares_bringup import __version__
 from ares_bringup.commands.interrupts import Interrupts
 from ares_bringup.options import (
+    FOXGLOVE_PORT,
     MAX_DOMAIN_ID,
     MAX_FLIGHTS,
     MAX_PORT,
@@ -110,12 +112,43 @@ LivePort = Annotated[
 ]
 NoBrowser = Annotated[bool, typer.Option("--no-browser", help="Do not open the page.")]
 Namespace = Annotated[str, typer.Option(help="Namespace of all nodes and topics.")]
+FilesArgument = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="[NAME|PATH]...", help="Show and check these only."),
+]
+SchemaOut = Annotated[
+    Path | None, typer.Option(help="Write it to this file, which must not exist.")
+]
+
+
+class _Lists(TyperGroup):
+    """A verb that lists, or checks what it is given, unless another word follows it."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """What is no word of the verb is a file to list."""
+        if not args or args[0] not in (*self.commands, *ctx.help_option_names):
+            args = ["list", *args]
+        return super().parse_args(ctx, args)
+
 
 app = typer.Typer(
     name="ares", help=HELP, context_settings={"help_option_names": ["-h", "--help"]}, **SETTINGS
 )
 bag_app = typer.Typer(help="Look into recorded flights: info, verify, repair.", **SETTINGS)
 app.add_typer(bag_app, name="bag")
+LISTS: dict[str, Any] = {
+    "cls": _Lists,
+    "subcommand_metavar": "[NAME|PATH]... | COMMAND",
+    **SETTINGS,
+}
+missions_app = typer.Typer(
+    help="List the shipped missions, or check mission files; new: write one.", **LISTS
+)
+app.add_typer(missions_app, name="missions")
+dispersions_app = typer.Typer(
+    help="List the shipped dispersions, or check files; new: propose some.", **LISTS
+)
+app.add_typer(dispersions_app, name="dispersions")
 
 
 class BadInput(Exception):
@@ -193,8 +226,15 @@ def fly(
         float, typer.Option(min=0.0, help="Fastest turn of the thrust, deg/s; 0: none.")
     ] = 0.0,
     view: Annotated[
-        bool, typer.Option("--view", help="Show it in standard messages too: RViz, maps.")
+        bool, typer.Option("--view", help="Standard messages for RViz and maps; on with --live.")
     ] = False,
+    foxglove: Annotated[
+        bool, typer.Option("--foxglove", help="Serve all of it to Foxglove and Lichtblick too.")
+    ] = False,
+    foxglove_port: Annotated[
+        int | None,
+        typer.Option(min=1, max=MAX_PORT, help=f"Port for --foxglove; default: {FOXGLOVE_PORT}."),
+    ] = None,
     domain_id: Annotated[
         int | None,
         typer.Option(
@@ -210,6 +250,8 @@ def fly(
         raise BadInput("--bag and --no-record exclude each other")
     if bag is not None and os.path.lexists(bag):
         raise BadInput(f"--bag is {str(bag)!r}, which exists; expected a new folder")
+    if foxglove_port is not None and not foxglove:
+        raise BadInput("--foxglove-port goes with --foxglove only")
     _check_page(live, live_host, live_port, no_browser)
     page = _live_options(live_host, live_port, no_browser, as_json)
     if pace is None:
@@ -232,7 +274,8 @@ def fly(
         heating_source=heating_source,
         initial_guess=initial_guess,
         attitude_rate_limit_deg_s=attitude_rate_limit,
-        view=view,
+        view=view or live,
+        foxglove_port=(foxglove_port or FOXGLOVE_PORT) if foxglove else 0,
         domain_id=domain_id,
         namespace=namespace,
         live=page if live else None,
@@ -421,17 +464,71 @@ def montecarlo(
     raise typer.Exit(status)
 
 
-@app.command()
-def missions(
-    files: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="[NAME|PATH]...", help="Show and check these only."),
-    ] = None,
-) -> None:
+@missions_app.command("list")
+def missions_list(files: FilesArgument = None) -> None:
     """List the shipped missions, or check mission files."""
     from ares_bringup.commands.mission_list import show_missions
 
     raise typer.Exit(show_missions(files or ()))
+
+
+@missions_app.command("new")
+def missions_new(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Letters, digits and underscores.")],
+    out: Annotated[
+        Path | None, typer.Option(help="The file, which must not exist; default: NAME.yaml.")
+    ] = None,
+    like: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MISSION", help="With the numbers of this mission; default: a small launcher."
+        ),
+    ] = None,
+) -> None:
+    """Write a mission file with a comment on every key, ready to be flown."""
+    from ares_bringup.commands.new_files import new_mission
+
+    new_mission(name, out, like)
+
+
+@missions_app.command("schema")
+def missions_schema(out: SchemaOut = None) -> None:
+    """Print the JSON Schema of a mission file, for editors."""
+    from ares_bringup.commands.new_files import show_schema
+    from ares_models.mission import MISSION
+
+    show_schema(MISSION, out)
+
+
+@dispersions_app.command("list")
+def dispersions_list(files: FilesArgument = None) -> None:
+    """List the shipped dispersions, or check dispersions files."""
+    from ares_bringup.commands.mission_list import show_dispersions
+
+    raise typer.Exit(show_dispersions(files or ()))
+
+
+@dispersions_app.command("new")
+def dispersions_new(
+    mission: MissionOption,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="The file, which must not exist; default: MISSION_dispersions.yaml."),
+    ] = None,
+) -> None:
+    """Propose dispersions that fit a mission's vehicle, each with its reason."""
+    from ares_bringup.commands.new_files import new_dispersions
+
+    new_dispersions(mission, out)
+
+
+@dispersions_app.command("schema")
+def dispersions_schema(out: SchemaOut = None) -> None:
+    """Print the JSON Schema of a dispersions file, for editors."""
+    from ares_bringup.commands.new_files import show_schema
+    from ares_vehicle_sim.dispersions import DISPERSIONS
+
+    show_schema(DISPERSIONS, out)
 
 
 @bag_app.command("info")

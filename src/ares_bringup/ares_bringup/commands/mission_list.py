@@ -1,13 +1,17 @@
-"""Listing and checking of missions for `ares missions`. No ROS."""
+"""Listing and checking for `ares missions` and `ares dispersions`. No ROS."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from rich.table import Table
 from rich.text import Text
 
 from ares_bringup.report import console
 from ares_models.mission import Mission, list_missions, load_mission
+from ares_vehicle_sim.dispersions import DISPERSIONS, load_dispersions
+
+#: What is said of a file: a word and a text in each row.
+Rows = list[tuple[str, str]]
 
 
 def load(name: str) -> Mission:
@@ -30,22 +34,46 @@ def show_missions(names: Sequence[str] = ()) -> int:
     Returns:
         0, or 2 if one of them is wrong.
     """
+    return _show(names or list_missions(), _mission_rows)
+
+
+def show_dispersions(names: Sequence[str] = ()) -> int:
+    """The same of dispersions.
+
+    Args:
+        names: names or paths; empty for all that are shipped.
+    """
+    return _show(names or DISPERSIONS.shipped(), _dispersions_rows)
+
+
+def _mission_rows(name: str) -> tuple[str, Rows]:
+    mission = load(name)
+    texts = mission.describe()
+    rows = [("valid", mission.title)]
+    return mission.name, rows + [(key, texts[key]) for key in ("stages", "jettisons", "target")]
+
+
+def _dispersions_rows(name: str) -> tuple[str, Rows]:
+    dispersions = load_dispersions(name)
+    said = dispersions.model_fields_set
+    keys = [key for key in type(dispersions).model_fields if key in said]
+    return name, [("valid", ", ".join(keys) or "nothing is dispersed")]
+
+
+def _show(names: Iterable[str], read: Callable[[str], tuple[str, Rows]]) -> int:
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_header=False)
     table.add_column(no_wrap=True)
     status = 0
-    count = 0
-    for name in names or list_missions():
+    for name in names:
         try:
-            mission = load(name)
+            title, rows = read(name)
         except ValueError as error:
             print(f"ares: {' '.join(str(error).split())}", file=sys.stderr)
             status = 2
             continue
-        texts = mission.describe()
-        table.add_row(Text(mission.name, style="bold"), "valid", Text(mission.title))
-        for key in ("stages", "jettisons", "target"):
-            table.add_row("", key, Text(texts[key]))
-        count += 1
-    if count:
+        for k, (key, text) in enumerate(rows):
+            first = Text("" if k else title, style="bold")
+            table.add_row(first, key, Text(text))
+    if table.row_count:
         console().print(table)
     return status

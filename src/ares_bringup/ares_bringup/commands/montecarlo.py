@@ -43,6 +43,7 @@ from ares_studies.montecarlo.report import make_report, render
 from ares_studies.montecarlo.statistics import FAILURES, Summary, Tally, summarize
 from ares_studies.montecarlo.store import Store, StoreError
 from ares_studies.montecarlo.table import FLAGS, make_table
+from ares_studies.montecarlo.ways import make_ways, sampled
 from ares_vehicle_sim.dispersions import STANDARD, Dispersions, load_dispersions
 from ares_vehicle_sim.simulator import CAMPAIGN
 
@@ -303,7 +304,8 @@ def _write_report(
         "guidance cycle": f"{settings.law_settings.cycle_period_s:g} s",
         "file": str(store.flights.absolute()),
     }
-    page = render(make_report(settings, summary, facts, options.command("fly"), reached))
+    globe = make_ways(settings, sampled(summary), summary.failed)
+    page = render(make_report(settings, summary, facts, options.command("fly"), reached, globe))
     path = store.folder / REPORT
     path.write_text(page, encoding="utf-8")
     return path

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.mission import Mission
 from ares_studies.flight_page.charts import ROLES
 from ares_studies.flight_page.data import Flight, Phase
 from ares_studies.pages.parts import Role
@@ -46,6 +45,7 @@ class GlobeFlight:
         time_s, latitude_deg, longitude_deg, height: of its states; height in radii of the globe.
         ways: its stretches.
         impact_time_s, impact_latitude_deg, impact_longitude_deg: of its impact points.
+        faint: one of many: a thin way, and no more than a dot at its end.
     """
 
     name: str
@@ -58,6 +58,7 @@ class GlobeFlight:
     impact_time_s: tuple[float, ...]
     impact_latitude_deg: tuple[float, ...]
     impact_longitude_deg: tuple[float, ...]
+    faint: bool = False
 
 
 @dataclass(frozen=True)
@@ -68,11 +69,13 @@ class Globe:
         flights: on it.
         land: rings of longitude, latitude in turn, deg; none on a body that is not the Earth.
         ends: what the last mark of each flight is called.
+        nearest: how near it is seen at first, at most; 1: whole.
     """
 
     flights: tuple[GlobeFlight, ...]
     land: tuple[tuple[float, ...], ...]
     ends: tuple[str, ...]
+    nearest: float = 1.0
 
 
 def read_land() -> tuple[tuple[float, ...], ...]:
@@ -81,10 +84,9 @@ def read_land() -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(ring) for ring in data["rings"])
 
 
-def land_of(mission: Mission) -> tuple[tuple[float, ...], ...]:
-    """The land below a mission; none on a body that is not the Earth."""
-    radius = mission.environment.earth.equatorial_radius_m
-    return read_land() if abs(radius / _EARTH_RADIUS_M - 1.0) < _LIKE_THE_EARTH else ()
+def land_on(radius_m: float) -> tuple[tuple[float, ...], ...]:
+    """The land of a body of some radius; none on one that is not the Earth."""
+    return read_land() if abs(radius_m / _EARTH_RADIUS_M - 1.0) < _LIKE_THE_EARTH else ()
 
 
 def make_globe(flights: Sequence[Flight], names: Sequence[str], ends: Sequence[str]) -> Globe:
@@ -95,12 +97,13 @@ def make_globe(flights: Sequence[Flight], names: Sequence[str], ends: Sequence[s
         names: of the flights.
         ends: what the end of each is called.
     """
+    radius = flights[0].mission.environment.earth.equatorial_radius_m
     return Globe(
         flights=tuple(
             _flight(flight, name, ROLES[k], len(flights) > 1)
             for k, (flight, name) in enumerate(zip(flights, names, strict=True))
         ),
-        land=land_of(flights[0].mission),
+        land=land_on(radius),
         ends=tuple(ends),
     )
 
@@ -111,21 +114,21 @@ def _flight(flight: Flight, name: str, role: Role, together: bool) -> GlobeFligh
     return GlobeFlight(
         name=name,
         role=role,
-        time_s=_rounded(states.time_s, 2),
-        latitude_deg=_rounded(states.track.latitude_deg, 3),
-        longitude_deg=_rounded(states.track.longitude_deg, 3),
-        height=_rounded(states.altitude_m / radius, 5),
+        time_s=rounded(states.time_s, 2),
+        latitude_deg=rounded(states.track.latitude_deg, 3),
+        longitude_deg=rounded(states.track.longitude_deg, 3),
+        height=rounded(states.altitude_m / radius, 5),
         ways=_ways(flight.phases, role if together else None),
         **_impact(flight),
     )
 
 
-def _impact(flight: Flight) -> dict[str, tuple[float, ...]]:
+def _impact(flight: Flight) -> dict[str, Any]:
     falls = np.isfinite(flight.impact.latitude_deg)
     return {
-        "impact_time_s": _rounded(flight.impact_time_s[falls], 2),
-        "impact_latitude_deg": _rounded(flight.impact.latitude_deg[falls], 3),
-        "impact_longitude_deg": _rounded(flight.impact.longitude_deg[falls], 3),
+        "impact_time_s": rounded(flight.impact_time_s[falls], 2),
+        "impact_latitude_deg": rounded(flight.impact.latitude_deg[falls], 3),
+        "impact_longitude_deg": rounded(flight.impact.longitude_deg[falls], 3),
     }
 
 
@@ -144,5 +147,6 @@ def _ways(phases: Sequence[Phase], role: Role | None) -> tuple[Way, ...]:
     return tuple(ways)
 
 
-def _rounded(values: NDArray[np.float64], digits: int) -> tuple[float, ...]:
+def rounded(values: NDArray[np.float64], digits: int) -> tuple[float, ...]:
+    """Numbers for the page."""
     return tuple((np.round(values, digits) + 0.0).tolist())

@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ares_studies.flight_page.globe import Globe
 from ares_studies.montecarlo.flights import Settings
 from ares_studies.montecarlo.reach import Reach
 from ares_studies.montecarlo.statistics import (
@@ -17,9 +19,11 @@ from ares_studies.montecarlo.statistics import (
     LISTS,
     SAMPLE,
     TOLD,
+    Histogram,
     Summary,
 )
 from ares_studies.montecarlo.table import DRAWN, LIMITS
+from ares_studies.montecarlo.ways import ARRIVED, FAILED, NOMINAL
 from ares_studies.pages.parts import (
     Axis,
     Cell,
@@ -113,6 +117,7 @@ class CampaignReport:
         masses: final mass and propellant.
         chapters: figures and tables.
         cases: flights to look at again, by what is special about them.
+        globe: ways of some flights over the Earth.
     """
 
     title: str
@@ -121,6 +126,24 @@ class CampaignReport:
     masses: Table
     chapters: tuple[Chapter, ...]
     cases: Mapping[str, tuple[Case, ...]]
+    globe: Globe
+
+    @property
+    def globe_key(self) -> list[tuple[str, Role, int]]:
+        """Names, colours and numbers of the flights on the globe."""
+        counts = Counter(flight.role for flight in self.globe.flights)
+        kinds = (ARRIVED, FAILED, NOMINAL)
+        return [(name, role, counts[role]) for name, role in kinds if counts[role]]
+
+    @property
+    def globe_text(self) -> str:
+        """What is on the globe, in words."""
+        counts = {name: count for name, _, count in self.globe_key}
+        arrived = counts.get(ARRIVED[0], 0)
+        text = f"{arrived:,} flights of those that arrived, evenly spread"
+        if failed := counts.get(FAILED[0], 0):
+            text += f", the first {failed:,} that failed" if failed > 1 else ", one that failed"
+        return f"{text}, and the one that nothing disperses: each flown again."
 
     def to_json(self) -> dict[str, Any]:
         """Ready for ``json.dumps(allow_nan=False)``."""
@@ -143,6 +166,7 @@ def make_report(
     facts: Mapping[str, str],
     command: str,
     reached: Mapping[int, Reach],
+    globe: Globe,
 ) -> CampaignReport:
     """What the page shows.
 
@@ -152,6 +176,7 @@ def make_report(
         facts: how it was flown, for people.
         command: flies flight k again with ``--flight k`` behind it.
         reached: what the failures could have done, by flight.
+        globe: ways of some flights over the Earth.
     """
     chapters = (
         Chapter(1, "Results", _results_text(summary), tuple(_result_figures(summary))),
@@ -179,6 +204,7 @@ def make_report(
         masses=_masses(summary),
         chapters=_numbered(chapters),
         cases=_cases(summary, command, reached),
+        globe=globe,
     )
 
 
@@ -287,13 +313,33 @@ def _histogram(
 ) -> Item:
     title, unit, _ = RESULT_NAMES[name]
     histogram = summary.histograms[name]
-    edges, counts = histogram.edges, histogram.counts.astype(float)
+    edges = tuple(histogram.edges.tolist())
+    kinds: list[tuple[str, Role, NDArray[np.int64]]] = [("success", "here", histogram.counts)]
+    if histogram.failed.any():
+        kinds.append(("failure", "thesis", histogram.failed))
     flights = Axis("flights", "")
     if log:
-        flights = Axis("flights", "", log=True, span=(0.5, 2.0 * float(counts.max())))
-        counts = np.maximum(counts, 0.5)
-    series = Series("flights", "here", "bars", tuple(edges.tolist()), (*counts.tolist(), 0.5))
-    return _item(title, "", Figure(Axis(title, unit), flights, (series,), tuple(instants)))
+        most = max(float(counts.max()) for _, _, counts in kinds)
+        flights = Axis("flights", "", log=True, span=(0.5, 2.0 * most))
+    # a logarithm has no zero
+    floor = 0.5 if log else 0.0
+    series = tuple(
+        Series(
+            label, role, "bars", edges, (*np.maximum(counts.astype(float), floor).tolist(), floor)
+        )
+        for label, role, counts in kinds
+    )
+    figure = Figure(Axis(title, unit), flights, series, tuple(instants), finding=_beyond(histogram))
+    return _item(title, "", figure)
+
+
+def _beyond(histogram: Histogram) -> str:
+    """What the outermost bins hold besides their own."""
+    sides = (("below", histogram.below), ("beyond", histogram.above))
+    told = [f"{count:,} {side}" for side, count in sides if count]
+    if not told:
+        return ""
+    return f"{' and '.join(told)} what is shown: counted at the edge."
 
 
 def _result_figures(summary: Summary) -> list[Item]:

@@ -32,7 +32,11 @@ RESERVE_CONFIDENCE = 0.90
 SAMPLE = GROUP
 #: Flights of each list of worst ones.
 WORST = 5
+#: Flights that failed which are kept, for their ways over the Earth.
+FAILED = 30
 BINS = 80
+#: A histogram is wider than the flights that succeeded by this share at most, on either side.
+NEAR = 0.25
 
 
 class Tally:
@@ -179,13 +183,21 @@ class _Tail:
 class Histogram:
     """How often a quantity was where.
 
+    The range is that of the flights that succeeded, or of all if none did, wider if the others
+    lie near by; what lies beyond it is counted in the outermost bin.
+
     Attributes:
         edges: shape (bins + 1,).
-        counts: shape (bins,).
+        counts: of the flights that succeeded, shape (bins,).
+        failed: of the others, shape (bins,).
+        below, above: how many of them are counted there though they lie beyond.
     """
 
     edges: Array
     counts: NDArray[np.int64]
+    failed: NDArray[np.int64]
+    below: int
+    above: int
 
 
 @dataclass(frozen=True)
@@ -207,6 +219,7 @@ class Summary:
         histograms: by column of the table.
         influences: of each draw on a result, strongest first, by the result's column.
         worst: rows, by what is bad about them.
+        failed: the first flights that failed, and why.
         sample: columns of the first flights.
     """
 
@@ -215,6 +228,7 @@ class Summary:
     histograms: dict[str, Histogram]
     influences: dict[str, list[Influence]]
     worst: dict[str, list[dict[str, Any]]]
+    failed: dict[int, str]
     sample: dict[str, Array] = field(repr=False)
 
 
@@ -260,7 +274,7 @@ def summarize(path: Path, nominal_kg: float) -> Summary:
         gathered = _Gathered(file.metadata.num_rows)
         for group in range(file.num_row_groups):
             gathered.add(file.read_row_group(group))
-        histograms = _histograms(file, gathered.spans)
+        histograms = _histograms(file, gathered)
     rank = bound_rank(gathered.tally.n)
     used = gathered.tail.largest(rank) if rank else np.nan
     return Summary(
@@ -269,6 +283,7 @@ def summarize(path: Path, nominal_kg: float) -> Summary:
         histograms=histograms,
         influences={name: _influences(gathered.sample, name) for name in TOLD},
         worst=gathered.worst,
+        failed=gathered.failed,
         sample=gathered.sample,
     )
 
@@ -280,6 +295,8 @@ class _Gathered:
         self.tally = Tally()
         self.tail = _Tail(int((1.0 - RESERVE_SHARE) * count) + 1)
         self.spans: dict[str, Interval] = {}
+        self.good_spans: dict[str, Interval] = {}
+        self.failed: dict[int, str] = {}
         self.worst: dict[str, list[dict[str, Any]]] = {FAILURES: []}
         self.worst |= {name: [] for name, _, _ in LISTS}
         self.sample: dict[str, Array] = {}
@@ -289,11 +306,14 @@ class _Gathered:
         used = table["propellant_used_kg"].to_numpy()
         arrived = table["terminal_accuracy"].to_numpy()
         self.tail.add(np.where(arrived, used, np.inf))
+        good = table["succeeded"].to_numpy()
         for name in HISTOGRAMS:
-            values = _finite(table, name)
-            if values.size:
-                low, high = self.spans.get(name, (np.inf, -np.inf))
-                self.spans[name] = (min(low, values.min()), max(high, values.max()))
+            values = table[name].to_numpy()
+            _widen(self.spans, name, values)
+            _widen(self.good_spans, name, values[good])
+        first = np.flatnonzero(~good)[: FAILED - len(self.failed)]
+        told = table.select(["flight", "failure"]).take(first).to_pylist()
+        self.failed |= {row["flight"]: row["failure"] for row in told}
         for title, name, low_is_bad in LISTS:
             values = table[name].to_numpy()
             badness = -values if low_is_bad else np.abs(values)
@@ -303,7 +323,7 @@ class _Gathered:
             ]
             order = np.argsort([row[name] if low_is_bad else -abs(row[name]) for row in both])
             self.worst[title] = [both[k] for k in order[:WORST]]
-        failed = np.flatnonzero(~table["succeeded"].to_numpy())
+        failed = np.flatnonzero(~good)
         room = 2 * WORST - len(self.worst[FAILURES])
         self.worst[FAILURES] += _rows(table, failed[:room])
         if not self.sample:
@@ -319,22 +339,49 @@ def _rows(table: Any, rows: Any) -> list[dict[str, Any]]:
     return found
 
 
-def _finite(table: Any, name: str) -> Array:
-    values: Array = table[name].to_numpy()
-    return values[np.isfinite(values)]
+def _widen(spans: dict[str, Interval], name: str, values: Array) -> None:
+    """Make a span hold the finite ones of some values."""
+    values = values[np.isfinite(values)]
+    if values.size:
+        low, high = spans.get(name, (np.inf, -np.inf))
+        spans[name] = (min(low, float(values.min())), max(high, float(values.max())))
 
 
-def _histograms(file: Any, spans: dict[str, Interval]) -> dict[str, Histogram]:
-    edges = {
-        name: np.linspace(low, high if high > low else low + 1.0, BINS + 1)
-        for name, (low, high) in spans.items()
-    }
-    counts = {name: np.zeros(BINS, np.int64) for name in spans}
+def _edges(every: Interval, good: Interval) -> Array:
+    """Edges of the bins of a quantity, from its spans."""
+    width = good[1] - good[0]
+    low = every[0] if every[0] >= good[0] - NEAR * width else good[0]
+    high = every[1] if every[1] <= good[1] + NEAR * width else good[1]
+    return np.linspace(low, high if high > low else low + 1.0, BINS + 1)
+
+
+def _histograms(file: Any, gathered: _Gathered) -> dict[str, Histogram]:
+    spans = gathered.spans
+    found = {}
+    for name, every in spans.items():
+        edges = _edges(every, gathered.good_spans.get(name, every))
+        found[name] = Histogram(edges, np.zeros(BINS, np.int64), np.zeros(BINS, np.int64), 0, 0)
     for group in range(file.num_row_groups):
-        table = file.read_row_group(group, columns=list(spans))
-        for name in spans:
-            counts[name] += np.histogram(_finite(table, name), edges[name])[0]
-    return {name: Histogram(edges[name], counts[name]) for name in spans}
+        table = file.read_row_group(group, columns=[*spans, "succeeded"])
+        good = table["succeeded"].to_numpy()
+        for name, before in found.items():
+            found[name] = _counted(before, table[name].to_numpy(), good)
+    return found
+
+
+def _counted(before: Histogram, values: Array, good: NDArray[np.bool_]) -> Histogram:
+    """A histogram with more flights in it."""
+    edges = before.edges
+    known = np.isfinite(values)
+    values, good = values[known], good[known]
+    inside = np.clip(values, edges[0], edges[-1])
+    return Histogram(
+        edges,
+        before.counts + np.histogram(inside[good], edges)[0],
+        before.failed + np.histogram(inside[~good], edges)[0],
+        before.below + int(np.count_nonzero(values < edges[0])),
+        before.above + int(np.count_nonzero(values > edges[-1])),
+    )
 
 
 def _influences(sample: dict[str, Array], name: str) -> list[Influence]:

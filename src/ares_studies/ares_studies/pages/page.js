@@ -71,10 +71,18 @@ function anchor(instants, i, [low, high]) {
   return next < 0.3 ? "right" : "left";
 }
 
-function layout(figure) {
+// as many numbers below a plot as there is room for
+function ticks(plot, [low, high]) {
+  const decimals = Math.max(0, Math.ceil(-Math.log10((high - low) / 6 || 1)));
+  const whole = Math.max(1, Math.ceil(Math.log10(Math.max(Math.abs(low), Math.abs(high), 1))));
+  const letters = whole + Math.floor((whole - 1) / 3) + decimals + 2;
+  const room = Math.floor((plot.clientWidth - 60) / (7.3 * letters + 12));
+  return Math.max(2, Math.min(growing ? 4 : innerWidth > 700 ? 8 : 6, room));
+}
+
+function layout(plot, figure) {
   const range = extent(figure);
   const quiet = colour("quiet");
-  const ticks = growing ? 4 : innerWidth > 700 ? 8 : 6;
   const axis = {
     gridcolor: colour("faint"), linecolor: colour("edge"), zeroline: false, automargin: true,
     tickfont: { ...FONT, color: quiet }, fixedrange: coarse, ticks: "outside",
@@ -94,7 +102,7 @@ function layout(figure) {
       bgcolor: colour("panel"), bordercolor: colour("edge"), font: { ...FONT, color: colour("ink") },
       namelength: -1,
     },
-    xaxis: { ...axis, range, showgrid: false, nticks: ticks, hoverformat: ".2f" },
+    xaxis: { ...axis, range, showgrid: false, nticks: ticks(plot, range), hoverformat: ".2f" },
     yaxis: { ...axis, ...vertical, ...(linked && { fixedrange: true }) },
     shapes: [
       ...figure.instants.map((instant) => ({
@@ -126,7 +134,7 @@ function draw(plot) {
   buttons.forEach((button, i) => {
     data[i].visible = button.getAttribute("aria-pressed") === "true";
   });
-  return Plotly.react(plot, data, layout(figure), { displayModeBar: false, responsive: true });
+  return Plotly.react(plot, data, layout(plot, figure), { displayModeBar: false, responsive: true });
 }
 
 async function drawAll() {

@@ -4,9 +4,8 @@ import json
 from dataclasses import asdict, dataclass
 from functools import cache
 
-from ares_models.mission import load_mission
 from ares_studies import flight_page
-from ares_studies.flight_page.globe import land_of
+from ares_studies.flight_page.globe import read_land
 from ares_studies.pages.parts import Axis, Figure, Item, Role, Series, Shape
 from ares_studies.pages.templates import PALETTES, embedded, make_environment
 from ares_view.live.story import STATE_FIELDS, STATUS_FIELDS
@@ -137,7 +136,7 @@ def render(query: str) -> str:
     ]
     data = {
         "chapters": [{"items": figures}],
-        "globe": {"flights": [], "land": land_of(load_mission("ares_v")), "ends": [""]},
+        "globe": {"flights": [], "land": read_land(), "ends": [""]},
         "states": STATE_FIELDS,
         "statuses": STATUS_FIELDS,
     }

@@ -21,7 +21,7 @@ from ares_studies.event_words import ENDS, EVENT_NAMES, MARKS, event_name
 from ares_studies.flight_page.charts import ROLES
 from ares_studies.flight_page.data import phase_name, states_of
 from ares_studies.flight_page.geometry import impact_track
-from ares_studies.flight_page.globe import land_of
+from ares_studies.flight_page.globe import land_on
 
 #: As many states, and words of guidance, are kept of a flight.
 MAX_ROWS = 1500
@@ -126,6 +126,7 @@ class Story:
     def _begin(self, flight_id: int, mission: Mission | None) -> None:
         self.flight_id = flight_id
         self._mission = mission or load_mission(_SOME_MISSION)
+        self._environment = self._mission.environment_array()[0]
         self._mission_known = mission is not None
         self._states, self._statuses = Rows(), Rows()
         self._events: list[dict[str, Any]] = []
@@ -139,7 +140,7 @@ class Story:
             "title": mission.title if mission else "A flight",
             "flight": id_text(flight_id) if flight_id else "",
             "law": "",
-            "land": bool(land_of(self._mission)),
+            "land": bool(land_on(self._mission.environment.earth.equatorial_radius_m)),
             "heating_limit_w_m2": min(filter(None, limits), default=None) if mission else None,
             "pace": None,
             "paused": False,
@@ -198,7 +199,7 @@ class Story:
             truth["time"],
             truth["position"],
             truth["velocity"],
-            mission.environment_array()[0],
+            self._environment,
             earth,
         )
         columns = [(getattr(shown, name) * factor, k) for _, name, factor, k in _STATES]
@@ -233,13 +234,10 @@ class Story:
             position: predicted at cut-off, shape (3,), m.
             velocity: the same, m/s.
         """
-        x, y, z = (float(each) for each in position)
-        height = altitude((x, y, z), self._mission.environment_array()[0])
-        numbers = {
-            **row,
-            "predicted_altitude_km": height / 1e3,
-            "predicted_speed_m_s": float(np.linalg.norm(velocity)),
-        }
+        x, y, z = position
+        height = altitude((float(x), float(y), float(z)), self._environment)
+        speed = float(np.linalg.norm(velocity))
+        numbers = {**row, "predicted_altitude_km": height / 1e3, "predicted_speed_m_s": speed}
         with self._lock:
             self._statuses.add([_known(numbers[name], 4) for name in STATUS_FIELDS])
 

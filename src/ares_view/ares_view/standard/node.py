@@ -3,36 +3,58 @@
 import math
 import time
 from dataclasses import dataclass, field
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from nav_msgs.msg import Path
 from rclpy.executors import Executor
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import NavSatFix
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker
 
+from ares_bags.layout import stamp_of_cdr
+from ares_bags.types import flight_of_cdr
 from ares_models.mission import Mission, MissionError, load_mission
-from ares_msgs.msg import FlightEvent, FlightMember, VehicleState
-from ares_node.diagnostics import Level
+from ares_msgs.msg import (
+    FlightEvent,
+    FlightMember,
+    GuidanceStatus,
+    NavState,
+    ThrustCommand,
+    VehicleState,
+)
+from ares_node.diagnostics import Level, of_another_flight
 from ares_node.membership import Role
 from ares_node.node import FlightNode, NodeError
 from ares_node.parameters import Parameter
 from ares_node.qos import (
+    DIAGNOSTIC,
+    DIAGNOSTICS,
     EVENTS,
+    FLIGHT,
     FLIGHT_EVENT,
     FLIGHT_MEMBER,
+    GUIDANCE_STATUS,
     MEMBERS,
+    NAV_STATE,
+    THRUST_COMMAND,
     VEHICLE_STATE,
     reliable,
 )
+from ares_node.requirements import unmet
 from ares_node.states import StateMessage
 from ares_node.time import NANOSECONDS, ns_from_stamp
 from ares_view.standard import messages
 from ares_view.standard.frames import Array, turn_rate
 from ares_view.standard.trail import Trail
+
+if TYPE_CHECKING:
+    from ares_view.standard.foxglove_server import FoxgloveServer
 
 POSE = "pose"
 TWIST = "twist"
@@ -51,6 +73,15 @@ PUBLISHED = {
     MARKER: (Marker, reliable(100, keep_for_late=True)),
     TF: (TFMessage, reliable(100)),
     TF_STATIC: (TFMessage, reliable(1, keep_for_late=True)),
+}
+#: Messages of the flight itself that Foxglove gets besides, and how many a late client gets.
+FORWARDED = {
+    VEHICLE_STATE: (VehicleState, 1),
+    NAV_STATE: (NavState, 1),
+    THRUST_COMMAND: (ThrustCommand, 1),
+    GUIDANCE_STATUS: (GuidanceStatus, 1),
+    FLIGHT_EVENT: (FlightEvent, EVENTS.depth),
+    DIAGNOSTICS: (DiagnosticArray, EVENTS.depth),
 }
 #: What is asked of the states: nobody sends one again for a viewer, and the newest are enough.
 GLIMPSE = QoSProfile(
@@ -105,6 +136,13 @@ PARAMETERS = (
         "Points of the path, at most; the path of a longer flight has them farther apart.",
         minimum=2,
         maximum=100_000,
+    ),
+    Parameter(
+        "foxglove_port",
+        0,
+        "Port of this machine where Foxglove and Lichtblick get all of it too; 0: none.",
+        minimum=0,
+        maximum=65535,
     ),
 )
 
@@ -162,6 +200,7 @@ class ViewNode(FlightNode):
             raise NodeError(str(error)) from error
         self._states = StateMessage(VehicleState)
         self._missions: dict[int, str] = {}
+        self._foxglove = self._open(self.values["foxglove_port"])
         self._out = {
             name: self.create_publisher(kind, name, qos) for name, (kind, qos) in PUBLISHED.items()
         }
@@ -169,7 +208,8 @@ class ViewNode(FlightNode):
     def activate(self) -> None:
         """Listen."""
         self._shown = None
-        self._waiting: tuple[int, Any] | None = None
+        self._waiting: tuple[int, Any, bytes] | None = None
+        self._forwarded = dict.fromkeys((NAV_STATE, THRUST_COMMAND), -math.inf)
         self._heard = self._last_shown = self._last_path = -math.inf
         self._path_due = False
         self._period = 1.0 / self.values["rate_hz"]
@@ -180,6 +220,8 @@ class ViewNode(FlightNode):
                 VehicleState, VEHICLE_STATE, self._on_state, GLIMPSE, raw=True
             ),
         ]
+        if self._foxglove is not None:
+            self._inputs += self._more_inputs()
         # what came last before a pause is shown too
         self._timer = self.wall_timer(self._period, self._on_timer)
 
@@ -191,9 +233,11 @@ class ViewNode(FlightNode):
             self.destroy_subscription(subscription)
 
     def cleanup(self) -> None:
-        """Free the publishers."""
+        """Free the publishers and the port."""
         for publisher in self._out.values():
             self.destroy_publisher(publisher)
+        if self._foxglove is not None:
+            self._foxglove.close()
 
     def drain(self, executor: Executor) -> None:
         """Show what came last."""
@@ -233,6 +277,8 @@ class ViewNode(FlightNode):
                 complaint = f"shown on the Earth of {mission.name}: {error}"
         self._waiting = None
         self._shown = Shown(flight_id, mission, Trail(self.values["path_points"]))
+        if self._foxglove is not None:
+            self._foxglove.begin_anew()
         self._publish(MARKER, messages.nothing(0))
         if complaint:
             self.diagnostics.report(Level.WARN, complaint, 0)
@@ -251,7 +297,7 @@ class ViewNode(FlightNode):
         shown.last_ns = stamp_ns
         self._heard = time.monotonic()
         self._path_due |= shown.trail.offer(stamp_ns, lambda: messages.pose(stamp_ns, state))
-        self._waiting = stamp_ns, state
+        self._waiting = stamp_ns, state, data
         if self._heard - self._last_shown >= self._period:
             self._show()
 
@@ -262,13 +308,14 @@ class ViewNode(FlightNode):
         if shown is None:
             return
         shown.begun |= first
+        self._forward(FLIGHT_EVENT, ns_from_stamp(event.stamp), event)
         if event.type in LABELS:
             text = LABELS[event.type]
             if event.type == FlightEvent.JETTISON and event.index < len(shown.mission.jettisons):
                 text = f"{text}: {shown.mission.jettison_names[event.index]}"
             stamp_ns = ns_from_stamp(event.stamp)
             label = messages.label(stamp_ns, shown.labels, event.position, text)
-            self._publish(MARKER, label)
+            self._publish(MARKER, label, stamp_ns)
             shown.labels += 1
         if event.type in ENDS:
             shown.over = True
@@ -283,20 +330,21 @@ class ViewNode(FlightNode):
 
     # ---- what is shown
 
-    def _publish(self, topic: str, message: Any) -> None:
+    def _publish(self, topic: str, message: Any, stamp_ns: int = 0) -> None:
         self._out[topic].publish(message)
+        self._forward(topic, stamp_ns, message)
 
     def _show_the_start(self, shown: Shown, stamp_ns: int, state: Any) -> None:
         earth = shown.mission.environment.earth.earth()
-        self._publish(MARKER, messages.globe(stamp_ns, earth))
-        self._publish(TF_STATIC, messages.fixed_frames(stamp_ns, state, earth))
+        self._publish(MARKER, messages.globe(stamp_ns, earth), stamp_ns)
+        self._publish(TF_STATIC, messages.fixed_frames(stamp_ns, state, earth), stamp_ns)
 
     def _show(self) -> None:
         """Show the newest state."""
         shown = self._shown
         if shown is None or self._waiting is None:
             return
-        stamp_ns, state = self._waiting
+        stamp_ns, state, data = self._waiting
         self._waiting = None
         self._last_shown = time.monotonic()
         earth = shown.mission.environment.earth.earth()
@@ -304,23 +352,85 @@ class ViewNode(FlightNode):
         direction = state["thrust_direction"]
         turn = turn_rate(shown.direction, direction, seconds)
         shown.shown_ns, shown.direction = stamp_ns, direction
-        self._publish(TF, messages.moving_frames(stamp_ns, state, earth))
-        self._publish(POSE, messages.pose(stamp_ns, state))
-        self._publish(TWIST, messages.twist(stamp_ns, state, turn))
-        self._publish(FIX, messages.fix(stamp_ns, state, earth))
+        self._publish(TF, messages.moving_frames(stamp_ns, state, earth), stamp_ns)
+        self._publish(POSE, messages.pose(stamp_ns, state), stamp_ns)
+        self._publish(TWIST, messages.twist(stamp_ns, state, turn), stamp_ns)
+        self._publish(FIX, messages.fix(stamp_ns, state, earth), stamp_ns)
         burns = bool(state["thrust"] > 0.0)
         if burns != shown.burns:
             shown.burns = burns
-            self._publish(MARKER, messages.arrow(stamp_ns, burns))
+            self._publish(MARKER, messages.arrow(stamp_ns, burns), stamp_ns)
+        self._forward(VEHICLE_STATE, stamp_ns, data)
+        if self._foxglove is not None:
+            self._foxglove.tell_time(stamp_ns)
 
     def _show_path(self) -> None:
         shown = self._shown
         if shown is not None and shown.last_ns is not None:
             self._path_due = False
             self._last_path = time.monotonic()
-            self._publish(PATH, messages.path(shown.last_ns, shown.trail.points))
+            message = messages.path(shown.last_ns, shown.trail.points)
+            self._publish(PATH, message, shown.last_ns)
 
     def _show_the_rest(self) -> None:
         self._show()
         if self._path_due:
             self._show_path()
+
+    # ---- Foxglove
+
+    def _open(self, port: int) -> "FoxgloveServer | None":
+        """The server, with its channels; None where no port is named."""
+        if not port:
+            return None
+        if (reason := unmet("ares_view", "pages")) is not None:
+            raise NodeError(reason)
+        from ares_view.standard.foxglove_server import FoxgloveServer
+
+        try:
+            server = FoxgloveServer(self.get_fully_qualified_name(), port)
+        except RuntimeError as error:
+            raise NodeError(f"foxglove_port is {port}, which cannot be opened: {error}") from error
+        kinds = {name: (kind, keep) for name, (kind, keep) in FORWARDED.items()}
+        for name, (kind, qos) in PUBLISHED.items():
+            late = qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
+            kinds[name] = kind, qos.depth if late else 0
+        for name, (kind, keep) in kinds.items():
+            package, *_ = kind.__module__.split(".")
+            server.add(self.resolve_topic_name(name), f"{package}/msg/{kind.__name__}", keep)
+        return server
+
+    def _more_inputs(self) -> list[Any]:
+        """What only Foxglove gets: state and command thinned, all of the others."""
+        kinds = ((NAV_STATE, GLIMPSE), (THRUST_COMMAND, GLIMPSE), (GUIDANCE_STATUS, FLIGHT))
+        return [
+            *(
+                self.create_subscription(
+                    FORWARDED[name][0], name, partial(self._on_more, name), qos, raw=True
+                )
+                for name, qos in kinds
+            ),
+            self.create_subscription(
+                DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, DIAGNOSTIC
+            ),
+        ]
+
+    def _on_more(self, topic: str, data: bytes) -> None:
+        now = time.monotonic()
+        if flight_of_cdr(data)[0] != self.flight_id or not self.flight_id:
+            return
+        if topic in self._forwarded:
+            if now - self._forwarded[topic] < self._period:
+                return
+            self._forwarded[topic] = now
+        self._forward(topic, stamp_of_cdr(data), data)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        if not any(of_another_flight(status, self.flight_id) for status in message.status):
+            self._forward(DIAGNOSTICS, ns_from_stamp(message.header.stamp), message)
+
+    def _forward(self, topic: str, stamp_ns: int, message: Any) -> None:
+        """Send a message, serialised or not, to Foxglove."""
+        if self._foxglove is not None:
+            data = message if isinstance(message, bytes) else serialize_message(message)
+            self._foxglove.send(self.resolve_topic_name(topic), stamp_ns, data)

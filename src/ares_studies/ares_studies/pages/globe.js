@@ -96,7 +96,7 @@ class Globe {
       });
     }
     const latitude = Math.asin(middle[2] / size) / RADIANS;
-    const zoom = Math.min(1, Math.max(0.1, 0.95 / far));
+    const zoom = Math.min(EARTH.nearest, Math.max(0.1, 0.95 / far));
     const aside = Math.asin(Math.min(0.4, 0.4 / zoom)) / RADIANS;
     return {
       longitude: Math.atan2(middle[1], middle[0]) / RADIANS,
@@ -191,7 +191,7 @@ class Globe {
     pen.stroke();
     for (const flight of this.flights) {
       this.strokes([flight.impact], this.several ? colours[flight.role] : colours.quiet, 1.6, [1.5, 5]);
-      this.strokes([flight.ground], colours.quiet, 1.2);
+      if (!flight.faint) this.strokes([flight.ground], colours.quiet, 1.2);
     }
     this.ways(false);
     this.words = [];
@@ -283,9 +283,10 @@ class Globe {
           down = true;
         }
         pen.strokeStyle = way.role ? colours[way.role] : this.several ? colours[flight.role] : colours.quiet;
-        pen.lineWidth = way.role ? 3 : 1.8;
+        const pointed = flight === this.pointed;
+        pen.lineWidth = flight.faint && !pointed ? 1.1 : way.role ? 3 : 1.8;
         pen.setLineDash(way.role ? [] : [7, 5]);
-        pen.globalAlpha = behind ? 0.45 : 1;
+        pen.globalAlpha = behind ? 0.45 : flight.faint && !pointed ? 0.6 : 1;
         pen.stroke();
       }
     }
@@ -297,11 +298,26 @@ class Globe {
   marks(flight, end) {
     const last = flight.height.length - 1;
     const paint = this.colours[this.several ? flight.role : "ink"];
+    if (flight.faint) return this.mark(flight, last, 0, paint, "", flight === this.pointed ? 4.5 : 2.5);
     this.mark(flight, 0, 0, paint, this.several ? "" : "start", 4);
-    this.mark(flight, last, 0, paint, this.several ? flight.name : end, 4);
+    this.mark(flight, last, 0, paint, EARTH.nearest > 1 ? "" : this.several ? flight.name : end, 4);
+    if (EARTH.nearest > 1) return;
     const [i, share] = place(flight.time_s, this.time);
     this.stem(flight, i, share);
     this.mark(flight, i, share, this.several ? paint : this.colours.link, "", 6.5);
+  }
+
+  // the flight whose way is nearest to a place on the canvas, and no farther than a finger's width
+  nearest(x, y) {
+    let best = null, least = coarse ? 22 : 10;
+    for (const flight of this.flights) {
+      flight.height.forEach((height, i) => {
+        const point = this.at(flight.ground, i, 1 + height);
+        const away = Math.hypot(point[0] - x, point[1] - y);
+        if (away < least && !this.hidden(point)) { best = flight; least = away; }
+      });
+    }
+    return best;
   }
 
   // the vehicle's point between two states
@@ -408,7 +424,7 @@ function handle(globe) {
     ArrowLeft: () => globe.turn(-step(), 0), ArrowRight: () => globe.turn(step(), 0),
     ArrowUp: () => globe.turn(0, step()), ArrowDown: () => globe.turn(0, -step()),
     "+": () => globe.zoom(1.25), "=": () => globe.zoom(1.25), "-": () => globe.zoom(0.8),
-    Home: () => globe.zoom(0), " ": () => document.querySelector(".play").click(),
+    Home: () => globe.zoom(0), " ": () => document.querySelector(".play")?.click(),
   };
   canvas.addEventListener("keydown", (event) => {
     const act = keys[event.key];

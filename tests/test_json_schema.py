@@ -1,0 +1,94 @@
+"""The JSON Schemas of files: what a loader takes they take, what no file may hold they refuse."""
+
+import json
+import math
+from functools import cache
+
+import pytest
+from jsonschema import Draft202012Validator
+from pydantic import ValidationError
+
+from ares_bringup.sweep.attempts import ACTIONS, DISPERSIONS, MISSION
+from ares_bringup.sweep.plan import all_inputs, bases, each_once
+from ares_models.json_schema import json_schema
+from ares_models.mission import Mission
+from ares_vehicle_sim.dispersions import Dispersions
+
+MODELS = {MISSION: Mission, DISPERSIONS: Dispersions}
+
+
+@cache
+def validator(kind):
+    schema = json.loads(json_schema(MODELS[kind], kind))
+    Draft202012Validator.check_schema(schema)
+    return Draft202012Validator(schema)
+
+
+@cache
+def tried(kind):
+    """Each value of each key once, as far as JSON can say it: nothing that is not finite."""
+    return [one for one in each_once(all_inputs(kind)) if finite(one.data)]
+
+
+def finite(value):
+    if isinstance(value, dict):
+        return all(map(finite, value.values()))
+    if isinstance(value, (list, tuple)):
+        return all(map(finite, value))
+    return not isinstance(value, float) or math.isfinite(value)
+
+
+def loads(kind, data):
+    try:
+        MODELS[kind].model_validate(data)
+    except ValidationError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize("kind", ACTIONS)
+def test_every_good_file_validates(kind):
+    for name, data in bases(kind).items():
+        assert [error.message for error in validator(kind).iter_errors(data)] == [], name
+
+
+@pytest.mark.parametrize("kind", ACTIONS)
+def test_what_no_file_may_hold_is_refused(kind):
+    wrong = [one for one in tried(kind) if one.fit is False]
+    assert len(wrong) > 300
+    assert [str(one) for one in wrong if validator(kind).is_valid(one.data)] == []
+
+
+@pytest.mark.parametrize("kind", ACTIONS)
+def test_nothing_is_refused_that_a_loader_takes(kind):
+    refused = [one for one in tried(kind) if not validator(kind).is_valid(one.data)]
+    assert [str(one) for one in refused if loads(kind, one.data)] == []
+
+
+@pytest.mark.parametrize(
+    ("kind", "base", "change", "said"),
+    [
+        (MISSION, "delta_iii", {"stages": []}, "should be non-empty"),
+        (MISSION, "delta_iii", {"nmae": "x"}, "'nmae' was unexpected"),
+        (MISSION, "delta_iii", {"target": {"at": "perigee", "where": 1}}, "not valid under any"),
+        (DISPERSIONS, "standard", {"thrust": 0.3}, "not valid under any"),
+        (DISPERSIONS, "standard", {"draws": "dice"}, "'dice' is not one of"),
+    ],
+)
+def test_what_an_editor_says(kind, base, change, said):
+    errors = [error.message for error in validator(kind).iter_errors(bases(kind)[base] | change)]
+    assert len(errors) == 1
+    assert said in errors[0]
+
+
+@pytest.mark.parametrize("kind", ACTIONS)
+def test_every_key_is_explained(kind):
+    schema = validator(kind).schema
+    parts = [schema, *schema["$defs"].values()]
+    missing = [
+        key
+        for part in parts
+        for key, value in part["properties"].items()
+        if not value.get("description")
+    ]
+    assert missing == []
