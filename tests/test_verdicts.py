@@ -33,6 +33,7 @@ PROGRAMS = {
     "guidance": "ares_guidance",
     "vehicle_sim": "ares_vehicle_sim",
     "recorder": "ares_bags",
+    "view": "ares_view",
 }
 #: Wall time in s after which a flight counts as hanging.
 PATIENCE = 120.0
@@ -195,6 +196,13 @@ CAUSES = {
         act=lambda f: f.kill("recorder"),
         ways=PROCESSES,
     ),
+    "view killed": Cause(
+        0,
+        ("view was killed by SIGKILL: it is not shown any more", "main-engine cut-off"),
+        {**SLOW, "view": "true"},
+        act=lambda f: f.kill("view"),
+        ways=PROCESSES,
+    ),
     "simulator killed": Cause(
         1,
         ("vehicle_sim was killed by SIGKILL in flight", "did not come to its end"),
@@ -245,7 +253,12 @@ def words(way, options):
     if way == LAUNCH:
         given = [f"{name}:={value}" for name, value in options.items()]
         return ["launch", "ares_bringup", "flight.launch.py", *given]
-    given = [word for name, value in options.items() for word in (f"--{dashed(name)}", value)]
+    given = [
+        word
+        for name, value in options.items()
+        for word in (f"--{dashed(name)}", value)
+        if word != "true"
+    ]
     return ["fly", *(["--in-process"] if way == IN_PROCESS else []), *given]
 
 

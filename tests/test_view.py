@@ -21,6 +21,7 @@ from tf2_msgs.msg import TFMessage
 from tornado.websocket import websocket_connect
 from visualization_msgs.msg import Marker
 
+from ares_bags.compare import differences
 from ares_bags.reader import open_bag
 from ares_bags.recorder import RecorderNode
 from ares_bags.schema import type_hash
@@ -295,6 +296,20 @@ def test_tf_is_the_type_that_tools_know():
     assert TFMessage.get_fields_and_field_types() == {
         "transforms": "sequence<geometry_msgs/TransformStamped>"
     }
+
+
+@pytest.mark.parametrize("way", [(), ("--in-process",)], ids=["processes", "one process"])
+def test_a_flight_is_the_same_whether_it_is_shown_or_not(ares, tmp_path, way):
+    words = ("fly", *way, "--json", "--nav-period", "1")
+    plain = ares(*words, "--bag", str(tmp_path / "plain"))
+    shown = ares(*words, "--bag", str(tmp_path / "shown"), "--view")
+    assert (plain.returncode, shown.returncode) == (0, 0), shown.stderr
+    results = [json.loads(done.stdout) for done in (plain, shown)]
+    assert results[0]["m_f_kg"] == results[1]["m_f_kg"]
+    assert not results[1]["diagnostics"]
+    bags = [open_bag(tmp_path / name) for name in ("plain", "shown")]
+    assert differences(*bags) == []
+    assert [set(bag.topics) for bag in bags[:1]] == [set(bag.topics) for bag in bags[1:]]
 
 
 def test_an_unknown_mission_is_refused(graph):

@@ -521,7 +521,11 @@ def _end_crew(crew: Crew, summary: FlightSummary, say: Say, listen: Callable[[],
             listen()
         crew.ask_to_stop([RECORDER])
     for name in crew.stop(flying, NODE_STOP_TIMEOUT, listen):
-        summary.problems.append(f"{name} did not end within {NODE_STOP_TIMEOUT:g} s: killed")
+        problem = f"{name} did not end within {NODE_STOP_TIMEOUT:g} s: killed"
+        if name in SPARED:
+            say(problem)
+        else:
+            summary.problems.append(problem)
     if RECORDER in alive:
         crew.stop([RECORDER], RECORDER_STOP_TIMEOUT, listen)
         if closed := crew.status(RECORDER):
