@@ -7,9 +7,11 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rclpy.serialization import serialize_message
 
+from ares_bags.reader import open_bag
 from ares_bags.testing import nav_state, topics, write_bag
 from ares_bags.writer import BagWriter
 from ares_bringup.commands.cli import main
@@ -350,6 +352,33 @@ def test_a_damaged_bag_is_no_success(tmp_path, capfd):
     text = (bag / "report.html").read_text()
     assert 'class="verdict bad"' in text
     assert 'class="problems"' in text
+    # the picture shows the same, and says the same
+    capfd.readouterr()
+    assert main(["plot", str(bag)]) == 1
+    out, err = capfd.readouterr()
+    assert out == f"{bag / 'flight.png'}\n"
+    assert (bag / "flight.png").stat().st_size > 10_000
+    assert err == f"ares: {' '.join(flight.missing.split())}\n"
+
+
+def test_a_bag_by_the_wall_clock_of_another_namespace(tmp_path, capfd):
+    """As `ros2 bag record` makes it: it says nothing of the mission."""
+    ours = open_bag(REFERENCE)
+    path = tmp_path / "theirs"
+    with BagWriter(path) as writer:
+        for topic in ours.topics.values():
+            writer.add_topic(replace(topic, name=topic.name.replace("/ares/", "/one/two/")))
+        for k, (name, _, data) in enumerate(ours.raw_messages()):
+            writer.write(name.replace("/ares/", "/one/two/"), 1_790_000_000 * 10**9 + k, data)
+    assert "does not say which mission was flown; --mission does" in refused(capfd, path)
+    status, _, err = run(capfd, path, "--mission", "ares_v")
+    assert (status, err) == (0, "")
+    flown, known = read_flight(path, "ares_v"), read_flight(REFERENCE)
+    assert flown.summary.m_f_kg == known.summary.m_f_kg
+    for topic, columns in known.columns.items():
+        for name, values in columns.items():
+            assert np.array_equal(flown.columns[topic][name], values, equal_nan=True)
+    assert main(["plot", str(path), "--mission", "ares_v"]) == 0
 
 
 def test_names_differ():

@@ -26,6 +26,8 @@ PAGELESS = "the flight goes on without its page"
 
 #: Wall time in s for the page to be served, and opened, before the flight begins without it.
 PATIENCE = 10.0
+#: Wall time in s after which the person who has not opened it yet is told so.
+TELL_AFTER = 3.0
 #: Wall time in s for its process to end.
 STOP_TIMEOUT = 3.0
 
@@ -107,6 +109,7 @@ class Audience:
         arguments = ros_arguments(self._parameters, self._summary.namespace)
         self._crew.start(LIVE, MODULE, arguments)
         self._deadline = time.monotonic() + PATIENCE
+        self._told = False
         monitor.held = True
 
     def look(self, monitor: "FlightMonitor") -> None:
@@ -123,8 +126,12 @@ class Audience:
             self._say(f"{name} {describe_end(status)}: {PAGELESS}")
             monitor.let_go()
         wanted = 1 if self._live.wait else 0
-        if monitor.pages >= wanted or time.monotonic() > self._deadline:
+        left = self._deadline - time.monotonic()
+        if monitor.pages >= wanted or left < 0.0:
             monitor.let_go()
+        elif not self._told and monitor.pages == 0 and left < PATIENCE - TELL_AFTER:
+            self._told = True
+            self._say(f"the flight begins when the page is open, in {left:.0f} s at the latest")
 
     def leave(self, monitor: "FlightMonitor") -> None:
         """The flight is over: tell the page what it came to, and end it."""

@@ -29,6 +29,7 @@ from ares_models.software import software
 from ares_msgs.msg import GuidanceStatus, NavState, ThrustCommand
 from ares_node.identity import id_text
 from ares_node.membership import FLIGHT_ID
+from ares_node.requirements import unmet
 from ares_node.time import ns_from_stamp
 
 #: Largest difference that counts as equal, relative to the number, or to the vector it is of.
@@ -341,6 +342,8 @@ def _fly(
 
 def _start(recorded: _Recorded, answers: Answers, values: Mapping[str, Any], result: Check) -> None:
     """Ask the optimizer what the flight asked it, and start from what it answers."""
+    if reason := unmet("ares_optimizer", "solve"):
+        raise CannotStart(reason)
     from ares_optimizer.messages import Answers as Optimizer
 
     taken = [(at, status) for at, status in recorded.reports if status.message == ANSWER_TAKEN]

@@ -50,6 +50,7 @@ class RecordedFlight:
         law: that steered.
         columns: of TOPICS, with `time` in s; of a topic without messages only that.
         summary: the verdict; what is missing of the bag is one of its problems.
+        missing: what that is, one line; empty: nothing.
     """
 
     path: Path
@@ -57,6 +58,7 @@ class RecordedFlight:
     law: str
     columns: Mapping[str, Columns]
     summary: FlightSummary
+    missing: str
 
 
 @dataclass(frozen=True)
@@ -69,8 +71,12 @@ class _Contents:
     missing: str
 
 
-def read_flight(path: Path) -> RecordedFlight:
+def read_flight(path: Path, unsaid: str | None = None) -> RecordedFlight:
     """A flight from its bag; of a damaged bag what is intact, and said to be so.
+
+    Args:
+        path: the bag.
+        unsaid: mission of a bag that does not say which one was flown.
 
     Raises:
         CannotStart: there is no such bag, nothing in it can be read, it holds no flight, or
@@ -82,7 +88,7 @@ def read_flight(path: Path) -> RecordedFlight:
         contents = _salvage(path, error)
     if not len(contents.columns["vehicle_state"]["time"]):
         raise CannotStart(f"bag {path} holds no flight: vehicle_state is empty")
-    mission = _mission(path, contents.custom)
+    mission = _mission(path, contents.custom, unsaid)
     law = contents.custom.get("law", "unknown")
     summary = FlightSummary(facts_of(mission), law, str(path))
     for event in _events(contents.columns["flight_event"]):
@@ -93,7 +99,7 @@ def read_flight(path: Path) -> RecordedFlight:
         summary.add_diagnostic(complaint)
     if contents.missing:
         summary.problems.append(contents.missing)
-    return RecordedFlight(path, mission, law, contents.columns, summary)
+    return RecordedFlight(path, mission, law, contents.columns, summary, contents.missing)
 
 
 def _read(path: Path, bag: Bag) -> _Contents:
@@ -130,10 +136,10 @@ def _salvage(path: Path, error: BagError) -> _Contents:
     return replace(contents, missing=f"{saved.problem}; {saved.loss}")
 
 
-def _mission(path: Path, custom: Mapping[str, str]) -> Mission:
-    name = custom.get("mission")
+def _mission(path: Path, custom: Mapping[str, str], unsaid: str | None) -> Mission:
+    name = custom.get("mission") or unsaid
     if not name:
-        raise CannotStart(f"bag {path} does not say which mission was flown")
+        raise CannotStart(f"bag {path} does not say which mission was flown; --mission does")
     try:
         return load_mission(name)
     except MissionError as error:

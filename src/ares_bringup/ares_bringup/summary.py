@@ -24,12 +24,14 @@ from ares_models.tolerances import (
     RADIUS_M,
     SPEED_M_S,
 )
-from ares_studies.event_words import ENDS, event_name
+from ares_studies.event_words import ENDS, MARKS, event_name
 from ares_vehicle_sim.arrays import (
+    ARC_ENDED,
     CUTOFF,
     FLIGHT_STARTED,
     GUIDANCE_BACK,
     GUIDANCE_LOST,
+    IGNITION,
     IMPACT,
     JETTISON_DONE,
     TIME_LIMIT,
@@ -37,6 +39,9 @@ from ares_vehicle_sim.arrays import (
 
 if TYPE_CHECKING:
     from ares_models.mission import Mission
+
+#: Words of marks that are nearer than this share of the flight stand together, at the last of them.
+NEAR_MARKS = 0.15
 
 #: Exit statuses of `ares fly`.
 EXIT_TARGET = 0
@@ -569,6 +574,28 @@ class FlightSummary:
         """An event in words, with the mission's names."""
         facts = self.facts
         return event_name(event.type, event.index, facts.arcs, facts.stages, facts.jettisons)
+
+    def marks(self) -> list[tuple[float, str]]:
+        """Instants for pictures: mission elapsed time in s, and a word that may be empty.
+
+        One mark an instant, and no word over another. A coast begins where a free burn ends,
+        and ends where an engine ignites.
+        """
+        ignitions = {round(event.time, 3) for event in self.events if event.type == IGNITION}
+        words: dict[float, str] = {}
+        for event in self.events:
+            at = round(event.time, 3)
+            if event.type == ARC_ENDED:
+                words.setdefault(at, "ignition" if at in ignitions else "coast")
+            elif event.type in MARKS:
+                words.setdefault(at, MARKS[event.type])
+        marks = sorted(words.items())
+        near = NEAR_MARKS * (self.events[-1].time - self.events[0].time) if marks else 0.0
+        for k in range(len(marks) - 1):
+            (at, word), (after, next_word) = marks[k : k + 2]
+            if after - at < near:
+                marks[k : k + 2] = [(at, ""), (after, f"{word}, {next_word}")]
+        return marks
 
     def to_json(self) -> dict[str, Any]:
         """The object that `ares fly --json` prints; unknown numbers are None."""

@@ -12,9 +12,11 @@ from hypothesis import strategies as st
 from ares_bringup.summary import (
     MAX_DIAGNOSTICS,
     Diagnostic,
+    Event,
     FlightSummary,
     MissionFacts,
     Outcome,
+    facts_of,
     insertion_error,
     target_state,
 )
@@ -37,11 +39,14 @@ from ares_models.arrays import (
     TARGET_KEPLERIAN,
     TARGET_RADIUS_SPEED_ANGLE_PLANE,
 )
+from ares_models.mission import load_mission
 from ares_models.orbits import Elements
 from ares_vehicle_sim.arrays import (
+    ARC_ENDED,
     CUTOFF,
     DEPLETION,
     FLIGHT_COMPLETE,
+    FLIGHT_STARTED,
     IGNITION,
     IMPACT,
     JETTISON_DONE,
@@ -267,3 +272,23 @@ def test_a_keplerian_target_is_met_at_the_nearest_place(facts):
     a, e = float(aimed.target["semi_major_axis"]), float(aimed.target["eccentricity"])
     assert a * (1 - e) <= there.radius_m <= a * (1 + e)
     assert there.speed_m_s == pytest.approx(math.sqrt(MU * (2.0 / there.radius_m - 1.0 / a)))
+
+
+def test_marks_of_coasts_and_of_what_is_near():
+    """As flown: a free burn, a coast to the equator, and a burn of 4.4 s before the cut-off."""
+    summary = FlightSummary(facts_of(load_mission("delta_iii_coast")), "peg", None)
+    for kind, index, time in (
+        (FLIGHT_STARTED, 0, 261.0),
+        (IGNITION, 0, 261.0),
+        (ARC_ENDED, 0, 919.251),
+        (ARC_ENDED, 1, 1819.251),
+        (IGNITION, 2, 1819.251),
+        (CUTOFF, 0, 1823.686),
+        (FLIGHT_COMPLETE, 0, 1823.686),
+    ):
+        summary.add_event(Event(kind, index, time, (7e6, 0.0, 0.0), (0.0, 7e3, 0.0), 1e4))
+    assert summary.marks() == [
+        (919.251, "coast"),
+        (1819.251, ""),
+        (1823.686, "ignition, cut-off"),
+    ]

@@ -67,6 +67,11 @@ def _limits(annotation: Any) -> Iterator[str]:
         yield each[0] if len(set(each)) == 1 else f"[{', '.join(each)}]"
 
 
+def _lists(annotation: Any) -> bool:
+    """Whether a type is a list of something, or may be one."""
+    return get_origin(annotation) is tuple or any(map(_lists, get_args(annotation)))
+
+
 def _form(models: Iterable[type[BaseModel]], data: Mapping[str, Any]) -> type[BaseModel]:
     """The model whose keys a mapping has."""
     return next(model for model in models if set(data) <= set(model.model_fields))
@@ -140,7 +145,7 @@ class _Writer:
         yield f"{key}:{comment}"
         for model in models:
             lines = self._all_left_out(model)
-            if "tuple" in str(annotation):
+            if _lists(annotation):
                 yield from _item(lines)
             else:
                 yield from (f"  {line}" for line in lines)

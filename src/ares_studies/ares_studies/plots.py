@@ -55,7 +55,9 @@ def draw_flight(
     _line(axes[2, 0], t, truth["heating_rate"], "free molecular heating, W/m²")
     axes[2, 0].set_yscale("log")
     _level(axes[2, 0], heating_limit_w_m2, "limit")
-    _line(axes[2, 1], status["time"], status["cutoff_time"], "predicted cut-off, s", step=True)
+    # guidance may have left no word in what is intact of a bag
+    predicted = status.get("cutoff_time", status["time"])
+    _line(axes[2, 1], status["time"], predicted, "predicted cut-off, s", step=True)
     axes[2, 1].ticklabel_format(axis="y", useOffset=False)
     for row in axes:
         for panel in row:

@@ -93,6 +93,9 @@ SETTINGS: dict[str, Any] = {
 MissionOption = Annotated[
     str, typer.Option(help="Name that `ares missions` lists, or path of a mission file.")
 ]
+UnsaidMission = Annotated[
+    str | None, typer.Option(help="Of a bag that does not say which mission was flown.")
+]
 LawOption = Annotated[str, typer.Option(help=LAWS_HELP)]
 TablesOrJson = Annotated[
     bool, typer.Option("--json", help="Print one JSON object instead of the tables.")
@@ -678,12 +681,17 @@ def plot(
         Path | None,
         typer.Option(help="Image file (.png, .svg, .pdf); default: flight.png in the bag."),
     ] = None,
+    mission: UnsaidMission = None,
 ) -> None:
-    """Draw a recorded flight."""
+    """Draw a recorded flight; of a damaged bag what is intact, exit status 1."""
     _needs("pages")
     from ares_bringup.commands.plot import plot_bag
 
-    typer.echo(plot_bag(bag, out))
+    image, missing = plot_bag(bag, out, mission)
+    typer.echo(image)
+    if missing:
+        typer.echo(f"ares: {_one_line(missing)}", err=True)
+        raise typer.Exit(1)
 
 
 @app.command()
@@ -698,12 +706,13 @@ def report(
             "first."
         ),
     ] = None,
+    mission: UnsaidMission = None,
 ) -> None:
     """Show a recorded flight, or several over each other, on one HTML page."""
     _needs("pages")
     from ares_bringup.commands.report import report as write_report
 
-    typer.echo(write_report(bags, out))
+    typer.echo(write_report(bags, out, mission))
 
 
 @app.command()

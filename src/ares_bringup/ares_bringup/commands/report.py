@@ -18,7 +18,6 @@ from ares_bringup.summary import (
 )
 from ares_bringup.whole_file import write_whole
 from ares_models.orbits import Elements
-from ares_studies.event_words import MARKS
 from ares_studies.flight_page.data import Recording, make_flight
 from ares_studies.flight_page.page import (
     MAX_FLIGHTS,
@@ -53,13 +52,14 @@ QUANTITIES = STATE_QUANTITIES | {
 }
 
 
-def report(paths: Sequence[Path], out: Path | None) -> Path:
+def report(paths: Sequence[Path], out: Path | None, mission: str | None = None) -> Path:
     """Write the page on one flight, or on several that lie over each other.
 
     Args:
         paths: bags, MAX_FLIGHTS at most; of whatever missions.
         out: the page; None: `report.html`, of several `comparison.html`, in the folder of the
             first bag.
+        mission: of bags that do not say which one was flown.
 
     Returns:
         The page.
@@ -70,7 +70,7 @@ def report(paths: Sequence[Path], out: Path | None) -> Path:
     """
     if len(paths) > MAX_FLIGHTS:
         raise CannotStart(f"{len(paths)} bags; expected {MAX_FLIGHTS} at most, a colour each")
-    flown = [read_flight(path) for path in paths]
+    flown = [read_flight(path, mission) for path in paths]
     if out is None:
         out = find_file(paths[0]).parent / (PAGE if len(paths) == 1 else COMPARISON)
     names = short_names(flown)
@@ -131,7 +131,7 @@ def _account(name: str, flown: RecordedFlight) -> Account:
         events=tuple(
             Happening(event.time, summary.event_name(event), event.mass) for event in summary.events
         ),
-        marks=tuple(_marks(summary)),
+        marks=tuple(Guide(*mark) for mark in summary.marks()),
         diagnostics=tuple(_complaints(summary.diagnostics)),
     )
 
@@ -174,15 +174,6 @@ def _facts(flown: RecordedFlight) -> list[tuple[str, str]]:
     if summary.diagnostic_count:
         lines.append(("warnings", f"{summary.diagnostic_count:,}"))
     return lines
-
-
-def _marks(summary: FlightSummary) -> list[Guide]:
-    """One mark an instant: a word is not printed over another."""
-    marks: dict[float, str] = {}
-    for event in summary.events:
-        if event.type in MARKS:
-            marks.setdefault(round(event.time, 3), MARKS[event.type])
-    return [Guide(time, text) for time, text in marks.items()]
 
 
 def _complaints(diagnostics: Sequence[Diagnostic]) -> list[Complaint]:

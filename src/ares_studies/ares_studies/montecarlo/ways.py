@@ -17,7 +17,7 @@ from ares_vehicle_sim.dispersions import Dispersions
 from ares_vehicle_sim.simulator import CommandRefused, Simulator
 
 #: One of so many flights is flown again, but for these bounds.
-ONE_OF = 100
+ONE_OF = 200
 FEWEST, MOST = 20, 100
 #: Points of a way.
 POINTS = 60

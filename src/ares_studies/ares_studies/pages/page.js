@@ -75,8 +75,8 @@ function anchor(instants, i, [low, high]) {
 function ticks(plot, [low, high]) {
   const decimals = Math.max(0, Math.ceil(-Math.log10((high - low) / 6 || 1)));
   const whole = Math.max(1, Math.ceil(Math.log10(Math.max(Math.abs(low), Math.abs(high), 1))));
-  const letters = whole + Math.floor((whole - 1) / 3) + decimals + 2;
-  const room = Math.floor((plot.clientWidth - 60) / (7.3 * letters + 12));
+  const letters = whole + Math.floor((whole - 1) / 3) + (decimals && decimals + 1) + (low < 0);
+  const room = Math.floor((plot.clientWidth - 60) / (7.3 * letters + 14));
   return Math.max(2, Math.min(growing ? 4 : innerWidth > 700 ? 8 : 6, room));
 }
 

@@ -17,7 +17,6 @@ from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.client import Client
 from rclpy.executors import Executor
-from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
 from ares_models.mission import Mission, MissionError, load_mission
@@ -43,6 +42,7 @@ from ares_node.qos import (
     FLIGHT_EVENT,
     FLIGHT_MEMBER,
     GUIDANCE_STATUS,
+    LATEST,
     MEMBERS,
     TIMING,
     VEHICLE_STATE,
@@ -65,11 +65,6 @@ PAGES_PERIOD = 0.25
 QUIET = 2.0
 #: Wall time in s for the pages to take the last word.
 GOODBYE = 1.0
-
-#: Nothing is asked for again and no writer waits: what is late for a page is of no use to it.
-GLANCE = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST, depth=100, reliability=ReliabilityPolicy.BEST_EFFORT
-)
 
 LEVELS = {DiagnosticStatus.WARN: "WARN", DiagnosticStatus.ERROR: "ERROR"}
 LAWS = {
@@ -127,10 +122,10 @@ class LiveNode(FlightNode):
         print(f"live: {self._server.door.url}", file=sys.stderr, flush=True)
         self._timing_out = self.create_publisher(Timing, TIMING, DIAGNOSTIC)
         self._inputs = [
-            self.create_subscription(kind, topic, take, qos, raw=qos is GLANCE)
+            self.create_subscription(kind, topic, take, qos, raw=qos is LATEST)
             for kind, topic, take, qos in (
-                (VehicleState, VEHICLE_STATE, self._on_state, GLANCE),
-                (GuidanceStatus, GUIDANCE_STATUS, self._on_status, GLANCE),
+                (VehicleState, VEHICLE_STATE, self._on_state, LATEST),
+                (GuidanceStatus, GUIDANCE_STATUS, self._on_status, LATEST),
                 (FlightEvent, FLIGHT_EVENT, self._on_event, EVENTS),
                 (DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, DIAGNOSTIC),
                 (Timing, TIMING, self._on_timing, DIAGNOSTIC),

@@ -136,7 +136,7 @@ def render(query: str) -> str:
     ]
     data = {
         "chapters": [{"items": figures}],
-        "globe": {"flights": [], "land": read_land(), "ends": [""]},
+        "globe": {"flights": [], "land": read_land(), "ends": [""], "nearest": 1.0},
         "states": STATE_FIELDS,
         "statuses": STATUS_FIELDS,
     }
