@@ -48,6 +48,10 @@ def test_the_page_is_legible(open_file, page_of_many, size, theme):
     assert page_of_many.stat().st_size < 4_000_000
 
 
+def test_the_page_has_no_serious_fault(open_file, serious_faults, page_of_many):
+    assert serious_faults(open_file(page_of_many, "narrow", "light")) == []
+
+
 def test_flights_that_failed_stand_apart(open_file, page_of_many):
     page = open_file(page_of_many, "wide", "light")
     report = json.loads(page.locator("#report").text_content())
