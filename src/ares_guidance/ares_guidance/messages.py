@@ -133,7 +133,8 @@ class Answers:
     def command(self) -> ThrustCommand:
         """The answer to the last state."""
         flight_id, guidance_id = self.identity
-        steering = self.law.steering[0]
+        # a message that checks its fields keeps the array that it is given: its own, not the law's
+        steering = self.law.steering[0].copy()
         return ThrustCommand(
             stamp=self._stamp,
             flight_id=flight_id,
@@ -158,6 +159,7 @@ class Answers:
         """How the law is doing after the last cycle."""
         flight_id, guidance_id = self.identity
         state = self.law.state
+        solution = state["solution"]
         steering = self.law.steering[0]
         now = float(self._nav[0]["time"])
         cutoff_time = float(steering["cutoff_time"])
@@ -175,10 +177,10 @@ class Answers:
             stale_cycles=int(state["stale_cycles"]),
             time_to_go=cutoff_time - now if self.law.converged else math.nan,
             cutoff_time=cutoff_time,
-            velocity_to_go=state["solution"]["velocity_to_go"],
-            predicted_position=state["predicted_position"],
-            predicted_velocity=state["predicted_velocity"],
-            miss_speed=float(state["solution"]["miss_speed"]),
+            velocity_to_go=solution["velocity_to_go"].copy(),
+            predicted_position=state["predicted_position"].copy(),
+            predicted_velocity=state["predicted_velocity"].copy(),
+            miss_speed=float(solution["miss_speed"]),
             jettison_time=float(steering["jettison_time"]),
             jettison_after_cutoff=self.jettison_after_cutoff,
             density_ratio=float(state["density_ratio"]),
