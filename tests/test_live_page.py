@@ -323,8 +323,9 @@ def test_a_person_gets_the_page_opened_and_the_flight_waits_for_it(tmp_path, bro
         page = browser.new_page()
         page.goto(noted.read_text().strip())
         wait_for_state(page, "Live")
-        # it has waited: the page has the flight from its first state on
-        assert page.evaluate("live.states.rows[0][1][0]") == 1000.0
+        # it has waited, for a second at ten times real time; no state is asked for twice, so that
+        # the first ones may be missed
+        assert page.evaluate("live.states.rows[0][1][0]") < 1001.0
         wait_for_state(page, "Flight over")
         page.close()
         assert command.process.wait(timeout=60) == 0

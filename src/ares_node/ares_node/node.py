@@ -127,7 +127,14 @@ class FlightNode(LifecycleNode):
     def wall_timer(self, period_s: float, callback: Callable[[], None]) -> Timer:
         """A timer on the steady clock of this machine, whatever `use_sim_time` says."""
         clock = Clock(clock_type=ClockType.STEADY_TIME)
-        return self.create_timer(period_s, callback, clock=clock)
+
+        def due() -> None:
+            # the executor may hold a word of a timer that has been destroyed meanwhile
+            if timer in self.timers:
+                callback()
+
+        timer = self.create_timer(period_s, due, clock=clock)
+        return timer
 
     def start(self) -> bool:
         """Configure and activate; False if either was refused (`failure` says why)."""

@@ -4,6 +4,7 @@ import ctypes
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -230,3 +231,26 @@ def test_the_reason_of_a_refused_start_goes_to_rosout(ros_context: Context) -> N
         node.destroy_node()
         listener.destroy_node()
     assert (heard[-1].level, heard[-1].msg) == (Log.ERROR, "the tank is empty")
+
+
+def test_a_timer_that_is_destroyed_says_nothing_more(ros_context: Context) -> None:
+    """Its last word may wait in the executor already."""
+    executor = EventsExecutor(context=ros_context)
+    node = FlightNode("demo", context=ros_context)
+    heard: list[int] = []
+    first = node.wall_timer(0.001, lambda: (heard.append(1), node.destroy_timer(second)))
+    second = node.wall_timer(0.001, lambda: heard.append(2))
+    third = node.wall_timer(0.001, lambda: heard.append(3))
+    executor.add_node(node)
+    try:
+        time.sleep(0.02)
+        node.destroy_timer(third)
+        for _ in range(20):
+            executor.spin_once(timeout_sec=0.01)
+        assert heard.count(1) > 1
+        assert 3 not in heard
+        assert 2 not in heard[heard.index(1) :]
+        node.destroy_timer(first)
+    finally:
+        executor.shutdown()
+        node.destroy_node()
