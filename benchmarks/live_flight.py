@@ -1,19 +1,21 @@
 """Flights in lock-step with and without the live page, in turn; updates of a reader.
 
-    ./ares exec python benchmarks/live_flight.py [ROUNDS] [--chromium]
+    ./ares exec python benchmarks/live_flight.py [--rounds N] [--chromium]
 
 The reader takes all that it gets and draws nothing; `--chromium` opens the page in a browser
 without a window instead, which draws it on the same processors.
 """
 
+import argparse
 import asyncio
+import shutil
 import statistics
-import sys
 import tempfile
 import threading
 from contextlib import suppress
 from pathlib import Path
 
+from figures import Figures, keep_option
 from tornado.httpclient import HTTPClientError
 from tornado.websocket import websocket_connect
 
@@ -68,7 +70,8 @@ class Chromium:
 
         flags = ["--headless", "--no-sandbox", "--disable-gpu"]
         with sync_playwright() as play:
-            browser = play.chromium.launch(executable_path="/usr/bin/chromium", args=flags)
+            found = shutil.which("chromium") or shutil.which("google-chrome")
+            browser = play.chromium.launch(executable_path=found, args=flags)
             page = browser.new_page(viewport={"width": 1280, "height": 900})
             while not self._over.is_set():
                 with suppress(Error):
@@ -100,17 +103,27 @@ def flown(bag: Path, pace: float, viewer: type[Reader] | type[Chromium] | None) 
 
 def main() -> None:
     """Print the rates of each round, the ratio of their medians, and updates per second."""
-    words = [word for word in sys.argv[1:] if word != "--chromium"]
-    viewer = Chromium if "--chromium" in sys.argv else Reader
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--chromium", action="store_true", help="draw the page in a browser")
+    keep_option(parser)
+    options = parser.parse_args()
+    viewer = Chromium if options.chromium else Reader
     plain, looked_at = [], []
     with tempfile.TemporaryDirectory() as name:
-        for k in range(int(words[0]) if words else 5):
+        for k in range(options.rounds):
             plain += flown(Path(name) / f"plain_{k}", 0.0, None)
             looked_at += flown(Path(name) / f"live_{k}", 0.0, viewer)[:1]
             print(f"without {plain[-1]:.0f}, with {looked_at[-1]:.0f} times real time", flush=True)
         _, updates = flown(Path(name) / "paced", PACE, viewer)
-    ratio = statistics.median(looked_at) / statistics.median(plain)
-    print(f"ratio of the medians: {ratio:.2f}; {updates:.1f} updates a second at pace {PACE:g}")
+    what = "drawings" if options.chromium else "updates"
+    figures = Figures(__file__, "Lock-step with and without the live page, medians in turn.")
+    figures.add("without", statistics.median(plain), "times real time")
+    figures.add("with", statistics.median(looked_at), "times real time")
+    figures.add("with / without", statistics.median(looked_at) / statistics.median(plain), "")
+    figures.add(f"{what} a second at {PACE:g} times real time", updates, "")
+    if options.keep:
+        figures.keep()
 
 
 if __name__ == "__main__":
