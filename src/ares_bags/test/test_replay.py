@@ -30,7 +30,7 @@ from ares_bags.testing import EVENT, NAV, PERIOD_NS, START_NS, messages, topics,
 from ares_bags.writer import BagWriter
 from ares_msgs.msg import FlightEvent, NavState
 from ares_node.qos import FLIGHT
-from ares_node.testing import ros_context_on, spin_until
+from ares_node.testing import own_words, ros_context_on, spin_until
 from ares_node.time import ns_from_stamp
 
 COUNT = 60
@@ -255,7 +255,7 @@ def test_as_a_process(
     path = write_bag(tmp_path / "flight", COUNT)
     process = run(ros_environment, f"sys.exit(run_replay({str(path)!r}, rate=0.0))")
     out, err = process.communicate()
-    assert (process.returncode, err) == (0, "")
+    assert (process.returncode, own_words(err)) == (0, "")
     assert out.startswith(f"published {len(messages(COUNT))} messages of {path} in ")
 
     heard: list[NavState] = []
@@ -266,7 +266,7 @@ def test_as_a_process(
     assert spin_until(executor, lambda: bool(heard), timeout=240.0)
     process.send_signal(signal.SIGINT)
     out, err = process.communicate()
-    assert (process.returncode, err) == (0, "")
+    assert (process.returncode, own_words(err)) == (0, "")
     assert out.endswith("s, stopped before the end\n")
 
     process = run(ros_environment, f"sys.exit(run_replay({str(tmp_path / 'none')!r}))")

@@ -52,6 +52,15 @@ def ros_environment(ros_domain: int) -> dict[str, str]:
     return {**os.environ, "ROS_DOMAIN_ID": str(ros_domain), "PYTHONUNBUFFERED": "1"}
 
 
+def own_words(text: str) -> str:
+    """What a process has said, without the middleware's word on a port of shared memory.
+
+    Of processes that start at once one may find such a port taken: it says so and takes the next.
+    """
+    lines = text.splitlines(keepends=True)
+    return "".join(line for line in lines if "RTPS_TRANSPORT_SHM" not in line)
+
+
 def spin_until(executor: Executor, condition: Callable[[], bool], timeout: float = 120.0) -> bool:
     """Spin until the condition holds; whether it held within the timeout (s)."""
     deadline = time.monotonic() + timeout
