@@ -30,11 +30,10 @@ from ares_msgs.msg import GuidanceStatus, NavState, ThrustCommand
 from ares_node.identity import id_text
 from ares_node.membership import FLIGHT_ID
 from ares_node.requirements import unmet
-from ares_node.time import ns_from_stamp
+from ares_node.time import NANOSECONDS, ns_from_stamp
 
 #: Largest difference that counts as equal, relative to the number, or to the vector it is of.
 TOLERANCE = 1e-12
-NANOSECONDS = 1e9
 
 COMMAND = "thrust_command"
 STATUS = "guidance_status"
@@ -185,8 +184,7 @@ def _read(bag: Bag) -> _Recorded:
     reports = []
     if "/diagnostics" in bag.topics:
         for _, message in bag.messages("/diagnostics"):
-            stamp = message.header.stamp
-            at = int(stamp.sec) * 10**9 + int(stamp.nanosec)
+            at = ns_from_stamp(message.header.stamp)
             reports += [(at, s) for s in message.status if s.name.endswith("/guidance")]
     return _Recorded(states, said, reports)
 

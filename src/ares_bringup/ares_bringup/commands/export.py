@@ -39,8 +39,6 @@ def export(path: Path, form: ExportFormat, table: ExportTable, out: Path | None)
             cannot be written; one line.
     """
     flown = read_flight(path)
-    # before the flight is looked at, its problems are those of the bag
-    missing = tuple(flown.summary.problems)
     if out is None:
         out = find_file(path).parent / f"{table.value}.{form.value}"
     what = _exported(flown)
@@ -48,10 +46,10 @@ def export(path: Path, form: ExportFormat, table: ExportTable, out: Path | None)
         write_whole(out, _AS_GLOBE[form](what))
     else:
         write_whole(out, _AS_TABLE[form](_TABLES[table](what)))
-    for line in missing:
-        print(f"ares: {line}", file=sys.stderr)
+    if flown.missing:
+        print(f"ares: {flown.missing}", file=sys.stderr)
     print(out)
-    return EXIT_INCOMPLETE if missing else 0
+    return EXIT_INCOMPLETE if flown.missing else 0
 
 
 def _exported(flown: RecordedFlight) -> Export:
