@@ -121,6 +121,7 @@ TARGET = np.dtype(
         ("apogee_radius", np.float64),  # inf: escape
         ("c3", np.float64),  # m2/s2, twice the energy
         ("true_anomaly", np.float64),
+        ("safe_radius", np.float64),  # least perigee of an orbit that is safe; 0: none is named
     ],
     align=True,
 )

@@ -12,8 +12,11 @@ from typing import Any
 
 import yaml
 
-#: A file of this size is read within seconds, whatever is in it.
+#: A file of this size, with so many values so deep in each other, is read within seconds,
+#: whatever is in it.
 MAX_BYTES = 1 << 18
+MAX_VALUES = 1 << 15
+MAX_DEPTH = 32
 
 #: Longest text of a file or an option that an error message repeats.
 _SHOWN = 60
@@ -41,11 +44,11 @@ class InputError(ValueError):
     """
 
     def __init__(self, source: str, problems: Sequence[str]) -> None:
-        self.source = source
+        self.source = source if source.isprintable() else repr(source)
         self.problems = tuple(problems)
         more = len(self.problems) - 1
         tail = f" (and {more} more)" if more else ""
-        super().__init__(f"{source}: {self.problems[0]}{tail}")
+        super().__init__(f"{self.source}: {self.problems[0]}{tail}")
 
     def __reduce__(self) -> tuple[type["InputError"], tuple[str, tuple[str, ...]]]:
         return type(self), (self.source, self.problems)
@@ -169,6 +172,28 @@ def _read_text(path: Path, kind: InputKind) -> str:
     return content.decode("utf-8")
 
 
+class _TooMuch(Exception):
+    """What a file has too much of; the text goes behind its name."""
+
+
+class _Loader(yaml.BaseLoader):
+    """Composes within bounds: what is read ahead of a nested list grows with its square."""
+
+    depth = 0
+    values = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        if self.depth > MAX_DEPTH:
+            raise _TooMuch("is nested too deeply")
+        if self.values > MAX_VALUES:
+            raise _TooMuch(f"has more than {MAX_VALUES} values")
+        self.depth += 1
+        self.values += 1
+        node = super().compose_node(parent, index)
+        self.depth -= 1
+        return node
+
+
 def read_input(path: Path, kind: InputKind) -> tuple[dict[str, Any], dict[KeyPath, int]]:
     """Read a file into plain data.
 
@@ -198,9 +223,9 @@ def read_input(path: Path, kind: InputKind) -> tuple[dict[str, Any], dict[KeyPat
     except OSError as error:
         raise kind.error(_short(source), [f"cannot be read: {error.strerror}"]) from error
     except ValueError as error:
-        raise kind.error(repr(source), [f"cannot be read: {error}"]) from error
+        raise kind.error(source, [f"cannot be read: {error}"]) from error
     try:
-        node = yaml.compose(text, Loader=yaml.BaseLoader)
+        node = yaml.compose(text, Loader=_Loader)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f"line {mark.line + 1}: " if mark else ""
@@ -209,8 +234,8 @@ def read_input(path: Path, kind: InputKind) -> tuple[dict[str, Any], dict[KeyPat
     except yaml.YAMLError as error:
         what = " ".join(str(error).split())
         raise kind.error(source, [f"not valid YAML: {what}"]) from error
-    except RecursionError as error:
-        raise kind.error(source, [f"is nested too deeply; not a {kind.name} file"]) from error
+    except _TooMuch as error:
+        raise kind.error(source, [f"{error}; not a {kind.name} file"]) from error
     if node is None and kind.may_be_empty:
         return {}, {}
     if node is None:
@@ -359,8 +384,12 @@ def explain(
     """
     kind = item["type"]
     context: dict[str, Any] = item.get("ctx", {})
+    # marks of the form that was tried are no keys; a key that is not known may look like one
+    own = len(item["loc"]) - 1 if kind == "extra_forbidden" else -1
     place = tuple(
-        part for part in item["loc"] if not (isinstance(part, str) and part.startswith("<"))
+        part
+        for k, part in enumerate(item["loc"])
+        if k == own or not (isinstance(part, str) and part.startswith("<"))
     )
     value = item["input"]
     if kind == "expected" and "path" in context:

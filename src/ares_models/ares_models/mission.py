@@ -20,6 +20,7 @@ from ares_models.atmosphere import FIXED_MODELS, Atmosphere, AtmosphereError, nr
 from ares_models.input_file import InputError, InputKind, KeyPath, explain, read_input
 from ares_models.mission_checks import MAX_STAGES, check_mission
 from ares_models.mission_parts import (
+    AbortPart,
     BurnArc,
     EngineOut,
     EnvironmentPart,
@@ -109,6 +110,12 @@ class Mission(Part):
     )
     jettisons: tuple[Jettison, ...] = Field(default=(), description="what is dropped on the way")
     target: Target = Field(description="where to: a point of an orbit, or an orbit by its elements")
+
+    abort: AbortPart | None = Field(
+        default=None,
+        exclude_if=lambda part: part is None,
+        description="what is flown to where the target is out of reach",
+    )
 
     @model_validator(mode="after")
     def _whole(self) -> "Mission":
@@ -379,4 +386,5 @@ _MODELS: dict[str, type[Part]] = {
     "stages": parts.Stage,
     "jettisons": parts.Jettison,
     "engine_out": parts.EngineOut,
+    "abort": parts.AbortPart,
 }

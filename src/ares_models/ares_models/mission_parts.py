@@ -94,6 +94,8 @@ Delay = Annotated[float, Range(0.0, MAX_FLIGHT_S)]
 KnotTime = Annotated[float, Range(0.0, 3600.0)]
 Acceleration = Annotated[float, Range(1e-3, 1e4)]
 Fraction = Annotated[float, Range(0.0, 1.0)]
+SafeAltitude = Annotated[float, Range(0.0, 1e8)]
+EngineCount = Annotated[int, Range(1, 100)]
 HeatingRate = Annotated[float, Range(1e-6, 1e12)]
 
 Name = Annotated[str, Field(strict=True, min_length=1, max_length=80), AfterValidator(_printable)]
@@ -374,6 +376,14 @@ class EngineOut(Part):
         return (self.engines - self.lost) / self.engines
 
 
+class AbortPart(Part):
+    """What is flown to where the target is out of reach."""
+
+    safe_perigee_altitude_m: SafeAltitude = Field(
+        description="least perigee of an orbit that is safe, above the equatorial radius"
+    )
+
+
 def check_bounds(key: str, time_s: object, min_s: float | None, max_s: float | None) -> None:
     """Report bounds of a time that is not free, or that leave nothing between them."""
     for name, bound in (("min_s", min_s), ("max_s", max_s)):
@@ -389,6 +399,7 @@ class BurnArc(Part):
     name: Name | None = Field(default=None, description="shown in events; default: the stage's")
     thrust_n: Thrust = Field(description="full thrust, vacuum")
     isp_s: SpecificImpulse = Field(description="mass flow is T / (g0 Isp)")
+    engines: EngineCount = Field(default=1, description="that share the thrust")
     burn_time_s: FreeTime = Field(description="from ignition command to cut-off command, or free")
     min_s: Delay | None = Field(default=None, description="least length, if it is free")
     max_s: Duration | None = Field(default=None, description="greatest length, if it is free")
@@ -593,6 +604,7 @@ class Stage(Part):
     )
     thrust_n: Thrust | None = _of_burn("thrust_n", None)
     isp_s: SpecificImpulse | None = _of_burn("isp_s", None)
+    engines: EngineCount = _of_burn("engines", 1)
     burn_time_s: FreeTime | None = _of_burn("burn_time_s", None)
     min_s: Delay | None = _of_burn("min_s", None)
     max_s: Duration | None = _of_burn("max_s", None)

@@ -416,6 +416,9 @@ def target_record(mission: "Mission") -> NDArray[np.void]:
         record["inclination"] = math.radians(target.inclination_deg)
     if target.ascending_node_deg is not None:
         record["ascending_node"] = math.radians(target.ascending_node_deg)
+    if mission.abort is not None:
+        equatorial = mission.environment.earth.equatorial_radius_m
+        record["safe_radius"] = equatorial + mission.abort.safe_perigee_altitude_m
     target.write(record, mission)
     return record
 

@@ -1,0 +1,135 @@
+"""What can fail on the way: one failure, as the vehicle suffers it and an optimizer may know of it.
+
+A burn here is all arcs of a stage that follow one another without a coast: an engine cut-off or a
+shift of the mixture ratio does not end it. Engines that give less do so in all that the stage has
+left to burn.
+"""
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+from ares_models.arrays import BURN
+from ares_models.mission import Mission
+
+#: Least and greatest ratio of what engines give after a failure.
+RATIOS = (0.01, 2.0)
+
+
+class FailureError(ValueError):
+    """A failure that cannot be; the text is one line."""
+
+
+class FailureKind(StrEnum):
+    """What fails, and what the vehicle then does by itself.
+
+    Attributes:
+        ENGINE_OUT: from `time_s` on the burn gives `thrust_ratio` of its thrust and of its mass
+            flow, and goes on until its propellant is spent: an arc of fixed length lasts until
+            it has burnt what it should have.
+        THRUST_LOW: from `time_s` on `thrust_ratio` of the thrust and `flow_ratio` of the mass flow.
+        EARLY_SHUTDOWN: the burn ends at `time_s`. The next arc begins at once, and what the stage
+            had left drops with it; after the last burn there is no thrust any more.
+        FAILED_IGNITION: burn `arc` never gives thrust; the next arc begins when it should have
+            ignited.
+        STUCK_THROTTLE: from `time_s` on the throttle of the burn stays where it is.
+        STUCK_JETTISON: `jettison` never goes.
+    """
+
+    ENGINE_OUT = "engine_out"
+    THRUST_LOW = "thrust_low"
+    EARLY_SHUTDOWN = "early_shutdown"
+    FAILED_IGNITION = "failed_ignition"
+    STUCK_THROTTLE = "stuck_throttle"
+    STUCK_JETTISON = "stuck_jettison"
+
+
+@dataclass(frozen=True)
+class Failure:
+    """One failure of one flight.
+
+    Attributes:
+        kind: what fails.
+        time_s: when, mission elapsed time; nan where the kind has none.
+        arc: index of the burn that does not ignite; -1 where the kind has none.
+        jettison: index of the one that does not go; -1 where the kind has none.
+        thrust_ratio: thrust after over thrust before.
+        flow_ratio: mass flow after over mass flow before.
+    """
+
+    kind: FailureKind
+    time_s: float = math.nan
+    arc: int = -1
+    jettison: int = -1
+    thrust_ratio: float = 1.0
+    flow_ratio: float = 1.0
+
+
+#: What is said of a failure in a text, by kind: field of Failure by its key.
+_TIME = {"time": "time_s"}
+KEYS: dict[FailureKind, dict[str, str]] = {
+    FailureKind.ENGINE_OUT: _TIME | {"thrust_ratio": "thrust_ratio"},
+    FailureKind.THRUST_LOW: _TIME | {"thrust_ratio": "thrust_ratio", "flow_ratio": "flow_ratio"},
+    FailureKind.EARLY_SHUTDOWN: _TIME,
+    FailureKind.FAILED_IGNITION: {"arc": "arc"},
+    FailureKind.STUCK_THROTTLE: _TIME,
+    FailureKind.STUCK_JETTISON: {"jettison": "jettison"},
+}
+
+
+def read_failure(text: str) -> Failure:
+    """A failure as it is written: KIND:KEY=NUMBER,... such as engine_out:time=200,thrust_ratio=0.8.
+
+    Raises:
+        FailureError: naming what is wrong and what was expected.
+    """
+    word, _, rest = text.partition(":")
+    if word not in list(FailureKind):
+        raise FailureError(f"failure is {word!r}; expected {', '.join(FailureKind)}")
+    kind = FailureKind(word)
+    keys = KEYS[kind]
+    given: dict[str, float] = {}
+    for item in filter(None, rest.split(",")):
+        key, _, value = item.partition("=")
+        if key not in keys or keys[key] in given:
+            once = " once" if key in keys else ""
+            raise FailureError(f"failure {kind}: {key!r}; expected {', '.join(keys)}{once}")
+        try:
+            given[keys[key]] = int(value) if keys[key] in ("arc", "jettison") else float(value)
+        except ValueError:
+            raise FailureError(f"failure {kind}: {key} is {value!r}; expected a number") from None
+    return Failure(kind, **given)  # type: ignore[arg-type]
+
+
+def check_failure(failure: Failure, mission: Mission) -> None:
+    """See that a failure can happen in a mission.
+
+    Raises:
+        FailureError: naming the value and what was expected.
+    """
+    kind = failure.kind
+    begins = mission.initial_state.time_s
+    if "time" in KEYS[kind] and not begins <= failure.time_s < math.inf:
+        raise FailureError(
+            f"failure {kind}: time is {failure.time_s}; expected from {begins:g} s, where the "
+            "mission begins"
+        )
+    low, high = RATIOS
+    highest = 1.0 if kind is FailureKind.ENGINE_OUT else high
+    for name in ("thrust_ratio", "flow_ratio"):
+        value = getattr(failure, name)
+        if not low <= value <= highest:
+            raise FailureError(
+                f"failure {kind}: {name} is {value}; expected {low:g} to {highest:g}"
+            )
+    kinds = mission.arrays().arcs["kind"]
+    if kind is FailureKind.FAILED_IGNITION and not (
+        0 <= failure.arc < len(kinds) and kinds[failure.arc] == BURN
+    ):
+        burns = ", ".join(str(k) for k, arc in enumerate(kinds) if arc == BURN)
+        raise FailureError(f"failure {kind}: arc is {failure.arc}; expected a burn: {burns}")
+    if kind is FailureKind.STUCK_JETTISON and not 0 <= failure.jettison < len(mission.jettisons):
+        raise FailureError(
+            f"failure {kind}: jettison is {failure.jettison}; expected 0 to "
+            f"{len(mission.jettisons) - 1}"
+        )
