@@ -89,6 +89,31 @@ VARIATION = np.dtype(
     align=True,
 )
 
+NO_FAILURE = 0
+ENGINE_OUT = 1
+THRUST_LOW = 2
+EARLY_SHUTDOWN = 3
+FAILED_IGNITION = 4
+STUCK_THROTTLE = 5
+STUCK_JETTISON = 6
+
+#: Of a failure that struck a coast.
+IN_VAIN = 2
+
+#: What fails in a flight: `ares_models.failures.Failure`.
+FAILURE = np.dtype(
+    [
+        ("kind", np.int64),  # NO_FAILURE or another of the above
+        ("time", np.float64),  # s; inf: not at a time
+        ("arc", np.int64),  # the burn that does not ignite; -1: all do
+        ("jettison", np.int64),  # the one that does not go; -1: all do
+        ("thrust_ratio", np.float64),
+        ("flow_ratio", np.float64),
+        ("struck", np.int64),  # 1: it has happened; IN_VAIN: where nothing burns
+    ],
+    align=True,
+)
+
 #: Has the fields of SEQUENCE.
 PLANT = np.dtype(
     [
@@ -116,6 +141,7 @@ PLANT = np.dtype(
         ("latency", np.float64),  # s until a command is in force
         ("coming", STEERING),  # the command that is under way
         ("coming_time", np.float64),  # when it will be in force; inf: none is under way
+        ("failure", FAILURE),
         ("errors", NAVIGATION_ERRORS),
         ("measurements", np.uint64),  # navigation states so far
         # from the drop of a part that waits for the heating; 0 before it

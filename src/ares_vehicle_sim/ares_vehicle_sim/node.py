@@ -4,6 +4,7 @@ import math
 import re
 import sys
 import time
+from collections.abc import Mapping
 from contextlib import ExitStack
 from typing import Any
 
@@ -16,11 +17,12 @@ from rclpy.timer import Timer
 from rosgraph_msgs.msg import Clock
 
 from ares_models.arrays import STEERING
+from ares_models.failures import read_failure
 from ares_models.mission import load_mission
 from ares_msgs.msg import FlightEvent, FlightMember, NavState, ThrustCommand, VehicleState
 from ares_node.diagnostics import Level, Timing, pace_word
 from ares_node.identity import id_text, new_id
-from ares_node.membership import FLIGHT_ID, Membership, Role, State
+from ares_node.membership import FLIGHT_ID, MOST_HEARD, Membership, Role, State
 from ares_node.node import FlightNode, NodeError
 from ares_node.parameters import Parameter
 from ares_node.qos import (
@@ -101,6 +103,12 @@ PARAMETERS = (
         "dispersions",
         "",
         "Shipped dispersions' name, or path of a file; empty flies the mission exactly.",
+    ),
+    Parameter(
+        "failure",
+        "",
+        "What fails, as KIND:KEY=NUMBER,... such as engine_out:time=200,thrust_ratio=0.8; empty: "
+        "nothing does.",
     ),
     Parameter(
         "attitude_rate_limit_deg_s",
@@ -195,6 +203,7 @@ class VehicleSimNode(FlightNode):
             dispersions,
             values["seed"],
             values["flight"],
+            read_failure(values["failure"]) if values["failure"] else None,
         )
         with ExitStack() as failed:
             self._membership = Membership(
@@ -219,7 +228,11 @@ class VehicleSimNode(FlightNode):
         self._truth_message = StateMessage(VehicleState)
         self._steering = np.zeros(1, STEERING)
         self._flying = False
-        self._waiting = False
+        self._waiting = self._unanswered = False
+        self._unguided = False
+        self._link_lost = False
+        self._deafness = 0
+        self._refused = 0
         self._held = False
         self._paced: Timer | None = None
         self._pace_word_at = -math.inf
@@ -294,6 +307,9 @@ class VehicleSimNode(FlightNode):
     def _on_simulator(self, member: FlightMember) -> None:
         if member.state not in (State.PRESENT, State.READY, State.FLYING):
             return
+        if self.simulator.complete:
+            # what comes after the flight is no rival
+            return
         ours = member.flight_id == self.flight_id
         given = bool(self.values["flight_id"]) and not ours
         if self._membership.state is State.FLYING or given:
@@ -311,9 +327,11 @@ class VehicleSimNode(FlightNode):
                 "it has no part in this flight",
             )
         elif member.member_id == mine.guidance_id:
-            if member.state in (State.LEFT, State.FAILED) and mine.state is State.PRESENT:
-                mine.say(State.PRESENT, guidance_id=0)
-                self._choose_guidance()
+            if member.state in (State.LEFT, State.FAILED):
+                if mine.state in (State.PRESENT, State.FLYING):
+                    self._on_guidance_gone()
+            elif member.state == State.READY and self._flying:
+                self._on_successor()
         elif member.state == State.PRESENT:
             if mine.guidance_id:
                 self._tell(
@@ -324,7 +342,7 @@ class VehicleSimNode(FlightNode):
     def _choose_guidance(self) -> None:
         """Accept a guidance where there is none, or where the present one is lost in flight."""
         mine = self._membership
-        if mine.guidance_id and self._lost_in_a_row < LINK_LOST_AFTER:
+        if mine.guidance_id and not self._link_lost:
             return
         for member in mine.others(Role.GUIDANCE, State.PRESENT):
             if member.mission in ("", self._mission_name) and member.member_id != mine.guidance_id:
@@ -333,9 +351,27 @@ class VehicleSimNode(FlightNode):
                 mine.say(mine.state, guidance_id=int(member.member_id))
                 return
 
+    def _on_guidance_gone(self) -> None:
+        """Nobody answers; a flight that keeps no pace waits a while for one who takes over."""
+        self._membership.say(self._membership.state, guidance_id=0)
+        if self._flying:
+            self._note_loss()
+            self._answer_deadline = time.monotonic()
+            if self.values["pace"] == 0.0:
+                self._answer_deadline += self.values["command_timeout_s"]
+        self._choose_guidance()
+
+    def _on_successor(self) -> None:
+        """Who takes over hears us: its answers are waited for, from the next state on."""
+        self._regain_link(0)
+        if self._waiting:
+            # it has not heard of this one
+            self._waiting = False
+            self._step()
+
     def _tell(self, member: FlightMember, text: str) -> None:
         """Report something about another node, once."""
-        if member.member_id not in self._told:
+        if member.member_id not in self._told and len(self._told) < MOST_HEARD:
             self._told.add(int(member.member_id))
             self.diagnostics.report(Level.WARN, text, self.simulator.time_ns)
 
@@ -351,28 +387,48 @@ class VehicleSimNode(FlightNode):
             self._say_pace()
         if self._waiting and now >= self._answer_deadline:
             self._waiting = False
-            self._lost_in_a_row += 1
-            self._report(
-                Level.WARN,
-                f"no answer within {self._patience:g} s; flying on with the last good command",
-            )
-            if self._lost_in_a_row == 1:
-                self._node_event(GUIDANCE_LOST)
-            if self._lost_in_a_row == LINK_LOST_AFTER:
-                self._report(
-                    Level.ERROR,
-                    f"{LINK_LOST_AFTER} answers lost in a row: flying on without guidance",
-                )
-                self.destroy_timer(self._watch)
-                self._watch = self.wall_timer(LOST_LINK_PERIOD, self._on_lost_link)
-                self._choose_guidance()
+            self._on_no_answer()
             self._step()
+
+    def _on_no_answer(self) -> None:
+        """Who guides gets less patience each time, and in the end none; if nobody does, at once."""
+        if not self._membership.guidance_id:
+            self._lose_link("guidance has left")
+            return
+        self._lost_in_a_row += 1
+        self._report(
+            Level.WARN,
+            f"no answer within {self._patience:g} s; flying on with the last good command",
+        )
+        self._note_loss()
+        if self._lost_in_a_row == LINK_LOST_AFTER:
+            self._lose_link(f"{LINK_LOST_AFTER} answers lost in a row")
 
     def _on_lost_link(self) -> None:
         if self._waiting:
             self._waiting = False
             self._step()
-        if not self._flying or self._lost_in_a_row == 0:
+
+    def _note_loss(self) -> None:
+        """Say when guidance was lost; the event of its return is said with its next answer."""
+        if not self._unguided:
+            self._unguided = True
+            self._node_event(GUIDANCE_LOST)
+
+    def _lose_link(self, reason: str) -> None:
+        """Fly on without waiting for answers; one can still come through."""
+        self._report(Level.ERROR, f"{reason}: flying on without guidance")
+        self._link_lost = True
+        self._listen_from = self.simulator.sequence + self._deafness
+        self.destroy_timer(self._watch)
+        self._watch = self.wall_timer(LOST_LINK_PERIOD, self._on_lost_link)
+        self._choose_guidance()
+
+    def _regain_link(self, lost_in_a_row: int) -> None:
+        """Wait for answers again, as if so many had been lost."""
+        self._lost_in_a_row = lost_in_a_row
+        if self._link_lost:
+            self._link_lost = False
             self.destroy_timer(self._watch)
             self._watch = self.wall_timer(WATCH_PERIOD, self._on_watch)
 
@@ -438,39 +494,37 @@ class VehicleSimNode(FlightNode):
         if simulator.complete:
             self._end()
             return
-        self._waiting = True
+        self._waiting = self._unanswered = True
         self._patience = self.values["command_timeout_s"] * PATIENCE_RATIO**self._lost_in_a_row
         self._answer_deadline = time.monotonic() + self._patience
         self._nav_out.publish(self._nav_message.data(*head, simulator.measured))
 
     def _on_command(self, message: ThrustCommand) -> None:
         if not self._membership.belongs(message.flight_id):
-            self._report(
-                Level.WARN, f"command refused: of another flight, {id_text(message.flight_id)}"
-            )
+            self._refuse(f"of another flight, {id_text(message.flight_id)}")
             return
         if not self._flying or self.simulator.complete:
             return
-        if message.guidance_id != self._membership.guidance_id:
-            self._report(
-                Level.WARN,
-                f"command refused: of a guidance without part, {id_text(message.guidance_id)}",
-            )
+        # while nobody guides, the identity of no guidance is nobody's
+        if message.guidance_id != self._membership.guidance_id or not message.guidance_id:
+            self._refuse(f"of a guidance without part, {id_text(message.guidance_id)}")
             return
         answered = ns_from_stamp(message.nav_stamp)
         if answered != self.simulator.time_ns:
-            self._report(
-                Level.WARN,
-                f"command refused: nav_stamp is {answered / NANOSECONDS:.9g} s; expected "
-                f"{self.simulator.time_ns / NANOSECONDS:.9g} s",
+            self._refuse(
+                f"nav_stamp is {answered / NANOSECONDS:.9g} s; expected "
+                f"{self.simulator.time_ns / NANOSECONDS:.9g} s"
             )
+            self._on_late_answer()
             return
-        if not self._waiting:
-            self._report(Level.WARN, "command refused: this navigation state has its answer")
+        if not self._unanswered:
+            self._refuse("this navigation state has its answer")
             return
-        self._waiting = False
-        if self._lost_in_a_row:
-            self._lost_in_a_row = 0
+        self._unanswered = False
+        self._deafness = 0
+        self._regain_link(0)
+        if self._unguided:
+            self._unguided = False
             self._node_event(GUIDANCE_BACK)
         steering = self._steering
         for name in ("reference_time", "direction", "direction_rate", "cutoff_time"):
@@ -482,8 +536,21 @@ class VehicleSimNode(FlightNode):
         try:
             self.simulator.command(steering)
         except CommandRefused as error:
-            self._report(Level.WARN, f"command refused: {error}; flying on with the last good one")
-        self._step()
+            self._refuse(f"{error}; flying on with the last good one")
+        if self._waiting:
+            self._waiting = False
+            self._step()
+
+    def _on_late_answer(self) -> None:
+        """On a lost link a sign of life: wait for the next answer; seldom, if that is in vain."""
+        if self._link_lost and self.simulator.sequence >= self._listen_from:
+            self._deafness = 2 * self._deafness + 1
+            self._regain_link(LINK_LOST_AFTER - 1)
+
+    def _refuse(self, reason: str) -> None:
+        """Say why a command is not flown, and how many were not so far."""
+        self._refused += 1
+        self._report(Level.WARN, f"command refused: {reason}", {"commands_refused": self._refused})
 
     def _begin_pace(self) -> None:
         """What the pace is counted from: wall clock and flight time now."""
@@ -508,6 +575,10 @@ class VehicleSimNode(FlightNode):
             self._advance()
 
     def _advance(self) -> None:
+        try:
+            self.simulator.withhold_jettison()
+        except CommandRefused as error:
+            self._refuse(f"{error}; withheld")
         self.simulator.advance()
         self._publish()
 
@@ -536,6 +607,7 @@ class VehicleSimNode(FlightNode):
 
     def _end(self) -> None:
         self._flying = False
+        self._regain_link(0)
         self._membership.say(State.OVER, last_sequence=self.simulator.sequence)
         if self.values["exit_when_complete"]:
             self.finish(EXIT_OK if self.simulator.ended_well else 1)
@@ -562,10 +634,12 @@ class VehicleSimNode(FlightNode):
             self._event_message({**event, "time": now, "type": kind, "index": truth["arc"]})
         )
 
-    def _report(self, level: Level, message: str) -> None:
+    def _report(
+        self, level: Level, message: str, values: Mapping[str, object] | None = None
+    ) -> None:
         kind = re.split(r"\d", message, maxsplit=1)[0]
         now = self.simulator.time_ns
         last = self._last_report.get(kind)
         if last is None or now - last >= REPORT_PERIOD * NANOSECONDS:
             self._last_report[kind] = now
-            self.diagnostics.report(level, message, now)
+            self.diagnostics.report(level, message, now, values)

@@ -7,9 +7,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import NAVIGATION, MissionArrays
+from ares_models.arrays import HEATING_LIMIT, NAVIGATION, MissionArrays
+from ares_models.failures import Failure, FailureKind, check_failure
 from ares_models.mission import Mission
-from ares_vehicle_sim.arrays import OPTIONS, VehicleArrays, blank_vehicle
+from ares_vehicle_sim.arrays import (
+    EARLY_SHUTDOWN,
+    ENGINE_OUT,
+    FAILED_IGNITION,
+    FAILURE,
+    OPTIONS,
+    STUCK_JETTISON,
+    STUCK_THROTTLE,
+    THRUST_LOW,
+    VehicleArrays,
+    blank_vehicle,
+)
 from ares_vehicle_sim.dispersions import Dispersions
 from ares_vehicle_sim.draws import Sampler
 from ares_vehicle_sim.kernels.entry import advance, begin, command, describe
@@ -20,6 +32,24 @@ NANOSECONDS = 1_000_000_000
 #: Fields of a navigation state without its time.
 MEASURED_FIELDS = tuple(name for name in NAVIGATION.fields or () if name != "time")
 SHORTEST_PERIOD_S = 1e-3
+#: A jettison that waits for the heating to fall is refused where the vehicle measures more than so
+#: many times the limit at the navigation state before it. Guidance that times it by its model may
+#: be a little early: in standard dispersed flights at most 1.05 times, a state each second.
+MOST_HEATING = 2.0
+
+FAILURE_CODES = {
+    FailureKind.ENGINE_OUT: ENGINE_OUT,
+    FailureKind.THRUST_LOW: THRUST_LOW,
+    FailureKind.EARLY_SHUTDOWN: EARLY_SHUTDOWN,
+    FailureKind.FAILED_IGNITION: FAILED_IGNITION,
+    FailureKind.STUCK_THROTTLE: STUCK_THROTTLE,
+    FailureKind.STUCK_JETTISON: STUCK_JETTISON,
+}
+
+
+#: Largest numbers of a command, s and 1/s: beyond any flight, and their product is a number.
+MOST_TIME = 1e9
+MOST_RATE = 1e3
 
 
 class CommandRefused(ValueError):
@@ -93,12 +123,26 @@ def nominal_vehicle(mission: Mission, options: SimulatorOptions) -> VehicleArray
     return vehicle
 
 
+def failure_record(failure: Failure) -> NDArray[Any]:
+    """A failure before it happens, shape (1,), dtype FAILURE."""
+    record = np.zeros(1, FAILURE)
+    record["kind"] = FAILURE_CODES[failure.kind]
+    record["time"] = failure.time_s if math.isfinite(failure.time_s) else math.inf
+    record["arc"] = failure.arc
+    record["jettison"] = failure.jettison
+    record["thrust_ratio"] = failure.thrust_ratio
+    lost = failure.kind is FailureKind.ENGINE_OUT
+    record["flow_ratio"] = failure.thrust_ratio if lost else failure.flow_ratio
+    return record
+
+
 def true_vehicle(
     mission: Mission,
     options: SimulatorOptions,
     dispersions: Dispersions,
     seed: int,
     flight: int = 0,
+    failure: Failure | None = None,
 ) -> tuple[MissionArrays, VehicleArrays]:
     """Draw the mission and the vehicle of one flight, at the begin of it.
 
@@ -108,15 +152,20 @@ def true_vehicle(
         dispersions: how the truth differs.
         seed: master seed.
         flight: number of the flight among those of the seed.
+        failure: what fails; None: nothing does.
 
     Raises:
         DispersionsError: the dispersions do not fit the mission; one line.
+        FailureError: nor does the failure; one line.
     """
     draws = Sampler(mission, dispersions, seed).draw(flight, 1)
     nominal = nominal_truth(mission, dispersions)
     true = room_for_truth(nominal, draws.atmospheres[0])
     vehicle = nominal_vehicle(mission, options)
     vary(draws.variations[0], nominal, true, vehicle.plant[0])
+    if failure is not None:
+        check_failure(failure, mission)
+        vehicle.plant["failure"] = failure_record(failure)
     begin(true, vehicle)
     return true, vehicle
 
@@ -131,6 +180,7 @@ class Simulator:
         dispersions: Dispersions | None = None,
         seed: int = 0,
         flight: int = 0,
+        failure: Failure | None = None,
     ) -> None:
         """Put the vehicle at the mission's initial state.
 
@@ -140,13 +190,15 @@ class Simulator:
             dispersions: how the truth differs; None flies the mission file exactly.
             seed: master seed of what is drawn.
             flight: number of the flight among those of the seed.
+            failure: what fails; None: nothing does.
 
         Raises:
             DispersionsError: the dispersions do not fit the mission; one line.
+            FailureError: nor does the failure; one line.
         """
         options = options or SimulatorOptions()
         self._mission, self._vehicle = true_vehicle(
-            mission, options, dispersions or Dispersions(), seed, flight
+            mission, options, dispersions or Dispersions(), seed, flight, failure
         )
         self._start_ns = round(float(self.plant["time"]) * NANOSECONDS)
         self._period_ns = round(options.navigation_period_s * NANOSECONDS)
@@ -154,6 +206,11 @@ class Simulator:
         self._events_read = 0
         self._no_events = self.plant["events"][:0].copy()
         self._measured = self._vehicle.navigation[list(MEASURED_FIELDS)]
+        jettisons = self._mission.jettisons
+        self._hottest = {
+            int(j): MOST_HEATING * float(jettisons["value"][j])
+            for j in np.flatnonzero(jettisons["criterion"] == HEATING_LIMIT)
+        }
 
     @property
     def plant(self) -> Any:
@@ -202,14 +259,56 @@ class Simulator:
         Raises:
             CommandRefused: the command cannot be flown; the last good one stays.
         """
+        too_much = _beyond(steering[0])
+        if too_much:
+            raise CommandRefused(too_much)
+        cutoff_time = float(steering[0]["cutoff_time"])
+        past = self._time_at(self._tick - 1)
+        if cutoff_time < past and not self.plant["inserted"]:
+            raise CommandRefused(
+                f"cutoff_time is {cutoff_time:.9g} s; expected {past:.9g} s or later, or nan"
+            )
+        jettison = int(steering[0]["jettison"])
+        self._check_heating(jettison, float(steering[0]["jettison_time"]))
         if not command(self._mission, self._vehicle, steering):
             raise CommandRefused(_complaint(steering[0], len(self._mission.jettisons)))
+
+    def withhold_jettison(self) -> None:
+        """Forget a jettison that is due before the next navigation state, and too early.
+
+        Raises:
+            CommandRefused: one was forgotten.
+        """
+        for jettison in self._hottest:
+            due = self.plant["jettison_time"]
+            try:
+                self._check_heating(jettison, float(due[jettison]))
+            except CommandRefused:
+                due[jettison] = math.nan
+                raise
+
+    def _check_heating(self, jettison: int, due: float) -> None:
+        """See that a jettison (index; time in s) before the next navigation state is not too hot.
+
+        Raises:
+            CommandRefused: it is.
+        """
+        hottest = self._hottest.get(jettison, math.inf)
+        heating = float(self.navigation["heating_rate"])
+        if heating > hottest and due <= self._time_at(self._tick + 1):
+            raise CommandRefused(
+                f"jettison is {jettison}, due with a heating of {heating:.6g} W/m2; expected "
+                f"{hottest:.6g} W/m2 at most"
+            )
+
+    def _time_at(self, tick: int) -> float:
+        """Mission elapsed time of a navigation state by its number, s."""
+        return (self._start_ns + tick * self._period_ns) / NANOSECONDS
 
     def advance(self) -> None:
         """Fly to the next navigation state, or to the end of the flight."""
         self._tick += 1
-        until = (self._start_ns + self._tick * self._period_ns) / NANOSECONDS
-        advance(self._mission, self._vehicle, until)
+        advance(self._mission, self._vehicle, self._time_at(self._tick))
 
     def new_events(self) -> NDArray[np.void]:
         """Events since the last call, dtype EVENT."""
@@ -225,6 +324,17 @@ class Simulator:
         """The true state in the words of VehicleState, record TRUTH."""
         describe(self._mission, self._vehicle)
         return self._vehicle.truth[0]
+
+
+def _beyond(command: Any) -> str:
+    """Which number of a command is too large to compute with; empty if none is."""
+    time, rate = float(command["reference_time"]), command["direction_rate"].tolist()
+    # NaN is no finite number, which is another complaint
+    if abs(time) > MOST_TIME:
+        return f"reference_time is {time:g} s; expected {MOST_TIME:g} s at most"
+    if max(map(abs, rate)) > MOST_RATE:
+        return f"direction_rate is {rate}; expected {MOST_RATE:g} 1/s at most"
+    return ""
 
 
 def _complaint(command: Any, jettisons: int) -> str:

@@ -71,6 +71,7 @@ from ares_vehicle_sim.arrays import (
     TIME_LIMIT,
     Vehicle,
 )
+from ares_vehicle_sim.kernels.failures import fails_to_ignite, failure_due, is_stuck, strike
 
 SLEW_STEP = 0.02
 #: Most integration steps between two navigation states.
@@ -191,8 +192,19 @@ def begin_arc(plant: Record, k: int, arcs: NDArray[Any], jettisons: NDArray[Any]
     enter_arc(plant, k, arcs, jettisons)
     if arc.begins_stage == 1 and k > 0:
         log_event(plant, STAGING, arc.stage)
-    if arc.kind == BURN:
+    if arc.kind == BURN and not fails_to_ignite(plant, k):
         log_event(plant, IGNITION, k)
+
+
+@kernel
+def begin_next(plant: Record, following: int, arcs: NDArray[Any], jettisons: NDArray[Any]) -> bool:
+    """After the end of a stage's burn: the next arc begins, or the flight is over; whether one."""
+    if following >= arcs.shape[0]:
+        plant.complete = 1
+        log_event(plant, FLIGHT_COMPLETE, plant.arc)
+        return False
+    begin_arc(plant, following, arcs, jettisons)
+    return True
 
 
 @kernel
@@ -262,7 +274,7 @@ def cutoff_due(plant: Record, arcs: NDArray[Any]) -> float:
 @kernel
 def jettison_due(plant: Record, jettisons: NDArray[Any], j: int) -> float:
     """Time at which jettison ``j`` is due; inf when done or not decided."""
-    if not aboard(plant.jettisoned, j):
+    if not aboard(plant.jettisoned, j) or is_stuck(plant, j):
         return math.inf
     commanded = plant.jettison_time[j]
     return drop_time(
@@ -331,7 +343,6 @@ def process_due_events(plant: Record, arcs: NDArray[Any], jettisons: NDArray[Any
         if plant.tail_arc >= 0 and tail_end_time(plant, arcs) <= now:
             plant.tail_arc = -1
             changed = True
-        arc = arcs[plant.arc]
         if plant.inserted == 1:
             if plant.tail_arc < 0:
                 plant.complete = 1
@@ -347,14 +358,13 @@ def process_due_events(plant: Record, arcs: NDArray[Any], jettisons: NDArray[Any
             begin_arc(plant, plant.arc + 1, arcs, jettisons)
             changed = True
         elif burnout_time(plant, arcs) <= now:
-            log_event(plant, DEPLETION, arc.stage)
-            following = arc_after_burnout(plant.arc, arcs)
-            if following >= arcs.shape[0]:
-                plant.complete = 1
-                log_event(plant, FLIGHT_COMPLETE, plant.arc)
-            else:
-                begin_arc(plant, following, arcs, jettisons)
-                changed = True
+            log_event(plant, DEPLETION, arcs[plant.arc].stage)
+            changed = begin_next(plant, arc_after_burnout(plant.arc, arcs), arcs, jettisons)
+        elif failure_due(plant) <= now:
+            changed = True
+            if strike(plant, arcs):
+                log_event(plant, ARC_ENDED, plant.arc)
+                changed = begin_next(plant, arc_after_burnout(plant.arc, arcs), arcs, jettisons)
 
 
 @kernel
@@ -367,6 +377,7 @@ def next_event(plant: Record, arcs: NDArray[Any], jettisons: NDArray[Any]) -> fl
         at = min(at, tail_end_time(plant, arcs))
     if plant.inserted == 1:
         return at
+    at = min(at, failure_due(plant))
     end = arc_end(plant, arcs)
     cutoff = cutoff_due(plant, arcs)
     at = min(at, end)
@@ -528,7 +539,7 @@ def flight_step(mission: MissionRecords, vehicle: Vehicle, until: float) -> None
     steps to ``until``, ends with the event TIME_LIMIT.
 
     Args:
-        mission: the true one.
+        mission: the true one. A failure changes its arcs.
         vehicle: what flies. Its plant is changed; events are appended to ``plant.events``.
         until: mission elapsed time, s.
     """

@@ -1,0 +1,88 @@
+"""What fails in a flight, and what the vehicle then does by itself (`ares_models.failures`).
+
+A failure changes the arcs of the flight where it strikes: what is flown from there on is the
+vehicle that is left. A burn whose engines give less by ENGINE_OUT lasts as much longer as its
+propellant does.
+"""
+
+import math
+from typing import Any
+
+from numpy.typing import NDArray
+
+from ares_models.arrays import BURN, Record
+from ares_models.jit import kernel
+from ares_models.kernels.throttle import throttle
+from ares_models.kernels.weakened import weaken_stage
+from ares_vehicle_sim.arrays import (
+    EARLY_SHUTDOWN,
+    ENGINE_OUT,
+    FAILED_IGNITION,
+    IN_VAIN,
+    STUCK_JETTISON,
+    STUCK_THROTTLE,
+    THRUST_LOW,
+)
+
+
+@kernel
+def failure_due(plant: Record) -> float:
+    """When the failure strikes, s; inf: it has, it never does, or none is to come."""
+    failure = plant.failure
+    if failure.struck != 0 or failure.kind == 0 or failure.kind == STUCK_JETTISON:
+        return math.inf
+    if failure.kind == FAILED_IGNITION:
+        return plant.arc_start_time if plant.arc == failure.arc else math.inf
+    return failure.time
+
+
+@kernel
+def fails_to_ignite(plant: Record, k: int) -> bool:
+    """Whether arc ``k`` is the burn that never gives thrust."""
+    return plant.failure.kind == FAILED_IGNITION and plant.failure.arc == k
+
+
+@kernel
+def is_stuck(plant: Record, j: int) -> bool:
+    """Whether jettison ``j`` never goes."""
+    return plant.failure.kind == STUCK_JETTISON and plant.failure.jettison == j
+
+
+@kernel
+def fix_throttle(plant: Record, arcs: NDArray[Any]) -> None:
+    """The throttle of the present burn stays where it is.
+
+    Args:
+        plant: record PLANT.
+        arcs: dtype ARC. Changed.
+    """
+    arc = arcs[plant.arc]
+    fraction = throttle(arc, plant.mass)
+    arc.thrust *= fraction
+    arc.mass_flow *= fraction
+    arc.max_acceleration = math.inf
+
+
+@kernel
+def strike(plant: Record, arcs: NDArray[Any]) -> bool:
+    """What is due fails; in a coast nothing is there that could.
+
+    Args:
+        plant: record PLANT. Changed.
+        arcs: dtype ARC. Changed.
+
+    Returns:
+        whether the present burn ends by it.
+    """
+    failure = plant.failure
+    failure.struck = 1
+    if arcs[plant.arc].kind != BURN:
+        failure.struck = IN_VAIN
+        return False
+    if failure.kind == ENGINE_OUT or failure.kind == THRUST_LOW:
+        into = plant.time - plant.arc_start_time
+        ratios = failure.thrust_ratio, failure.flow_ratio
+        weaken_stage(arcs, plant.arc, into, ratios, failure.kind == ENGINE_OUT)
+    elif failure.kind == STUCK_THROTTLE:
+        fix_throttle(plant, arcs)
+    return failure.kind == EARLY_SHUTDOWN or failure.kind == FAILED_IGNITION
