@@ -38,6 +38,24 @@ ERROR_TIME_TO_GO_JUMP = 4
 ERROR_PROPELLANT_SHORT = 5
 ERROR_TARGET_UNREACHABLE = 6
 
+#: Why a navigation state was refused, bits.
+REFUSED_IMPLAUSIBLE = 1
+REFUSED_TIME = 2
+REFUSED_FROZEN = 4
+REFUSED_SEQUENCE = 8
+REFUSED_POSITION = 16
+REFUSED_VELOCITY = 32
+REFUSED_MASS = 64
+REFUSED_DRIFT = 128
+
+#: Which monitor an answer has set off, bits.
+MONITOR_DIRECTION = 1
+MONITOR_TIME_TO_GO = 2
+MONITOR_JETTISON = 4
+MONITOR_DEPLETION = 8
+MONITOR_WORK = 16
+MONITOR_STEERING_RATE = 32
+
 PLANE_OF_MODE = 0
 PLANE_OF_FLIGHT = 1
 PLANE_FREE = 2
@@ -63,6 +81,16 @@ GUIDANCE_SETTINGS = np.dtype(
         ("heating_source", np.int64),  # HEATING_MEASURED or HEATING_MODELLED
         ("heating_margin", np.float64),  # drop at limit x (1 - margin)
         ("small_turn_limit", np.float64),  # rad; beyond it no angle is taken as small
+        # what a navigation state may differ by from the one before it, carried on to now
+        ("navigation_gate", np.float64),  # sigmas
+        ("position_sigma", np.float64),  # m, per axis
+        ("velocity_sigma", np.float64),  # m/s, per axis
+        ("acceleration_sigma", np.float64),  # m/s2 of gravity that the mission does not have
+        ("sensed_sigma", np.float64),  # fraction of the sensed gain
+        ("mass_sigma", np.float64),  # fraction, of one state against another
+        ("load_sigma", np.float64),  # fraction, of the mission's masses
+        ("navigation_window", np.float64),  # s over which a drift is looked for
+        ("steering_rate_limit", np.float64),  # rad/s
     ],
     align=True,
 )
@@ -117,6 +145,65 @@ ENGINE_WATCH = np.dtype(
         ("stage", np.int64),
         ("jettisoned", np.int64),
         ("jumped", np.int64),  # 1: the engine is another than in the last cycle
+    ],
+    align=True,
+)
+
+#: What is aimed at: the mission's target, an orbit that is safe; where that is out of reach too,
+#: the target again, lowered.
+AIM_TARGET = 0
+AIM_SAFE = 1
+AIM_BELOW = 2
+
+#: Whether a solution knows of what was found: it does, no cycle has sought one, none was found.
+SOLVED = 0
+JUST_FOUND = 1
+UNSOLVED = 2
+
+FOUND_NOTHING = 0
+FOUND_ENGINE_LOST = 1
+FOUND_THRUST_LOW = 2
+FOUND_EARLY_END = 3
+FOUND_NO_IGNITION = 4
+FOUND_STUCK_THROTTLE = 5
+FOUND_STUCK_JETTISON = 6
+
+#: What has failed, as far as navigation shows it.
+FOUND = np.dtype(
+    [
+        ("kind", np.int64),  # FOUND_*, the last that was found
+        ("count", np.int64),  # how often something was found
+        ("first_kind", np.int64),
+        ("first_time", np.float64),  # s
+        ("time", np.float64),  # of the last, s
+        ("ratio", np.float64),  # measured over expected: thrust, or acceleration
+        ("index", np.int64),  # arc or jettison, by kind
+        ("fresh", np.int64),  # SOLVED, or there is no solution yet that knows of it
+        ("sensed_delta_v", np.float64, (3,)),  # at the last state, m/s
+        ("gain", np.float64),  # sensed since the last look, from state to state, m/s
+        ("refused", np.int64),  # states, by the last look
+        # the navigation state at the last look
+        ("seen", np.float64),  # s
+        ("mass", np.float64),  # 0: none yet
+        ("arc", np.int64),
+        ("arc_start_time", np.float64),
+        ("jettisoned", np.int64),
+        # of the present stage
+        ("thrust", np.float64),  # measured over planned thrust; 0: not measured yet
+        ("flow", np.float64),  # the same of the mass flow
+        ("total", np.float64),  # product of the ratios found since it began
+        ("before", np.float64),  # thrust ratio of the look before; 0: no thrust in it
+        ("overdue", np.float64, (MAX_JETTISONS,)),  # since when, s; inf: it is not
+    ],
+    align=True,
+)
+
+#: The vehicle after failures.
+LEFT = np.dtype(
+    [
+        ("count", np.int64),  # of arcs; 0: nothing has changed
+        ("arcs", ARC, (MAX_ARCS,)),
+        ("jettisons", JETTISON, (MAX_JETTISONS,)),
     ],
     align=True,
 )
@@ -205,6 +292,63 @@ SOLUTION = np.dtype(
     align=True,
 )
 
+#: A navigation state, and three sums that good navigation leaves as they are: position less the
+#: integral of velocity, velocity less those of gravity and of thrust, and the mass's likewise.
+NAVIGATION_FIX = np.dtype(
+    [
+        ("time", np.float64),
+        ("position", np.float64, (3,)),
+        ("velocity", np.float64, (3,)),
+        ("gravity", np.float64, (3,)),  # m/s2
+        ("mass", np.float64),
+        ("sensed_delta_v", np.float64, (3,)),
+        ("arc", np.int64),
+        ("arc_start_time", np.float64),
+        ("jettisoned", np.int64),
+        ("position_sum", np.float64, (3,)),  # m
+        ("velocity_sum", np.float64, (3,)),  # m/s
+        ("mass_sum", np.float64),  # of logarithms
+        # by how much the sums may have moved for all that is known of the thrust, so far
+        ("position_slack", np.float64),  # m
+        ("mass_slack", np.float64),
+    ],
+    align=True,
+)
+
+NAVIGATION_WATCH = np.dtype(
+    [
+        ("accepted", np.int64),  # states
+        ("refused", np.int64),  # states
+        ("row", np.int64),  # refused since the last accepted one
+        ("repeats", np.int64),  # of the last accepted one
+        ("reasons", np.int64),  # REFUSED_* bits of the present row
+        ("acquired", np.int64),  # how often a row ended with a new beginning
+        ("told", np.int64),  # how often a refusal was worth a status
+        ("told_time", np.float64),  # of the last such state
+        ("last", NAVIGATION_FIX),  # accepted
+        ("now", NAVIGATION_FIX),
+        # of those accepted: where drifts are counted from now, and next
+        ("anchor", NAVIGATION_FIX),
+        ("next_anchor", NAVIGATION_FIX),
+        # of those refused: the first and the last that agree with one another
+        ("agreeing", np.int64),  # how many do
+        ("first_agreeing", NAVIGATION_FIX),
+        ("last_agreeing", NAVIGATION_FIX),
+    ],
+    align=True,
+)
+
+MONITORS = np.dtype(
+    [
+        ("flags", np.int64),  # MONITOR_* bits of the last answer
+        ("violated", np.int64),  # of all so far
+        ("violations", np.int64),  # answers that were not let out
+        ("kept", np.int64),  # 1: there is a last good answer
+        ("good", STEERING),  # it
+    ],
+    align=True,
+)
+
 #: How a flight with free arcs before its last is flown.
 PLAN = np.dtype(
     [
@@ -259,7 +403,8 @@ GUIDANCE_STATE = np.dtype(
         ("saved", SOLUTION),  # that before this cycle
         ("predicted_position", np.float64, (3,)),
         ("predicted_velocity", np.float64, (3,)),
-        ("lowered", np.float64),  # m/s that the propellant is short of the target
+        ("aim", np.int64),  # AIM_*
+        ("lowered", np.float64),  # m/s that the propellant is short of what is aimed at
         ("target", TARGET),  # what is aimed at: the mission's, or the best within reach
         # where to start instead of the scalar impulse
         ("seeded", np.int64),
@@ -268,6 +413,10 @@ GUIDANCE_STATE = np.dtype(
         ("thrust_ratio", np.float64),
         ("flow_ratio", np.float64),
         ("engines", ENGINE_WATCH),
+        ("found", FOUND),
+        ("left", LEFT),
+        ("navigation", NAVIGATION_WATCH),
+        ("monitors", MONITORS),
         ("segments", SEGMENT, (MAX_SEGMENTS,)),
         ("segment_count", np.int64),
         ("turn", TURN_WORK),

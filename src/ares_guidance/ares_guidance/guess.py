@@ -14,8 +14,19 @@ Array = NDArray[np.float64]
 
 #: How far a sample may be from the time that is asked for, s.
 SAME_TIME = 0.01
+#: How far the mass that a trajectory begins with may be from the measured one, as a part of it.
+SAME_MASS = 1e-3
+#: How far the length of a direction may be from 1, and how fast it may turn, 1/s.
+ABOUT_UNIT = 1e-3
+FASTEST_TURN = 1.0
 #: What staging drops at least, as a part of the mass. Rounding is less, a stage is more.
 LEAST_DROP = 1e-6
+
+
+def _expect(sound: NDArray[np.bool_], name: str, expected: str) -> None:
+    """Raise ValueError unless all of a list's values are sound."""
+    if not np.all(sound):
+        raise ValueError(f"{name}: expected {expected}")
 
 
 @dataclass(frozen=True)
@@ -184,6 +195,54 @@ class OfflineTrajectory:
             if len(set(lengths.values())) > 1:
                 found = ", ".join(f"{name} {length}" for name, length in lengths.items())
                 raise ValueError(f"{kind}s: expected lists of one length, found {found}")
+        self._check_values()
+
+    def _check_values(self) -> None:
+        """See that the numbers can be those of a burn.
+
+        Raises:
+            ValueError: naming the list, and what was expected.
+        """
+        for name in ("arc_start_time", "arc_end_time", "arc_start_mass", "arc_end_mass"):
+            _expect(np.isfinite(getattr(self, name)), name, "finite numbers")
+        last = self.arc_end_time >= self.arc_start_time - SAME_TIME
+        _expect(last, "arc_end_time", "no end before its begin")
+        _expect(self.arc_end_mass > 0.0, "arc_end_mass", "more than 0 kg")
+        lighter = self.arc_start_mass >= self.arc_end_mass
+        _expect(lighter, "arc_start_mass", "no arc that makes heavier")
+        _expect(self.arc_delta_v >= 0.0, "arc_delta_v", "0 m/s or more")
+        burns = self.arc_delta_v > 0.0
+        length = np.linalg.norm(self.steering_direction, axis=1)
+        _expect(np.abs(length - 1.0)[burns] < ABOUT_UNIT, "steering_direction", "unit vectors")
+        rate = np.linalg.norm(self.steering_direction_rate, axis=1)
+        _expect(rate[burns] < FASTEST_TURN, "steering_direction_rate", f"below {FASTEST_TURN} 1/s")
+        after = self.steering_reference_time >= np.min(self.arc_start_time, initial=math.inf)
+        before = self.steering_reference_time <= np.max(self.arc_end_time, initial=-math.inf)
+        _expect((after & before)[burns], "steering_reference_time", "times of the trajectory")
+        _expect(np.isfinite(self.sample_position), "sample_position", "finite numbers")
+        _expect(np.isfinite(self.sample_velocity), "sample_velocity", "finite numbers")
+
+    def check_begin(self, time_s: float, mass_kg: float) -> None:
+        """See that it begins where the vehicle is.
+
+        Args:
+            time_s: of the state that was asked from, mission elapsed time.
+            mass_kg: in it.
+
+        Raises:
+            ValueError: it is the trajectory of another flight, or of another vehicle.
+        """
+        if not len(self.arc_start_time):
+            raise ValueError("no arcs")
+        begin, mass = float(self.arc_start_time[0]), float(self.arc_start_mass[0])
+        if abs(begin - time_s) > SAME_TIME:
+            raise ValueError(f"it begins at {begin:.3f} s; expected {time_s:.3f} s")
+        if abs(mass - mass_kg) > SAME_MASS * mass_kg:
+            raise ValueError(f"it begins with {mass:.1f} kg; expected {mass_kg:.1f} kg")
+        if not self.cutoff_time > time_s:
+            raise ValueError(
+                f"cutoff_time is {self.cutoff_time}; expected more than {time_s:.3f} s"
+            )
 
     def velocity_to_go(self) -> Array:
         """The burn as one vector, m/s, shape (3,): each arc along its mean direction."""
@@ -247,7 +306,8 @@ class OfflineTrajectory:
                 )
                 ignitions[int(k)] = float(self.arc_start_time[first])
             if last or (free and burns):
-                directions[int(k)] = self._directions(begin, end)
+                if self._first_piece(begin, end) is not None:
+                    directions[int(k)] = self._directions(begin, end)
                 positions[int(k)] = self.sample_position[self._sample(end, f"the end of burn {k}")]
                 begin = end
                 if not last:

@@ -106,6 +106,43 @@ class LawSettings:
         1e-4, "Fraction of the heating limit that the jettison stays below.", "", 0.0, 0.99
     )
 
+    steering_rate_limit_deg_s: float = _setting(
+        90.0, "An answer that turns the thrust faster is not let out.", "deg/s", 1e-3, 1e6
+    )
+    navigation_gate_sigmas: float = _setting(
+        6.0,
+        "A navigation state farther from the one before it, carried on to now, is refused.",
+        "",
+        1.0,
+        1e6,
+    )
+    navigation_position_sigma_m: float = _setting(
+        10.0, "Error of a navigated position against another, per axis.", "m", 1e-3, 1e6
+    )
+    navigation_velocity_sigma_m_s: float = _setting(
+        0.2, "Error of a navigated velocity, per axis.", "m/s", 1e-6, 1e4
+    )
+    navigation_acceleration_sigma_m_s2: float = _setting(
+        0.02, "Gravity that the mission's field does not have.", "m/s2", 1e-9, 10.0
+    )
+    navigation_sensed_sigma: float = _setting(
+        1e-3, "Error of the sensed velocity gain, a fraction.", "", 0.0, 0.2
+    )
+    navigation_mass_sigma: float = _setting(
+        2e-4, "Error of a navigated mass against another, a fraction.", "", 1e-9, 0.2
+    )
+    navigation_load_sigma: float = _setting(
+        0.05, "Error of the mission's stage and jettison masses, a fraction.", "", 0.0, 0.2
+    )
+    navigation_window_s: float = _setting(
+        20.0,
+        "A drift of navigation is looked for over one to two of these; a refused navigation that "
+        "agrees with itself for as long is looked at again.",
+        "s",
+        0.1,
+        1e4,
+    )
+
     def __post_init__(self) -> None:
         """Check every value.
 
@@ -141,6 +178,15 @@ class LawSettings:
         record["heating_source"] = HEATING_SOURCES[self.heating_source]
         record["heating_margin"] = self.heating_margin
         record["small_turn_limit"] = math.radians(self.small_turn_limit_deg)
+        record["steering_rate_limit"] = math.radians(self.steering_rate_limit_deg_s)
+        record["navigation_gate"] = self.navigation_gate_sigmas
+        record["position_sigma"] = self.navigation_position_sigma_m
+        record["velocity_sigma"] = self.navigation_velocity_sigma_m_s
+        record["acceleration_sigma"] = self.navigation_acceleration_sigma_m_s2
+        record["sensed_sigma"] = self.navigation_sensed_sigma
+        record["mass_sigma"] = self.navigation_mass_sigma
+        record["load_sigma"] = self.navigation_load_sigma
+        record["navigation_window"] = self.navigation_window_s
         return record
 
 
@@ -215,10 +261,19 @@ def name_free_arcs(arrays: MissionArrays) -> str:
 
 
 @cache
+def guarded(kind: LawKind) -> Callable[..., None]:
+    """The step of a law between navigation gate and monitors; arguments as of `kind.step`."""
+    step: Callable[..., None] = specialised(
+        "ares_guidance.kernels.guarded", f"of_{kind.name}", guidance_step=kind.step
+    ).guarded_step
+    return step
+
+
+@cache
 def _entry(kind: LawKind) -> Callable[[MissionArrays, OnboardArrays], None]:
     """The step of a law as Python calls it."""
     entry: Callable[[MissionArrays, OnboardArrays], None] = specialised(
-        "ares_guidance.kernels.entry", f"of_{kind.name}", guidance_step=kind.step
+        "ares_guidance.kernels.entry", f"of_{kind.name}", guarded_step=guarded(kind)
     ).answer
     return entry
 

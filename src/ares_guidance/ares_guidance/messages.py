@@ -22,7 +22,7 @@ from ares_models.software import software
 from ares_msgs.msg import GuidanceStatus, NavState, ThrustCommand
 from ares_msgs.srv import SolveTrajectory
 from ares_node.states import StateMessage
-from ares_node.time import NANOSECONDS, stamp_from_ns
+from ares_node.time import NANOSECONDS, ns_from_stamp, stamp_from_ns
 
 #: Method of the optimizer that the law can ask for.
 ANALYTIC = "analytic"
@@ -50,17 +50,20 @@ class Answers:
 
         Args:
             mission: as guidance believes it.
-            values: parameters of the node guidance by name, but for flight_id.
+            values: parameters of the node guidance by name, but for flight_id; a setting of the
+                law that is not there has its default.
 
         Raises:
             ValueError: no such law, a setting out of its range, or a law that cannot fly this
                 mission; one line.
         """
+        # a bag does not name settings that are younger than it
+        known = [item for item in fields(LawSettings) if item.name in values]
         self.arrays = mission.arrays(foreseen=True)
         self.law: Law = make_law(
             values["law"],
             self.arrays,
-            LawSettings(**{item.name: values[item.name] for item in fields(LawSettings)}),
+            LawSettings(**{each.name: values[each.name] for each in known}),
         )
         self.identity = (0, 0)
         self._values = values
@@ -90,6 +93,7 @@ class Answers:
 
     def request(self, state: NavState) -> SolveTrajectory.Request:
         """What the optimizer is asked from a navigation state."""
+        self._asked = ns_from_stamp(state.stamp) / NANOSECONDS, float(state.mass)
         analytic = not self.law.lacks_plan and self._values["initial_guess"] != "optimizer"
         return SolveTrajectory.Request(
             mission=self._values["mission"],
@@ -100,12 +104,14 @@ class Answers:
         )
 
     def start_from(self, answer: SolveTrajectory.Response) -> None:
-        """Start from the optimizer's answer.
+        """Start from the optimizer's answer to the last `request`.
 
         Raises:
             ValueError: it is no start; one line.
         """
-        self.law.start_from(_trajectory(answer))
+        trajectory = _trajectory(answer)
+        trajectory.check_begin(*self._asked)
+        self.law.start_from(trajectory)
 
     # ---- the flight
 
@@ -121,14 +127,17 @@ class Answers:
             measured: as `read` gives it.
 
         Returns:
-            Whether a guidance cycle was due: there is a new `status`. The `command` is the
-            answer either way, once `law.steered`.
+            Whether there is a new `status`: a guidance cycle was due, or the state was refused
+            and nothing was said of that for a period. The `command` is the answer either way,
+            once `law.steered`.
         """
         nav = self._nav[0]
         nav["time"] = now / NANOSECONDS
         self._measured[0] = measured
         self._stamp = stamp_from_ns(now)
-        return self.law.step(nav)
+        told = int(self.law.state["navigation"]["told"])
+        due = self.law.step(nav)
+        return due or int(self.law.state["navigation"]["told"]) != told
 
     def command(self) -> ThrustCommand:
         """The answer to the last state."""

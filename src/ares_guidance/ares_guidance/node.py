@@ -10,6 +10,23 @@ from rclpy.client import Client
 from rclpy.serialization import deserialize_message
 from rclpy.task import Future
 
+from ares_guidance.arrays import (
+    MONITOR_DEPLETION,
+    MONITOR_DIRECTION,
+    MONITOR_JETTISON,
+    MONITOR_STEERING_RATE,
+    MONITOR_TIME_TO_GO,
+    MONITOR_WORK,
+    REFUSED_DRIFT,
+    REFUSED_FROZEN,
+    REFUSED_IMPLAUSIBLE,
+    REFUSED_MASS,
+    REFUSED_POSITION,
+    REFUSED_SEQUENCE,
+    REFUSED_TIME,
+    REFUSED_VELOCITY,
+)
+from ares_guidance.findings import SAFE_ORBIT, aims_at_safe_orbit, describe
 from ares_guidance.law import HEATING_SOURCES, LawSettings
 from ares_guidance.laws import check_law, rehearse
 from ares_guidance.messages import ANALYTIC, ANSWER_TAKEN, ASKED_AT_NS, Answers
@@ -31,15 +48,35 @@ from ares_node.qos import (
     THRUST_COMMAND,
     TIMING,
 )
+from ares_node.time import NANOSECONDS
 
 ERROR_TEXTS = {
     GuidanceStatus.NOT_CONVERGED: "no convergence within the iterations allowed",
-    GuidanceStatus.NAVIGATION_INVALID: "navigation state refused: not finite, or no such arc",
     GuidanceStatus.STEERING_JUMP: "solution refused: it turns the thrust too far",
     GuidanceStatus.TIME_TO_GO_JUMP: "solution refused: it moves the cut-off too far",
     GuidanceStatus.PROPELLANT_SHORT: "the target needs more propellant than is left",
     GuidanceStatus.TARGET_UNREACHABLE: "no plane of the target's inclination through the "
     "predicted cut-off",
+}
+
+REFUSAL_TEXTS = {
+    REFUSED_IMPLAUSIBLE: "not finite, or not of this mission",
+    REFUSED_TIME: "its time does not go on",
+    REFUSED_FROZEN: "it stands still",
+    REFUSED_SEQUENCE: "arcs or jettisons go back",
+    REFUSED_POSITION: "the position is not where it should be",
+    REFUSED_VELOCITY: "the velocity is not what was sensed",
+    REFUSED_MASS: "the mass is not what was burnt",
+    REFUSED_DRIFT: "it drifts",
+}
+
+MONITOR_TEXTS = {
+    MONITOR_DIRECTION: "it cannot be flown",
+    MONITOR_TIME_TO_GO: "its time to go is negative",
+    MONITOR_JETTISON: "it drops a part above the heating limit",
+    MONITOR_DEPLETION: "it cuts off after the propellant is gone",
+    MONITOR_WORK: "its cycle took more iterations than any can need",
+    MONITOR_STEERING_RATE: "it turns the thrust too fast",
 }
 
 PARAMETERS = (
@@ -90,6 +127,11 @@ JOIN_PERIOD = 0.5
 GONE_AFTER = 5.0
 
 
+def _named(texts: dict[int, str], bits: int) -> str:
+    """What bits stand for."""
+    return "; ".join(text for bit, text in texts.items() if bits & bit)
+
+
 class GuidanceNode(FlightNode):
     """Runs a guidance law on each navigation state; its clock is the stamps."""
 
@@ -101,6 +143,7 @@ class GuidanceNode(FlightNode):
         """Read the mission, compile the law, create the endpoints."""
         values = self.values
         mission = load_mission(values["mission"])
+        self._names = mission.arc_names, mission.jettison_names
         self._mission_name = mission.name
         with ExitStack() as failed:
             self._membership = Membership(self, Role.GUIDANCE, mission.name, values["flight_id"])
@@ -134,6 +177,7 @@ class GuidanceNode(FlightNode):
         self._told: set[int] = set()
         self._looked_since: float | None = None
         self._active = False
+        self._statuses = 0
         self._forget()
         self._membership.listen(self._on_member)
 
@@ -162,8 +206,17 @@ class GuidanceNode(FlightNode):
     def _forget(self) -> None:
         self._law.reset()
         self._reported = int(GuidanceStatus.NONE)
+        self._findings = 0
+        self._told_safe = False
         self._without_jettison = False
         self._fallen_back = False
+        self._late = 0
+        self._refused = 0
+        self._refused_before: int | None = None
+        self._refused_ns = 0
+        self._acquired = 0
+        self._violated = 0
+        self._violations = 0
 
     # ---- the flight that is guided
 
@@ -176,12 +229,15 @@ class GuidanceNode(FlightNode):
         mine = self._membership
         gone = time.monotonic() - self._heard_at > GONE_AFTER
         simulator = mine.simulator
+        if simulator is not None and simulator.state == State.OVER and self._guiding:
+            mine.say(State.OVER, last_sequence=self._statuses)
         before = mine.flight_id
         simulator = mine.join(again=simulator is None or simulator.state not in OPEN or gone)
         if simulator is None:
             return
         if mine.flight_id != before:
             self._last_ns = None
+            self._statuses = 0
             self._forget()
         if simulator.mission not in ("", self._mission_name):
             self._tell(
@@ -189,7 +245,7 @@ class GuidanceNode(FlightNode):
                 f"guidance is for {self._mission_name}: it has no part in it",
             )
         elif simulator.guidance_id == mine.member_id:
-            if mine.state is not State.READY:
+            if mine.state is State.PRESENT:
                 mine.agree(mine.member_id)
                 self._take_held_back()
         elif simulator.guidance_id:
@@ -216,13 +272,13 @@ class GuidanceNode(FlightNode):
     def _take_held_back(self) -> None:
         data = self._held_back
         if data is not None and self._guiding:
-            now, _, _, measured = self._answers.read(data)
+            now, _, sequence, measured = self._answers.read(data)
             if self._ready(now, data):
                 self._held_back = None
-                self._answer(now, measured)
+                self._answer(now, sequence, measured)
 
     def _on_nav_state(self, data: bytes) -> None:
-        now, flight_id, _, measured = self._answers.read(data)
+        now, flight_id, sequence, measured = self._answers.read(data)
         if not self._membership.belongs(flight_id):
             if self._membership.foreign == 1:
                 flight = id_text(flight_id)
@@ -231,7 +287,7 @@ class GuidanceNode(FlightNode):
             return
         self._heard_at = time.monotonic()
         if self._active and self._guiding and self._ready(now, data):
-            self._answer(now, measured)
+            self._answer(now, sequence, measured)
         else:
             self._held_back = data
 
@@ -302,10 +358,13 @@ class GuidanceNode(FlightNode):
 
     # ---- the flight
 
-    def _answer(self, now: int, measured: Any) -> None:
+    def _answer(self, now: int, sequence: int, measured: Any) -> None:
         if self._last_ns is not None and now < self._last_ns:
+            if sequence > 0:
+                self._pass_over(now)
+                return
             self.diagnostics.report(
-                Level.WARN, "flight time went back: starting again from nothing", now
+                Level.WARN, "the flight begins again: starting again from nothing", now
             )
             self._forget()
         self._last_ns = now
@@ -319,7 +378,57 @@ class GuidanceNode(FlightNode):
             self._command_out.publish(answers.command())
         if due:
             self._status_out.publish(answers.status())
+            self._statuses += 1
         self._report(now)
+
+    def _pass_over(self, now: int) -> None:
+        """Count a state that came after a later one: what it says is known better."""
+        self._late += 1
+        if math.log10(self._late).is_integer():
+            self.diagnostics.report(
+                Level.WARN,
+                "navigation state older than one before it: not answered",
+                now,
+                {"late": self._late},
+            )
+
+    def _report_navigation(self, now: int) -> None:
+        """Say when navigation begins to be refused, and when it is good again for a cycle."""
+        watch = self._law.state["navigation"]
+        refused = int(watch["refused"])
+        if refused > self._refused:
+            if self._refused_before is None:
+                self._refused_before = self._refused
+                reasons = _named(REFUSAL_TEXTS, int(watch["reasons"]))
+                text = f"navigation refused, the last solution is held: {reasons}"
+                self.diagnostics.report(Level.WARN, text, now)
+            self._refused = refused
+            self._refused_ns = now
+        elif (
+            self._refused_before is not None
+            and now - self._refused_ns >= self.values["cycle_period_s"] * NANOSECONDS
+        ):
+            count = self._refused - self._refused_before
+            self._refused_before = None
+            self.diagnostics.report(
+                Level.OK, "navigation good again", now, {"refused": count, "in_all": refused}
+            )
+        if int(watch["acquired"]) != self._acquired:
+            self._acquired = int(watch["acquired"])
+            self.diagnostics.report(
+                Level.WARN, "navigation acquired anew: it agrees with itself, not the past", now
+            )
+
+    def _report_monitors(self, now: int) -> None:
+        """Say which rule an answer broke, the first time; how many did, at every tenfold."""
+        monitors = self._law.state["monitors"]
+        violations, violated = int(monitors["violations"]), int(monitors["violated"])
+        more = violations > self._violations and math.log10(violations).is_integer()
+        if violated != self._violated or more:
+            reasons = _named(MONITOR_TEXTS, int(monitors["flags"]))
+            text = f"answer not let out, the last good one is held: {reasons}"
+            self.diagnostics.report(Level.ERROR, text, now, {"violations": violations})
+        self._violations, self._violated = violations, violated
 
     def _report(self, now: int) -> None:
         state = self._law.state
@@ -330,8 +439,11 @@ class GuidanceNode(FlightNode):
             self._timing_out.publish(
                 timing(self, self._membership.flight_id, {LONGEST_CYCLE_MS: milliseconds})
             )
+        self._report_failures(now)
+        self._report_navigation(now)
+        self._report_monitors(now)
         error = int(state["error"])
-        if error != self._reported:
+        if error not in (self._reported, GuidanceStatus.NAVIGATION_INVALID):
             self._reported = error
             if error == GuidanceStatus.NONE:
                 self.diagnostics.report(Level.OK, "solution good again", now)
@@ -359,3 +471,15 @@ class GuidanceNode(FlightNode):
                     "the heating limit is not met before cut-off: planning without the jettison",
                     now,
                 )
+
+    def _report_failures(self, now: int) -> None:
+        state = self._law.state
+        found = state["found"]
+        if int(found["count"]) != self._findings:
+            self._findings = int(found["count"])
+            text = describe(found, *self._names)
+            self.diagnostics.report(Level.WARN, text, now, {"ratio": float(found["ratio"])})
+        safe = aims_at_safe_orbit(state)
+        if safe and not self._told_safe:
+            self.diagnostics.report(Level.WARN, SAFE_ORBIT, now)
+        self._told_safe = safe

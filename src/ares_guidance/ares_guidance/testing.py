@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from ares_guidance.law import Law
 from ares_models.kernels.environment import heating_rate
 from ares_models.kernels.vectors import load
 from ares_models.mission import Mission
@@ -58,3 +59,14 @@ def first_navigation(mission: Mission, **changes: Any) -> Any:
     for name, value in changes.items():
         nav[name] = value
     return nav[0]
+
+
+def step_anew(law: Law, nav: Any) -> bool:
+    """As `Law.step`, of a state that need not follow from the one before.
+
+    Args:
+        law: which law.
+        nav: record NAVIGATION.
+    """
+    law.state["navigation"]["accepted"] = 0
+    return law.step(nav)

@@ -13,7 +13,7 @@ from ares_guidance.arrays import (
     PHASE_TRACKING,
 )
 from ares_guidance.law import Law, LawSettings
-from ares_guidance.testing import first_navigation
+from ares_guidance.testing import first_navigation, step_anew
 from ares_models.mission import list_missions, load_mission
 
 
@@ -137,11 +137,11 @@ def test_a_jump_in_the_state_is_gated_then_accepted(ares_v):
     good = law.steering.copy()
     kicked = start.velocity + np.array([300.0, -200.0, 250.0])
     for cycle in (1, 2):
-        law.step(first_navigation(ares_v, time=start.time_s + cycle, velocity=kicked))
+        step_anew(law, first_navigation(ares_v, time=start.time_s + cycle, velocity=kicked))
         assert law.state["stale_cycles"] == cycle
         assert law.steering[0]["direction"] == pytest.approx(good[0]["direction"], abs=0.0)
-    law.step(first_navigation(ares_v, time=start.time_s + 3, velocity=kicked))
-    law.step(first_navigation(ares_v, time=start.time_s + 4, velocity=kicked))
+    step_anew(law, first_navigation(ares_v, time=start.time_s + 3, velocity=kicked))
+    step_anew(law, first_navigation(ares_v, time=start.time_s + 4, velocity=kicked))
     assert law.state["phase"] == PHASE_TRACKING
     assert law.state["stale_cycles"] == 0
     assert law.steering[0]["direction"] != pytest.approx(good[0]["direction"], abs=1e-3)
@@ -168,7 +168,7 @@ def test_the_steering_is_held_when_little_time_is_left(ares_v):
     law.step(first_navigation(ares_v, time=760.0, **late))
     assert law.state["phase"] == PHASE_TRACKING
     held = law.steering.copy()
-    law.step(first_navigation(ares_v, time=761.0, **late))
+    step_anew(law, first_navigation(ares_v, time=761.0, **late))
     assert law.state["phase"] == PHASE_HOLD
     assert law.steering[0]["direction"] == pytest.approx(held[0]["direction"], abs=0.0)
     assert 761.0 < law.steering[0]["cutoff_time"] < 775.0

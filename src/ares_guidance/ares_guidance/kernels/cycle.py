@@ -5,29 +5,42 @@
 """
 
 import math
-from typing import Any
-
-from numpy.typing import NDArray
 
 from ares_guidance.arrays import (
-    ERROR_NAVIGATION_INVALID,
+    AIM_BELOW,
+    AIM_SAFE,
+    AIM_TARGET,
     ERROR_NONE,
     ERROR_PROPELLANT_SHORT,
     ERROR_STEERING_JUMP,
     ERROR_TARGET_UNREACHABLE,
     ERROR_TIME_TO_GO_JUMP,
+    JUST_FOUND,
     PHASE_CONVERGING,
     PHASE_CUTOFF,
     PHASE_HOLD,
     PHASE_TRACKING,
+    SOLVED,
+    UNSOLVED,
     Onboard,
 )
-from ares_guidance.kernels.convergence import seek
+from ares_guidance.kernels.convergence import begin_again, seek
 from ares_guidance.kernels.engines import present_engine, watch_engines
+from ares_guidance.kernels.failures import look_for_failures, vehicle_left
 from ares_guidance.kernels.jettison import predict_jettisons
 from ares_guidance.kernels.prediction import LinearTangent
 from ares_guidance.kernels.segments import acceleration_at, plan_segments, thrust_integrals
-from ares_guidance.kernels.shortfall import ROUNDS, SETTLED, lacking_speed, lower_target
+from ares_guidance.kernels.shortfall import (
+    MOST_DOWN,
+    ROUNDS,
+    SETTLED,
+    STEP_DOWN,
+    aim_at_safe_orbit,
+    has_safe_orbit,
+    lacking_speed,
+    lower_target,
+    perigee_radius,
+)
 from ares_guidance.kernels.start import start_guess
 from ares_models.arrays import BURN, MAX_ARCS, MissionRecords, Record
 from ares_models.jit import inlined, kernel
@@ -37,7 +50,6 @@ from ares_models.kernels.targets import target_speed
 from ares_models.kernels.vectors import (
     axpy,
     dot,
-    is_finite,
     load,
     norm,
     store,
@@ -146,8 +158,18 @@ def aimed_lower(mission: MissionRecords, state: Record) -> MissionRecords:
 
 
 @kernel
-def seek_within_reach(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bool]:
-    """As :func:`seek`, for a target lowered as far as the propellant is short.
+def aim_anew(mission: MissionRecords, state: Record, aim: int) -> None:
+    """Aim at the mission's target, or at the safe orbit, not lowered."""
+    state.aim = aim
+    state.lowered = 0.0
+    state.target = mission.target
+    if aim == AIM_SAFE:
+        aim_at_safe_orbit(state.target, mission.environment.mu)
+
+
+@kernel
+def seek_lowered(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bool]:
+    """As :func:`seek`, for what is aimed at, lowered as far as the propellant is short.
 
     Args:
         mission: as in :func:`guidance_step`; so the next.
@@ -158,9 +180,6 @@ def seek_within_reach(mission: MissionRecords, onboard: Onboard, cold: bool) -> 
         ERROR_NONE or ERROR_NOT_CONVERGED, and whether the target plane can be reached.
     """
     state = onboard.state
-    if state.cycle == 1 or state.lowered == 0.0:
-        state.target = mission.target
-        state.lowered = 0.0
     aimed = aimed_lower(mission, state)
     error, reachable = seek(aimed, onboard, cold)
     for _ in range(ROUNDS):
@@ -170,13 +189,51 @@ def seek_within_reach(mission: MissionRecords, onboard: Onboard, cold: bool) -> 
         if lacking < 0.0 and state.lowered == 0.0:
             break
         if lacking < -state.lowered:
-            # the target itself is within reach again
-            state.lowered = 0.0
-            state.target = mission.target
+            # what is aimed at is within reach again
+            aim_anew(mission, state, state.aim)
         else:
             state.lowered += lower_target(state.target, mission.environment.mu, lacking)
         error, reachable = seek(aimed, onboard, cold)
     return error, reachable
+
+
+@kernel
+def seek_within_reach(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bool]:
+    """The target; else the target lowered, if that is safe; else a safe orbit; else the former.
+
+    Args: as in :func:`seek_lowered`.
+
+    Returns: as there.
+    """
+    state = onboard.state
+    mu = mission.environment.mu
+    if state.cycle == 1 or state.found.fresh == JUST_FOUND:
+        aim_anew(mission, state, AIM_TARGET)
+    elif state.lowered == 0.0:
+        aim_anew(mission, state, state.aim)
+    error, reachable = seek_lowered(mission, onboard, cold)
+    to_gain = norm(load(state.saved.velocity_to_go))
+    unsolved = error != ERROR_NONE and state.found.fresh != SOLVED
+    if unsolved and state.lowered < MOST_DOWN * to_gain:
+        # so much is out of reach that nothing leads there: a step down in every cycle
+        begin_again(mission, onboard, cold)
+        state.lowered += lower_target(state.target, mu, STEP_DOWN * to_gain)
+        error, reachable = seek_lowered(mission, onboard, cold)
+    if state.found.fresh == JUST_FOUND:
+        state.found.fresh = UNSOLVED
+    short = error == ERROR_NONE and state.lowered > SETTLED and state.aim == AIM_TARGET
+    if not (short and has_safe_orbit(mission.target)):
+        return error, reachable
+    if perigee_radius(state.target, mu) >= mission.target.safe_radius:
+        return error, reachable
+    aim_anew(mission, state, AIM_SAFE)
+    error, reachable = seek_lowered(mission, onboard, False)
+    if error == ERROR_NONE and state.lowered <= SETTLED:
+        state.found.fresh = UNSOLVED
+        return error, reachable
+    aim_anew(mission, state, AIM_BELOW)
+    begin_again(mission, onboard, cold)
+    return seek_lowered(mission, onboard, cold)
 
 
 @kernel
@@ -226,16 +283,17 @@ def solve(mission: MissionRecords, onboard: Onboard) -> None:
     state.total_iterations += state.iterations
     if error == ERROR_NONE and not reachable:
         error = ERROR_TARGET_UNREACHABLE
-    # an engine that has failed moves everything
-    first = cold or state.engines.jumped == 1
+    # what has failed moves everything
+    first = cold or state.engines.jumped == 1 or state.found.fresh != SOLVED
     if error == ERROR_NONE and not first and state.stale_cycles < settings.max_stale_cycles:
         error = gate(onboard)
     state.error = error
     if error == ERROR_NONE or (error == ERROR_TARGET_UNREACHABLE and cold):
         state.phase = PHASE_TRACKING
         state.stale_cycles = 0
+        state.found.fresh = SOLVED
         accept(onboard)
-        if error == ERROR_NONE and state.lowered > 0.0:
+        if error == ERROR_NONE and (state.lowered > 0.0 or state.aim == AIM_SAFE):
             state.error = ERROR_PROPELLANT_SHORT
         return
     state.stale_cycles += 1
@@ -255,22 +313,6 @@ def solve(mission: MissionRecords, onboard: Onboard) -> None:
         start_guess(mission, onboard)
     else:
         state.solution = state.saved
-
-
-@kernel
-def navigation_is_sound(nav: Record, arcs: NDArray[Any]) -> bool:
-    """Whether there is anything to steer from: finite numbers, and an arc that there is."""
-    r = load(nav.position)
-    return (
-        is_finite(r)
-        and is_finite(load(nav.velocity))
-        and is_finite(load(nav.sensed_delta_v))
-        and math.isfinite(nav.time)
-        and nav.mass > 0.0
-        and math.isfinite(nav.mass)
-        and 0 <= nav.arc < arcs.shape[0]
-        and dot(r, r) > 0.0
-    )
 
 
 @kernel
@@ -392,22 +434,10 @@ def time_jettison(mission: MissionRecords, onboard: Onboard) -> None:
 
 
 @kernel
-def guidance_step(mission: MissionRecords, onboard: Onboard) -> None:
-    """Answer one navigation state: a guidance cycle when it is due, else the last answer.
-
-    Before the first converged solution the thrust points along the velocity.
-
-    Args:
-        mission: as guidance believes it.
-        onboard: what is on board: the navigation state, and ``steering``, the answer. Changed.
-    """
+def answer_state(mission: MissionRecords, onboard: Onboard) -> None:
+    """As :func:`guidance_step`, for a sound state and the vehicle that is left."""
     nav = onboard.navigation
     state = onboard.state
-    if not navigation_is_sound(nav, mission.arcs):
-        state.error = ERROR_NAVIGATION_INVALID
-        return
-    if state.phase == PHASE_CUTOFF:
-        return
     catch_up(mission, onboard)
     hold(mission, onboard)
     if nav.time >= state.next_cycle_time - 1e-9:
@@ -415,3 +445,23 @@ def guidance_step(mission: MissionRecords, onboard: Onboard) -> None:
     if state.phase == PHASE_CONVERGING and math.isnan(onboard.steering.cutoff_time):
         point_along_velocity(onboard)
     time_jettison(mission, onboard)
+
+
+@kernel
+def guidance_step(mission: MissionRecords, onboard: Onboard) -> None:
+    """Answer one navigation state that is sound: a cycle when it is due, else the last answer.
+
+    Before the first converged solution the thrust points along the velocity.
+
+    Args:
+        mission: as guidance believes it.
+        onboard: what is on board: the navigation state, and ``steering``, the answer. Changed.
+    """
+    state = onboard.state
+    if state.phase == PHASE_CUTOFF:
+        return
+    look_for_failures(mission, onboard)
+    if state.left.count == 0:
+        answer_state(mission, onboard)
+    else:
+        answer_state(vehicle_left(mission, state), onboard)

@@ -1,10 +1,10 @@
 """Where Python enters a law: the arrays of a flight become records.
 
-`guidance_step` is PEG's; each other law has a copy of this module with its own step.
+`guarded_step` is PEG's; each law has a copy of this module with its own.
 """
 
 from ares_guidance.arrays import Onboard, OnboardArrays
-from ares_guidance.kernels.cycle import guidance_step
+from ares_guidance.kernels.guarded import guarded_step
 from ares_models.arrays import MissionArrays
 from ares_models.jit import inlined, kernel
 from ares_models.kernels.records import mission_records
@@ -21,4 +21,4 @@ def onboard_records(onboard: OnboardArrays) -> Onboard:
 @kernel
 def answer(mission: MissionArrays, onboard: OnboardArrays) -> None:
     """One step of the law; arguments as of :func:`ares_guidance.kernels.cycle.guidance_step`."""
-    guidance_step(mission_records(mission), onboard_records(onboard))
+    guarded_step(mission_records(mission), onboard_records(onboard))

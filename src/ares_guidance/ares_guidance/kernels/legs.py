@@ -18,7 +18,7 @@ from ares_guidance.arrays import (
     PHASE_TRACKING,
     Onboard,
 )
-from ares_guidance.kernels.cycle import guidance_step, navigation_is_sound
+from ares_guidance.kernels.cycle import guidance_step
 from ares_guidance.kernels.start import start_guess
 from ares_models.arrays import BURN, COAST, MissionRecords, Record
 from ares_models.jit import inlined, kernel
@@ -280,7 +280,7 @@ def step_by_legs(mission: MissionRecords, onboard: Onboard) -> None:
     nav = onboard.navigation
     state = onboard.state
     leg = state.leg
-    if state.plan.made == 0 or not navigation_is_sound(nav, mission.arcs):
+    if state.plan.made == 0:
         guidance_step(mission, onboard)
         return
     last = last_of_leg(nav.arc, mission.arcs)

@@ -27,7 +27,7 @@ from ares_guidance.arrays import (
     PLANE_OF_MODE,
     Onboard,
 )
-from ares_guidance.kernels.cycle import accept, adopt_steering, guidance_step, navigation_is_sound
+from ares_guidance.kernels.cycle import accept, adopt_steering, guidance_step
 from ares_guidance.kernels.start import start_guess
 from ares_models.arrays import (
     TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
@@ -233,7 +233,7 @@ def step_by_modes(mission: MissionRecords, onboard: Onboard) -> None:
     """
     nav = onboard.navigation
     memory = onboard.state.thesis
-    if memory.planned == 0 or not navigation_is_sound(nav, mission.arcs):
+    if memory.planned == 0:
         guidance_step(mission, onboard)
         return
     mode = mode_of(nav, mission.arcs, memory)

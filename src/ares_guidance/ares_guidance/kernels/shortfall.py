@@ -1,14 +1,29 @@
-"""When the propellant does not reach the target: the highest energy that it does reach."""
+"""When the propellant does not reach the target: the highest energy that it does reach.
+
+Where that is no orbit that is safe, and one is within reach, it is the lowest safe orbit.
+"""
 
 import math
 
-from ares_models.arrays import TARGET_ELEMENTS, TARGET_KEPLERIAN, Record
+from ares_models.arrays import (
+    NAMES_INCLINATION,
+    TARGET_ELEMENTS,
+    TARGET_KEPLERIAN,
+    TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
+    TARGET_RADIUS_SPEED_ANGLE_PLANE,
+    Record,
+)
 from ares_models.jit import kernel
+from ares_models.kernels.targets import names, plane_is_named
 
 #: m/s of surplus or lack that is left alone.
 SETTLED = 0.5
 _ROUNDEST = 1e-6  # eccentricity that a lowered orbit keeps, so that it has a perigee
 ROUNDS = 6
+#: Of the velocity still to gain: taken off a target to which nothing converges after a failure,
+#: in one cycle and in all.
+STEP_DOWN = 0.12
+MOST_DOWN = 0.7
 
 
 @kernel
@@ -58,3 +73,37 @@ def lower_target(target: Record, mu: float, by: float) -> float:
     target.semi_major_axis = 1.0 / (2.0 / perigee - lowered * lowered / mu)
     target.eccentricity = max(0.0, 1.0 - perigee / target.semi_major_axis)
     return speed - lowered
+
+
+@kernel
+def perigee_radius(target: Record, mu: float) -> float:
+    """Least distance from the centre on the orbit of a target, m."""
+    if target.kind == TARGET_ELEMENTS:
+        return target.perigee_radius
+    if target.kind == TARGET_KEPLERIAN:
+        return target.semi_major_axis * (1.0 - target.eccentricity)
+    energy = 0.5 * target.speed**2 - mu / target.radius
+    momentum = target.radius * target.speed * math.cos(target.flight_path_angle)
+    parameter = momentum * momentum / mu
+    eccentricity = math.sqrt(max(0.0, 1.0 + 2.0 * energy * parameter / mu))
+    return parameter / (1.0 + eccentricity)
+
+
+@kernel
+def has_safe_orbit(target: Record) -> bool:
+    """Whether there is a safe orbit in the target's plane."""
+    if target.kind == TARGET_ELEMENTS and not names(target, NAMES_INCLINATION):
+        return False
+    return target.safe_radius > 0.0
+
+
+@kernel
+def aim_at_safe_orbit(target: Record, mu: float) -> None:
+    """Make a target the lowest orbit that is safe: a circle in the same plane."""
+    if plane_is_named(target):
+        target.kind = TARGET_RADIUS_SPEED_ANGLE_PLANE
+    else:
+        target.kind = TARGET_RADIUS_SPEED_ANGLE_INCLINATION
+    target.radius = target.safe_radius
+    target.speed = math.sqrt(mu / target.radius)
+    target.flight_path_angle = 0.0

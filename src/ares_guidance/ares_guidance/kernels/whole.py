@@ -7,7 +7,7 @@ solution has them; the law itself solves for them anew.
 import math
 
 from ares_guidance.arrays import Onboard
-from ares_guidance.kernels.cycle import guidance_step, navigation_is_sound
+from ares_guidance.kernels.cycle import guidance_step
 from ares_guidance.kernels.legs import lay_out, mission_of_leg
 from ares_models.arrays import MissionRecords
 from ares_models.jit import kernel
@@ -38,7 +38,7 @@ def step_whole(mission: MissionRecords, onboard: Onboard) -> None:
     Args: as in :func:`ares_guidance.kernels.cycle.guidance_step`.
     """
     state = onboard.state
-    if state.plan.made == 0 or not navigation_is_sound(onboard.navigation, mission.arcs):
+    if state.plan.made == 0:
         guidance_step(mission, onboard)
         return
     for k in range(mission.arcs.shape[0]):

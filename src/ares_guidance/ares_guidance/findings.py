@@ -1,0 +1,43 @@
+"""What guidance found failed, in words."""
+
+from typing import Any
+
+from ares_guidance.arrays import (
+    AIM_SAFE,
+    FOUND_EARLY_END,
+    FOUND_ENGINE_LOST,
+    FOUND_NO_IGNITION,
+    FOUND_STUCK_JETTISON,
+    FOUND_STUCK_THROTTLE,
+    FOUND_THRUST_LOW,
+)
+
+#: By kind; ratio is measured over expected thrust or acceleration, name that of arc or jettison.
+_WORDS = {
+    FOUND_ENGINE_LOST: "engine lost in {name}: {ratio:.3f} of the thrust, the propellant lasts",
+    FOUND_THRUST_LOW: "thrust of {name} is {ratio:.3f} of what it was",
+    FOUND_EARLY_END: "{name}: shut down early, flying on with what is left",
+    FOUND_NO_IGNITION: "{name}: no ignition, flying on with what is left",
+    FOUND_STUCK_THROTTLE: "throttle of {name} is stuck: {ratio:.3f} of the limit",
+    FOUND_STUCK_JETTISON: "{name}: does not go, planning with its mass",
+}
+#: Where the target is given up for the safe orbit.
+SAFE_ORBIT = "the target is out of reach: flying to the safe orbit"
+
+
+def describe(found: Any, arcs: tuple[str, ...], jettisons: tuple[str, ...]) -> str:
+    """The last finding, one line.
+
+    Args:
+        found: record FOUND, with a finding.
+        arcs: a name for each arc.
+        jettisons: a name for each jettison.
+    """
+    kind, index = int(found["kind"]), int(found["index"])
+    names = jettisons if kind == FOUND_STUCK_JETTISON else arcs
+    return _WORDS[kind].format(name=names[index], ratio=float(found["ratio"]))
+
+
+def aims_at_safe_orbit(state: Any) -> bool:
+    """Whether guidance has given up the target for the safe orbit; of a record GUIDANCE_STATE."""
+    return bool(state["aim"] == AIM_SAFE)

@@ -1,0 +1,338 @@
+"""What has failed, found from what navigation senses, and the vehicle that is left.
+
+Every second the thrust since the last look is held against what the same engines gave before
+(against the mission's at a stage's first look), the end of a burn against when it should have
+come, what is aboard against what should be gone. What is found changes the arcs and jettisons
+that guidance plans with; no other part of guidance knows of failures.
+"""
+
+import math
+from typing import Any
+
+from numpy.typing import NDArray
+
+from ares_guidance.arrays import (
+    FOUND_EARLY_END,
+    FOUND_ENGINE_LOST,
+    FOUND_NO_IGNITION,
+    FOUND_STUCK_JETTISON,
+    FOUND_STUCK_THROTTLE,
+    FOUND_THRUST_LOW,
+    JUST_FOUND,
+    Onboard,
+)
+from ares_models.arrays import BURN, HEATING_LIMIT, MISSION_TIME, MissionRecords, Record
+from ares_models.jit import inlined, kernel
+from ares_models.kernels.sequence import aboard, drop_time, empty_mass, last_ignition
+from ares_models.kernels.throttle import FULL, LEAST, LIMITED, stretch
+from ares_models.kernels.thrust_curve import start_length, tail_length
+from ares_models.kernels.vectors import load, norm, store, sub
+from ares_models.kernels.weakened import weaken_stage
+
+#: s between two looks.
+LOOK = 1.0
+ROUNDING = 1e-6
+#: Change of thrust from one look to the next that no engine makes by itself.
+CHANGE = 0.02
+#: Difference from the mission's thrust at a stage's first look that no engine has: ten sigma of
+#: the standard dispersions.
+FOREIGN = 0.1
+#: Least ratio that is a burn at all.
+BURNS = 0.02
+#: s after the start by which the latest engine burns at full thrust.
+LATEST = 3.0
+#: In the start: as steady from look to look, and as much of the thrust, is no ramp.
+PLATEAU = 0.005
+LEAST_PLATEAU = 0.2
+#: Acceleration above its limit that no throttle leaves.
+OVER = 0.004
+#: An arc that ends earlier by so much, s and as a part of it, has not ended by itself.
+EARLY = 2.0
+EARLY_SHARE = 0.02
+#: s that a jettison may be late.
+LATE = 0.75
+#: Of the mass flow, by which an engine that is lost takes less.
+LESS_FLOW = 0.01
+
+
+@inlined
+def vehicle_left(mission: MissionRecords, state: Record) -> MissionRecords:
+    """The mission with the vehicle that is left."""
+    return MissionRecords(
+        mission.environment,
+        mission.atmosphere,
+        state.left.arcs[: state.left.count],
+        state.left.jettisons[: mission.jettisons.shape[0]],
+        mission.target,
+    )
+
+
+@kernel
+def report(onboard: Onboard, kind: int, index: int, ratio: float) -> None:
+    """Note what was found; guidance plans anew at once, and no gate stops it.
+
+    So close to the end that the steering is held it stays held: the position cannot be mended.
+    """
+    state = onboard.state
+    found = state.found
+    found.kind = kind
+    if found.count == 0:
+        found.first_kind = kind
+        found.first_time = onboard.navigation.time
+    found.count += 1
+    found.time = onboard.navigation.time
+    found.index = index
+    found.ratio = ratio
+    found.fresh = JUST_FOUND
+    state.next_cycle_time = min(state.next_cycle_time, found.time)
+    state.optimal.solved = 0
+    state.optimal.arcs_from = 0
+
+
+@kernel
+def begin_left(mission: MissionRecords, state: Record) -> bool:
+    """Make room for the vehicle that is left; whether guidance plans with it.
+
+    In a flight by a plan of free arcs the plan's arcs stay: only the measured engine is new.
+    """
+    if state.plan.made == 1:
+        return False
+    left = state.left
+    if left.count == 0:
+        left.count = mission.arcs.shape[0]
+        for k in range(left.count):
+            left.arcs[k] = mission.arcs[k]
+        for j in range(mission.jettisons.shape[0]):
+            left.jettisons[j] = mission.jettisons[j]
+    return True
+
+
+@kernel
+def lit_steadily(nav: Record, found: Record, arcs: NDArray[Any], ratio: float) -> bool:
+    """Whether the present arc, and it alone, has burnt as it goes on to burn since the last look.
+
+    Args:
+        nav: record NAVIGATION.
+        found: record FOUND.
+        arcs: dtype ARC.
+        ratio: of its thrust since then.
+    """
+    arc = arcs[nav.arc]
+    since = found.seen - nav.arc_start_time
+    if nav.arc > 0 and since < tail_length(arcs[nav.arc - 1]):
+        return False
+    if since >= start_length(arc) + LATEST:
+        return True
+    if nav.arc > 0 and arc.start_knots == 0:
+        before = arcs[nav.arc - 1]
+        if before.kind == BURN and before.stage == arc.stage:
+            # an arc later, and the same engines
+            return since >= 0.0
+    if found.before - ratio > CHANGE:
+        # no start falls
+        return True
+    if arc.start_knots == 0:
+        return found.before > BURNS
+    return ratio > LEAST_PLATEAU and abs(ratio - found.before) < PLATEAU
+
+
+@kernel
+def check_throttle(mission: MissionRecords, onboard: Onboard, gain: float, flow: float) -> bool:
+    """Look at a burn that is throttled; False: it is at full thrust, to be looked at as others.
+
+    Args:
+        mission: with the vehicle as it is known; so the next.
+        onboard: what is on board. Changed.
+        gain: sensed since the last look, m/s.
+        flow: mean mass flow since then, kg/s.
+    """
+    nav = onboard.navigation
+    found = onboard.state.found
+    arc = mission.arcs[nav.arc]
+    if not math.isfinite(arc.max_acceleration):
+        return False
+    thrust, consumed = (found.thrust, found.flow) if found.thrust > 0.0 else (1.0, 1.0)
+    engine = (arc.exhaust_velocity * thrust / consumed, arc.mass_flow * consumed)
+    kind, _ = stretch(arc, engine, nav.mass)
+    earlier, _ = stretch(arc, engine, found.mass)
+    if kind == FULL and earlier == FULL:
+        return False
+    ratio = gain / ((nav.time - found.seen) * arc.max_acceleration)
+    if kind == LEAST or earlier == LEAST:
+        return True
+    if ratio > 1.0 + OVER:
+        if begin_left(mission, onboard.state):
+            stuck = onboard.state.left.arcs[nav.arc]
+            # at full thrust from now on: what the engine gives as the throttle stands
+            stuck.mass_flow = flow
+            stuck.exhaust_velocity = gain / math.log(found.mass / nav.mass)
+            stuck.thrust = flow * stuck.exhaust_velocity
+            stuck.max_acceleration = math.inf
+            found.thrust = found.flow = 1.0
+            onboard.state.thrust_ratio = onboard.state.flow_ratio = 1.0
+        report(onboard, FOUND_STUCK_THROTTLE, nav.arc, ratio)
+    # short of the limit where the throttle is open: the engine gives less
+    return not (kind == LIMITED and earlier == LIMITED and ratio < 1.0 - CHANGE)
+
+
+@kernel
+def check_thrust(mission: MissionRecords, onboard: Onboard) -> None:
+    """Hold the thrust since the last look against what it was before."""
+    nav = onboard.navigation
+    state = onboard.state
+    found = state.found
+    arc = mission.arcs[nav.arc]
+    span = nav.time - found.seen
+    burnt = found.mass - nav.mass
+    if arc.kind != BURN or nav.jettisoned != found.jettisoned or not burnt > 0.0:
+        found.before = 0.0
+        return
+    gain = found.gain
+    flow = burnt / span
+    thrust = gain * flow / math.log(found.mass / nav.mass) / arc.thrust
+    steady = lit_steadily(nav, found, mission.arcs, thrust)
+    found.before = thrust
+    if not steady or thrust < BURNS or check_throttle(mission, onboard, gain, flow):
+        return
+    consumed = flow / arc.mass_flow
+    known = found.thrust > 0.0
+    ratio = thrust / found.thrust if known else thrust
+    flows = consumed / found.flow if known else consumed
+    if abs(ratio - 1.0) > (CHANGE if known else FOREIGN):
+        lost = flows < 1.0 - LESS_FLOW
+        if begin_left(mission, state):
+            into = nav.time - nav.arc_start_time
+            weaken_stage(state.left.arcs[: state.left.count], nav.arc, into, (ratio, flows), lost)
+            if not known:
+                found.thrust = found.flow = 1.0
+        else:
+            found.thrust, found.flow = thrust, consumed
+        found.total *= ratio
+        same = lost and abs(ratio - flows) < CHANGE
+        report(onboard, FOUND_ENGINE_LOST if same else FOUND_THRUST_LOW, nav.arc, found.total)
+    else:
+        found.thrust, found.flow = thrust, consumed
+
+
+@kernel
+def check_end(mission: MissionRecords, onboard: Onboard) -> None:
+    """Whether arcs have ended by the clock or for want of propellant since the last look."""
+    nav = onboard.navigation
+    found = onboard.state.found
+    arcs = mission.arcs
+    stage = arcs[found.arc].stage
+    flow = arcs[found.arc].mass_flow * (found.flow if found.thrust > 0.0 else 1.0)
+    empty = math.inf
+    if arcs[found.arc].kind == BURN:
+        left = found.mass - empty_mass(arcs[found.arc], arcs, mission.jettisons, found.jettisoned)
+        empty = found.seen + left / flow
+    end = found.arc_start_time
+    first_end = math.inf
+    longest = 0.0
+    for k in range(found.arc, nav.arc + 1):
+        if arcs[k].duration == 0.0:
+            # a failure that is an arc of its own
+            return
+        if k == nav.arc:
+            break
+        if not math.isfinite(arcs[k].duration):
+            return
+        end += arcs[k].duration
+        longest = max(longest, arcs[k].duration)
+        if arcs[k].kind == BURN and arcs[k].stage == stage:
+            end = min(end, empty)
+        if k == found.arc:
+            first_end = end
+    allowed = EARLY + EARLY_SHARE * longest
+    if nav.arc_start_time < end - allowed:
+        ended = nav.arc_start_time < first_end - allowed and arcs[found.arc].kind == BURN
+        kind = FOUND_EARLY_END if ended else FOUND_NO_IGNITION
+        report(onboard, kind, found.arc if ended else nav.arc - 1, 0.0)
+
+
+@kernel
+def check_jettisons(mission: MissionRecords, onboard: Onboard) -> None:
+    """Whether what should be gone is aboard."""
+    nav = onboard.navigation
+    found = onboard.state.found
+    steering = onboard.steering
+    stage, ignition = last_ignition(nav.arc, nav.arc_start_time, mission.arcs)
+    for j in range(mission.jettisons.shape[0]):
+        jettison = mission.jettisons[j]
+        due = math.inf
+        if aboard(nav.jettisoned, j) and jettison.criterion != HEATING_LIMIT:
+            due = drop_time(jettison, stage, ignition, nav.time, math.inf)
+        elif aboard(nav.jettisoned, j) and steering.jettison == j:
+            due = steering.jettison_time if stage >= jettison.stage else math.inf
+        if not due <= nav.time:
+            found.overdue[j] = math.inf
+            continue
+        found.overdue[j] = min(found.overdue[j], nav.time)
+        if nav.time - found.overdue[j] >= LATE and begin_left(mission, onboard.state):
+            stuck = onboard.state.left.jettisons[j]
+            stuck.criterion = MISSION_TIME
+            stuck.value = math.inf
+            onboard.state.solution.jettison_time[j] = math.inf
+            report(onboard, FOUND_STUCK_JETTISON, j, 0.0)
+
+
+@kernel
+def look(mission: MissionRecords, onboard: Onboard) -> None:
+    """Look at what there is to see, and remember it.
+
+    Args:
+        mission: with the vehicle as it is known.
+        onboard: what is on board. Changed.
+    """
+    nav = onboard.navigation
+    found = onboard.state.found
+    arcs = mission.arcs
+    refused = onboard.state.navigation.refused
+    if found.mass > 0.0:
+        if arcs[nav.arc].stage != arcs[found.arc].stage:
+            found.thrust = found.flow = 0.0
+            found.total = 1.0
+        if refused != found.refused:
+            # what was seen last may have been wrong already
+            found.before = 0.0
+        else:
+            check_jettisons(mission, onboard)
+            if nav.arc == found.arc:
+                check_thrust(mission, onboard)
+            elif nav.arc > found.arc:
+                check_end(mission, onboard)
+                found.before = 0.0
+    else:
+        found.total = 1.0
+        for j in range(found.overdue.shape[0]):
+            found.overdue[j] = math.inf
+    found.refused = refused
+    found.gain = 0.0
+    found.seen = nav.time
+    found.mass = nav.mass
+    found.arc = nav.arc
+    found.arc_start_time = nav.arc_start_time
+    found.jettisoned = nav.jettisoned
+
+
+@kernel
+def look_for_failures(mission: MissionRecords, onboard: Onboard) -> None:
+    """Look every second.
+
+    Args: as in :func:`ares_guidance.kernels.cycle.guidance_step`.
+    """
+    state = onboard.state
+    now = onboard.navigation.time
+    sensed = load(onboard.navigation.sensed_delta_v)
+    # along the way: a turn between two looks is no loss of thrust
+    state.found.gain += norm(sub(sensed, load(state.found.sensed_delta_v)))
+    store(state.found.sensed_delta_v, sensed)
+    if onboard.steering.cutoff_time <= now:
+        # the thrust that ends now ends by command
+        return
+    if state.found.mass > 0.0 and 0.0 <= now - state.found.seen < LOOK - ROUNDING:
+        return
+    if state.left.count == 0:
+        look(mission, onboard)
+    else:
+        look(vehicle_left(mission, state), onboard)

@@ -1,0 +1,56 @@
+"""What every law is flown in: nothing gets in that is not navigation, nor out what breaks a rule.
+
+`guidance_step` is PEG's; each law has a copy of this module with its own step.
+"""
+
+from ares_guidance.arrays import (
+    ERROR_NAVIGATION_INVALID,
+    ERROR_NONE,
+    PHASE_IDLE,
+    Onboard,
+)
+from ares_guidance.kernels.legs import step_by_legs as guidance_step
+from ares_guidance.kernels.monitors import watch_answer
+from ares_guidance.kernels.navigation_gate import ACCEPTED, REFUSED, admit
+from ares_models.arrays import MissionRecords, Record
+from ares_models.jit import kernel
+
+
+@kernel
+def begin_anew(state: Record) -> None:
+    """Forget a flight that was none: the law starts with the present state.
+
+    Args:
+        state: record GUIDANCE_STATE. Changed.
+    """
+    state.phase = PHASE_IDLE
+    state.cycle = 0
+    state.stale_cycles = 0
+    state.engines.mass = 0.0
+    state.thrust_ratio = 0.0
+    state.optimal.solved = 0
+    state.thesis.mode = 0
+    state.thesis.fallback = 0
+    state.leg.count = 0
+
+
+@kernel
+def guarded_step(mission: MissionRecords, onboard: Onboard) -> None:
+    """Answer one navigation state; one that is refused with the last answer, which goes on in time.
+
+    Args: as in :func:`ares_guidance.kernels.cycle.guidance_step`.
+    """
+    state = onboard.state
+    watch = state.navigation
+    acquired = watch.acquired
+    verdict = admit(mission, onboard)
+    if verdict == REFUSED:
+        state.error = ERROR_NAVIGATION_INVALID
+    if verdict != ACCEPTED:
+        return
+    if state.error == ERROR_NAVIGATION_INVALID:
+        state.error = ERROR_NONE
+    if watch.acquired != acquired and watch.accepted == 1:
+        begin_anew(state)
+    guidance_step(mission, onboard)
+    watch_answer(mission, onboard)

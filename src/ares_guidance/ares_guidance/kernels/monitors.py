@@ -1,0 +1,258 @@
+"""Rules that every answer keeps, whatever the law: one that breaks a rule is not let out.
+
+The last good answer is held instead, or a jettison alone held back, and what was broken is counted.
+"""
+
+import math
+
+from ares_guidance.arrays import (
+    ERROR_PROPELLANT_SHORT,
+    ERROR_TARGET_UNREACHABLE,
+    MONITOR_DEPLETION,
+    MONITOR_DIRECTION,
+    MONITOR_JETTISON,
+    MONITOR_STEERING_RATE,
+    MONITOR_TIME_TO_GO,
+    MONITOR_WORK,
+    PHASE_CUTOFF,
+    PHASE_IDLE,
+    Onboard,
+)
+from ares_guidance.kernels.convergence import LAST_PASSES
+from ares_guidance.kernels.engines import present_engine
+from ares_guidance.kernels.jettison import on_board_heating
+from ares_guidance.kernels.shortfall import ROUNDS
+from ares_models.arrays import BURN, HEATING_LIMIT, MAX_ARCS, MissionRecords, Record
+from ares_models.jit import kernel
+from ares_models.kernels.environment import gravity, heating_rate
+from ares_models.kernels.sequence import empty_mass
+from ares_models.kernels.throttle import throttle
+from ares_models.kernels.vectors import Vector, axpy, cross, dot, is_finite, load, norm, store, unit
+
+#: How far the length of a direction may be from 1.
+UNIT_TOLERANCE = 1e-6
+#: s; a cut-off that is past by less is now.
+NOW = 1e-9
+#: Of the heating limit; what the path to a jettison in the next cycle is estimated to.
+HEATING_SHARE = 2e-3
+#: s, and of the burn that is left: what the depletion is estimated to.
+DEPLETION_S, DEPLETION_SHARE = 1.0, 0.02
+#: Searches of one kind that a law may make in a round of a cycle, at most.
+SEARCHES = 10
+
+
+@kernel
+def is_sound(steering: Record, jettisons: int) -> bool:
+    """Whether an answer can be flown: finite, a unit vector, a jettison that there is.
+
+    Args:
+        steering: record STEERING.
+        jettisons: how many the mission has.
+    """
+    direction = load(steering.direction)
+    for k in range(MAX_ARCS):
+        if math.isinf(steering.arc_end_times[k]):
+            return False
+    return (
+        is_finite(direction)
+        and abs(norm(direction) - 1.0) <= UNIT_TOLERANCE
+        and is_finite(load(steering.direction_rate))
+        and math.isfinite(steering.reference_time)
+        and not math.isinf(steering.cutoff_time)
+        and not math.isinf(steering.jettison_time)
+        and -1 <= steering.jettison < jettisons
+    )
+
+
+@kernel
+def fastest_turn(steering: Record, begin: float, end: float) -> float:
+    """Largest rate of the commanded direction between two times, rad/s."""
+    rate = load(steering.direction_rate)
+    square = dot(rate, rate)
+    if square == 0.0:
+        return 0.0
+    direction = load(steering.direction)
+    # where the line is nearest to the origin
+    nearest = steering.reference_time - dot(direction, rate) / square
+    at = min(max(nearest, begin), end)
+    u = axpy(at - steering.reference_time, rate, direction)
+    return norm(cross(u, rate)) / dot(u, u)
+
+
+@kernel
+def thrust_ahead(mission: MissionRecords, onboard: Onboard) -> Vector:
+    """Thrust acceleration by the answer, m/s2: what the present engine gives now."""
+    nav = onboard.navigation
+    steering = onboard.steering
+    arc = mission.arcs[nav.arc]
+    if arc.kind != BURN:
+        return 0.0, 0.0, 0.0
+    ve, mass_flow = present_engine(arc, arc.stage, onboard.state)
+    u = unit(
+        axpy(
+            nav.time - steering.reference_time,
+            load(steering.direction_rate),
+            load(steering.direction),
+        )
+    )
+    size = throttle(arc, nav.mass) * ve * mass_flow / nav.mass
+    return size * u[0], size * u[1], size * u[2]
+
+
+@kernel
+def drops_too_early(mission: MissionRecords, onboard: Onboard) -> bool:
+    """Whether a jettison before the next cycle is timed where the heating is above its limit.
+
+    Args:
+        mission: as in :func:`ares_guidance.kernels.cycle.guidance_step`; so the next two.
+        onboard: what is on board.
+    """
+    nav = onboard.navigation
+    settings = onboard.settings
+    steering = onboard.steering
+    j = steering.jettison
+    if j < 0 or mission.jettisons[j].criterion != HEATING_LIMIT:
+        return False
+    span = max(0.0, steering.jettison_time - nav.time)
+    if not span <= settings.cycle_period:
+        return False
+    r, v = load(nav.position), load(nav.velocity)
+    a = axpy(1.0, thrust_ahead(mission, onboard), gravity(r, mission.environment))
+    there = axpy(span, axpy(0.5 * span, a, v), r)
+    heating = heating_rate(there, axpy(span, a, v), mission.environment, mission.atmosphere)
+    ratio = on_board_heating(settings, onboard.state)
+    return bool(heating * ratio > mission.jettisons[j].value * (1.0 + HEATING_SHARE))
+
+
+@kernel
+def outlasts_propellant(mission: MissionRecords, onboard: Onboard) -> bool:
+    """Whether the cut-off of the last burn is timed after its depletion, and nothing says so.
+
+    Args: as in :func:`drops_too_early`.
+    """
+    nav = onboard.navigation
+    state = onboard.state
+    arc = mission.arcs[nav.arc]
+    if nav.arc + 1 < mission.arcs.shape[0] or arc.kind != BURN:
+        return False
+    if state.error == ERROR_PROPELLANT_SHORT or state.error == ERROR_TARGET_UNREACHABLE:
+        return False
+    _, mass_flow = present_engine(arc, arc.stage, state)
+    if math.isfinite(arc.max_acceleration):
+        mass_flow *= arc.min_throttle
+    left = nav.mass - empty_mass(arc, mission.arcs, mission.jettisons, nav.jettisoned)
+    longest = (1.0 + DEPLETION_SHARE) * max(0.0, left) / mass_flow + DEPLETION_S
+    return bool(onboard.steering.cutoff_time - nav.time > longest)
+
+
+@kernel
+def most_iterations(settings: Record) -> int:
+    """Iterations that no cycle can need."""
+    of_a_round = SEARCHES * (settings.max_iterations + settings.max_solve_iterations) + LAST_PASSES
+    return int((ROUNDS + 1) * of_a_round)
+
+
+@kernel
+def broken_rules(mission: MissionRecords, onboard: Onboard) -> int:
+    """What is wrong with the present answer: MONITOR_* bits.
+
+    Args: as in :func:`drops_too_early`.
+    """
+    nav = onboard.navigation
+    settings = onboard.settings
+    state = onboard.state
+    steering = onboard.steering
+    if not is_sound(steering, mission.jettisons.shape[0]):
+        return MONITOR_DIRECTION
+    flags = 0
+    if state.phase < PHASE_CUTOFF and steering.cutoff_time < nav.time - NOW:
+        flags |= MONITOR_TIME_TO_GO
+    if drops_too_early(mission, onboard):
+        flags |= MONITOR_JETTISON
+    if outlasts_propellant(mission, onboard):
+        flags |= MONITOR_DEPLETION
+    if state.iterations > most_iterations(settings):
+        flags |= MONITOR_WORK
+    turn = fastest_turn(steering, nav.time, nav.time + settings.cycle_period)
+    if not turn <= settings.steering_rate_limit:
+        flags |= MONITOR_STEERING_RATE
+    return flags
+
+
+@kernel
+def copy_steering(source: Record, destination: Record) -> None:
+    """Copy a record STEERING over another."""
+    destination.reference_time = source.reference_time
+    store(destination.direction, load(source.direction))
+    store(destination.direction_rate, load(source.direction_rate))
+    destination.cutoff_time = source.cutoff_time
+    destination.jettison = source.jettison
+    destination.jettison_time = source.jettison_time
+    for k in range(MAX_ARCS):
+        destination.arc_end_times[k] = source.arc_end_times[k]
+
+
+@kernel
+def steer_along_velocity(nav: Record, steering: Record) -> None:
+    """An answer that decides nothing."""
+    steering.reference_time = nav.time
+    store(steering.direction, unit(load(nav.velocity)))
+    store(steering.direction_rate, (0.0, 0.0, 0.0))
+    steering.cutoff_time = math.nan
+    steering.jettison = -1
+    steering.jettison_time = math.nan
+    for k in range(MAX_ARCS):
+        steering.arc_end_times[k] = math.nan
+
+
+@kernel
+def hold_good(onboard: Onboard) -> None:
+    """Answer as last, without what of that would break the same rule in its turn.
+
+    Args:
+        onboard: what is on board. The answer and the last good one are changed.
+    """
+    nav = onboard.navigation
+    settings = onboard.settings
+    monitors = onboard.state.monitors
+    good = monitors.good
+    if monitors.kept == 0:
+        steer_along_velocity(nav, good)
+    if monitors.flags & MONITOR_JETTISON:
+        good.jettison = -1
+        good.jettison_time = math.nan
+    turn = fastest_turn(good, nav.time, nav.time + settings.cycle_period)
+    if not turn <= settings.steering_rate_limit:
+        since = nav.time - good.reference_time
+        store(good.direction, unit(axpy(since, load(good.direction_rate), load(good.direction))))
+        store(good.direction_rate, (0.0, 0.0, 0.0))
+        good.reference_time = nav.time
+    copy_steering(good, onboard.steering)
+
+
+@kernel
+def watch_answer(mission: MissionRecords, onboard: Onboard) -> None:
+    """Let the present answer out, or hold the last good one.
+
+    Args: as in :func:`drops_too_early`. The answer and the monitors are changed.
+    """
+    state = onboard.state
+    monitors = state.monitors
+    if state.phase == PHASE_IDLE:
+        # nothing is commanded yet
+        return
+    monitors.flags = broken_rules(mission, onboard)
+    if monitors.flags == 0:
+        copy_steering(onboard.steering, monitors.good)
+        monitors.kept = 1
+        return
+    monitors.violations += 1
+    monitors.violated |= monitors.flags
+    if monitors.flags == MONITOR_JETTISON:
+        # the rest of the answer is as good as any
+        onboard.steering.jettison = -1
+        onboard.steering.jettison_time = math.nan
+        copy_steering(onboard.steering, monitors.good)
+        monitors.kept = 1
+        return
+    hold_good(onboard)
