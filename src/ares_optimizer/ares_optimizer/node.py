@@ -1,5 +1,6 @@
 """Optimizer node: serves optimal trajectories, from a mission or from where a flight is."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from rclpy.service import Service
@@ -34,9 +35,14 @@ class OptimizerNode(FlightNode):
 
     disposable = True
 
-    def __init__(self, **kwargs: Any) -> None:
-        """Declare the parameters; everything else waits for `configure`."""
-        super().__init__("optimizer", parameters=PARAMETERS, **kwargs)
+    def __init__(self, more: Sequence[Parameter] = (), **kwargs: Any) -> None:
+        """Declare the parameters; everything else waits for `configure`.
+
+        Args:
+            more: parameters of a subclass.
+            **kwargs: passed on to FlightNode.
+        """
+        super().__init__("optimizer", parameters=(*PARAMETERS, *more), **kwargs)
         self._service: Service | None = None
 
     def configure(self) -> None:

@@ -22,6 +22,16 @@ HELD_METHODS = ("indirect", "direct11", "direct14", "direct20")
 METHODS = (*DIRECT_METHODS, *INDIRECT_METHODS, ANALYTIC_METHOD)
 
 
+#: Beyond any state of a flight, and far below what a number can hold: s, m, m/s, kg.
+MOST = {
+    "time": 1e9,
+    "arc_start_time": 1e9,
+    "position": 1e12,
+    "velocity": 3e8,
+    "mass": 1e12,
+}
+
+
 class Heating(StrEnum):
     """Where a flight has to keep the heating limit of a jettison."""
 
@@ -90,9 +100,11 @@ def check_state(arrays: MissionArrays, state: NDArray[np.void]) -> None:
             f"state has shape {state.shape}; expected one record of dtype NAVIGATION, shape (1,)"
         )
     row = state[0]
-    for name in ("time", "arc_start_time", "position", "velocity", "mass"):
+    for name, most in MOST.items():
         if not np.all(np.isfinite(row[name])):
             raise OptimizerError(f"state.{name} is {row[name]}; expected finite numbers")
+        if np.any(np.abs(row[name]) > most):
+            raise OptimizerError(f"state.{name} is {row[name]}; expected {most:g} at most")
     if not 0 <= row["arc"] < len(arrays.arcs):
         raise OptimizerError(
             f"state.arc is {row['arc']}; expected 0 to {len(arrays.arcs) - 1}, as the mission has"
