@@ -1,5 +1,6 @@
 """One-line reports: on /diagnostics with flight time, what is wrong on /rosout too."""
 
+import math
 from collections.abc import Callable, Mapping
 from enum import Enum
 
@@ -135,6 +136,15 @@ class Diagnostics:
         """An error on /rosout from a node that ends at once: wait until it has been sent."""
         self.log(Level.ERROR, message)
         self._log.wait_for_all_acked(Duration(seconds=_LAST_WORDS))
+
+
+def number_of(said: Mapping[str, str], key: str) -> float | None:
+    """A number among the facts of `timing`; None where there is none, or none that is finite."""
+    try:
+        value = float(said.get(key, ""))
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
 
 
 def pace_word(node: Node, flight_id: int, pace: float, paused: bool) -> DiagnosticStatus:

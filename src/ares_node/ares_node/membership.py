@@ -9,6 +9,7 @@ from collections.abc import Callable
 from enum import IntEnum
 
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.subscription import Subscription
 
 from ares_msgs.msg import FlightMember
@@ -45,6 +46,9 @@ class State(IntEnum):
     FAILED = FlightMember.FAILED
     LEFT = FlightMember.LEFT
 
+
+#: Members that are remembered; of more, those that spoke last.
+MOST_HEARD = 1000
 
 #: States in which a simulator has a flight to give away or in the air.
 OPEN = (State.PREPARING, State.PRESENT, State.READY, State.FLYING)
@@ -87,6 +91,8 @@ class Membership:
             node=node.get_fully_qualified_name(),
         )
         self._out = node.create_publisher(FlightMember, FLIGHT_MEMBER, MEMBER)
+        #: by which the last word of others was said
+        self._others_out: list[Publisher] = []
         self._in: Subscription | None = None
         self._out.publish(self._word)
 
@@ -111,7 +117,19 @@ class Membership:
         self.say(State.LEFT)
         if self._in is not None:
             self._node.destroy_subscription(self._in)
-        self._node.destroy_publisher(self._out)
+        for publisher in (self._out, *self._others_out):
+            self._node.destroy_publisher(publisher)
+
+    def speak_for(self, member_id: int) -> None:
+        """Say for another member, whose process is no more, that it takes part no more."""
+        word = self._heard.get(member_id)
+        if word is None or word.state == State.LEFT:
+            return
+        word.state = State.LEFT
+        # not the own publisher: who comes later gets the last word of each
+        publisher = self._node.create_publisher(FlightMember, FLIGHT_MEMBER, MEMBER)
+        self._others_out.append(publisher)
+        publisher.publish(word)
 
     # ---- the own word
 
@@ -142,6 +160,8 @@ class Membership:
     def _on_member(self, member: FlightMember) -> None:
         if member.member_id != self.member_id:
             self._heard[int(member.member_id)] = member
+            if len(self._heard) > MOST_HEARD:
+                del self._heard[next(iter(self._heard))]
             self._changed(member)
 
     def others(self, role: Role, *states: State) -> list[FlightMember]:
@@ -163,16 +183,17 @@ class Membership:
             for member in self._heard.values()
         )
 
-    def settings_of(self, member_id: int) -> str:
-        """What another member has said that it flies by; empty if nothing is known."""
-        member = self._heard.get(member_id)
-        return str(member.settings) if member is not None else ""
-
     @property
     def simulator(self) -> FlightMember | None:
         """The last word of the simulator of this flight; None if there is none."""
         simulators = self.others(Role.VEHICLE_SIM) if self.flight_id else []
         return simulators[-1] if simulators else None
+
+    @property
+    def guidance(self) -> FlightMember | None:
+        """The last word of the guidance that the simulator has accepted; None if there is none."""
+        simulator = self.simulator
+        return self._heard.get(int(simulator.guidance_id)) if simulator is not None else None
 
     def belongs(self, flight_id: int) -> bool:
         """Whether a message is of this flight; counts it if not."""

@@ -12,11 +12,13 @@ from rclpy.clock_type import ClockType
 from rclpy.executors import Executor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter as RosParameter
+from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
-from ares_node.diagnostics import Diagnostics, folded
+from ares_node.diagnostics import Diagnostics, Level, folded
 from ares_node.parameters import Parameter, declare_parameters, read_parameters
 from ares_node.qos import NAMESPACE
+from ares_node.states import Unreadable
 
 #: Wall time in s after which a node that still configures says so, again and again.
 PATIENCE = 10.0
@@ -48,9 +50,11 @@ class FlightNode(LifecycleNode):
         done: the node has ended the run itself (`finish`); its process may exit.
         when_done: called when it has.
         exit_code: exit status of the node's process.
+        unreadable: messages taken as bytes that could not be read.
     """
 
     disposable = False
+    unreadable = 0
 
     def __init__(
         self,
@@ -123,6 +127,34 @@ class FlightNode(LifecycleNode):
         self.exit_code = exit_code
         self.done = True
         self.when_done()
+
+    def create_subscription(
+        self,
+        msg_type: Any,
+        topic: str,
+        callback: Callable[[Any], None],
+        qos_profile: Any,
+        *,
+        raw: bool = False,
+        **more: Any,
+    ) -> Subscription:
+        """As rclpy's; what a callback finds `Unreadable` is dropped, counted and reported once.
+
+        Who publishes may have another definition of the type than the one here.
+        """
+
+        def take(data: bytes) -> None:
+            try:
+                callback(data)
+            except Unreadable as error:
+                self.unreadable += 1
+                if self.unreadable == 1:
+                    text = f"{topic}: a message that cannot be read: {error}"
+                    self.diagnostics.report(Level.WARN, text, 0)
+
+        return super().create_subscription(
+            msg_type, topic, take if raw else callback, qos_profile, raw=raw, **more
+        )
 
     def wall_timer(self, period_s: float, callback: Callable[[], None]) -> Timer:
         """A timer on the steady clock of this machine, whatever `use_sim_time` says."""

@@ -22,6 +22,12 @@ from rclpy.utilities import remove_ros_args
 
 from ares_node.node import FlightNode
 from ares_node.parameters import ParameterError
+from ares_node.security import (
+    SecurityError,
+    check_security,
+    enclave_arguments,
+    stay_on_this_machine,
+)
 from ares_node.spin import Spinner
 
 #: Wall time in s after a signal, when what may be abandoned is.
@@ -158,9 +164,15 @@ def run_node(
         node says otherwise), 2 if it could not start, 1 after a defect. In the last two
         cases the reason is on standard error.
     """
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    stay_on_this_machine()
     arguments = list(sys.argv[1:] if argv is None else argv)
     who = name or Path(sys.argv[0]).name
+    try:
+        check_security()
+    except SecurityError as error:
+        _complain(who, str(error))
+        return EXIT_CANNOT_START
+    arguments += enclave_arguments(who, arguments)
     stop = StopSignals()
     with stop.watch():
         try:

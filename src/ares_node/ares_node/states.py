@@ -5,9 +5,12 @@ to fill and to convert a message takes longer than all the rest of sending and r
 """
 
 from struct import Struct
+from struct import error as struct_error
 from typing import Any
 
 import numpy as np
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.serialization import deserialize_message
 
 from ares_node.time import NANOSECONDS
 
@@ -23,6 +26,22 @@ _TIME = Struct("<iI")
 #: Encapsulation header, which comes first: CDR, little endian.
 _LITTLE = b"\x00\x01\x00\x00"
 _BEGIN = len(_LITTLE)
+
+
+class Unreadable(ValueError):
+    """Bytes that are no such message, of another definition or of nobody's."""
+
+
+def message_of(data: bytes, kind: Any) -> Any:
+    """The message of a class in some CDR.
+
+    Raises:
+        Unreadable: there is none.
+    """
+    try:
+        return deserialize_message(data, kind)
+    except rclpy_implementation.RMWError as error:
+        raise Unreadable(f"{len(data)} bytes that are no {kind.__name__}") from error
 
 
 def clock_data(stamp_ns: int) -> bytes:
@@ -97,10 +116,13 @@ class StateMessage:
         """Stamp in ns, flight_id, sequence and record of what a raw subscription gets.
 
         Raises:
-            struct.error, ValueError: it is shorter than such a message.
+            Unreadable: it is shorter than such a message.
         """
-        # the second byte is odd for little endian
-        order = data[1] & 1
-        sec, nanosec, flight_id, sequence = _HEADS[order].unpack_from(data, _BEGIN)
-        record = np.frombuffer(data, self._layouts[order], 1, _BEGIN)[0]
+        try:
+            # the second byte is odd for little endian
+            order = data[1] & 1
+            sec, nanosec, flight_id, sequence = _HEADS[order].unpack_from(data, _BEGIN)
+            record = np.frombuffer(data, self._layouts[order], 1, _BEGIN)[0]
+        except (IndexError, ValueError, struct_error) as error:
+            raise Unreadable(f"{len(data)} bytes; expected {len(self._buffer)}") from error
         return sec * NANOSECONDS + nanosec, flight_id, sequence, record

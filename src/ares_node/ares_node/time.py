@@ -3,6 +3,9 @@
 from builtin_interfaces.msg import Time
 
 NANOSECONDS = 1_000_000_000
+#: The times that a stamp can hold, ns.
+EARLIEST = -(2**31) * NANOSECONDS
+LATEST = 2**31 * NANOSECONDS - 1
 
 
 def ns_from_seconds(seconds: float) -> int:
@@ -19,8 +22,11 @@ def seconds_from_ns(nanoseconds: int) -> float:
 
 
 def stamp_from_ns(nanoseconds: int) -> Time:
-    """The stamp of a time in ns; times before zero keep a positive nanosec field."""
-    sec, nanosec = divmod(nanoseconds, NANOSECONDS)
+    """The stamp of a time in ns; times before zero keep a positive nanosec field.
+
+    What lies beyond the times that a stamp can hold becomes the nearest of them.
+    """
+    sec, nanosec = divmod(min(max(nanoseconds, EARLIEST), LATEST), NANOSECONDS)
     return Time(sec=sec, nanosec=nanosec)
 
 

@@ -1,0 +1,92 @@
+"""Whether ROS security that is asked for can be had; if not, nothing starts unprotected. No ROS.
+
+rcl takes ROS_SECURITY_ENABLE as asked for when it is exactly `true`, and a node without keys starts
+without protection unless ROS_SECURITY_STRATEGY says `Enforce`. Fast DDS of the wheels is built
+without its security plugins, and says nothing of it.
+"""
+
+import mmap
+import os
+from collections.abc import Iterator, Mapping, MutableMapping
+from pathlib import Path
+
+RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+ENABLE = "ROS_SECURITY_ENABLE"
+STRATEGY = "ROS_SECURITY_STRATEGY"
+KEYSTORE = "ROS_SECURITY_KEYSTORE"
+ENCLAVE = "--enclave"
+#: Where the enclaves of the policies are, one for each node by its name.
+ENCLAVES = "/ares"
+
+#: In what is built with security, the name of the plugin that proves who somebody is.
+_PLUGIN = b"builtin.PKI-DH"
+_LIBRARY = "libfastrtps.so"
+
+
+class SecurityError(RuntimeError):
+    """Security is asked for and cannot be had; the text is one line."""
+
+
+def stay_on_this_machine(environ: MutableMapping[str, str] = os.environ) -> None:
+    """Let nobody beyond this machine hear, unless the user has said how far discovery goes."""
+    if not environ.get(RANGE):
+        environ[RANGE] = "LOCALHOST"
+
+
+def is_asked_for(environ: Mapping[str, str] = os.environ) -> bool:
+    """Whether somebody wants it, in whatever spelling."""
+    return environ.get(ENABLE, "").strip().lower() not in ("", "0", "false", "no", "off")
+
+
+def check_security(environ: Mapping[str, str] = os.environ) -> None:
+    """Refuse to start unprotected where protection is asked for.
+
+    Raises:
+        SecurityError: it cannot be had, or would not be enforced.
+    """
+    if not is_asked_for(environ):
+        return
+    for name, expected in ((ENABLE, "true"), (STRATEGY, "Enforce")):
+        if environ.get(name) != expected:
+            raise SecurityError(f"{name} is {environ.get(name, '')!r}; expected {expected}")
+    keystore = environ.get(KEYSTORE, "")
+    if not keystore or not Path(keystore).is_dir():
+        raise SecurityError(f"{KEYSTORE} is {keystore!r}; expected the folder of a keystore")
+    middleware = environ.get("RMW_IMPLEMENTATION") or "rmw_fastrtps_cpp"
+    if middleware.startswith("rmw_fastrtps") and not _has_plugins(environ):
+        raise SecurityError(
+            f"{ENABLE} is true, but this ROS 2 has no security: its Fast DDS was built without "
+            "the plugins; a full ROS 2 Jazzy has them"
+        )
+
+
+def _has_plugins(environ: Mapping[str, str]) -> bool:
+    return any(map(_holds_plugin, _libraries(environ)))
+
+
+def _libraries(environ: Mapping[str, str]) -> Iterator[Path]:
+    """Where Fast DDS may be loaded from."""
+    prefixes = environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    folders = [Path(prefix, "lib") for prefix in prefixes if prefix]
+    folders += [Path(path) for path in environ.get("LD_LIBRARY_PATH", "").split(os.pathsep) if path]
+    for folder in dict.fromkeys(folders):
+        yield from sorted(folder.glob(_LIBRARY + "*"))
+        # Debian keeps them by the name of the machine
+        yield from sorted(folder.glob("*/" + _LIBRARY + "*"))
+
+
+def _holds_plugin(path: Path) -> bool:
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        return data.find(_PLUGIN) >= 0
+
+
+def enclave_arguments(node: str, given: list[str] | None = None) -> list[str]:
+    """ROS arguments by which a process takes the identity of a node; none without security.
+
+    Args:
+        node: its name, or that of another enclave of the policies.
+        given: arguments of the command line; an enclave that they name stays.
+    """
+    if not is_asked_for() or ENCLAVE in (given or ()):
+        return []
+    return ["--ros-args", ENCLAVE, f"{ENCLAVES}/{node}"]
