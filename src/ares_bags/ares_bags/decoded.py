@@ -1,8 +1,17 @@
 """Walking through the objects that mcap-ros2-support decodes messages into."""
 
+import io
 from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stderr
 from types import SimpleNamespace
 from typing import Any
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Keeps the parser of message definitions from printing what it raises too."""
+    with redirect_stderr(io.StringIO()):
+        yield
 
 
 def is_message(value: Any) -> bool:

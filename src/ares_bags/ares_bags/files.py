@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from ares_bags.errors import BagError
+from ares_bags.errors import BagError, cause
 from ares_bags.metadata import METADATA_FILE, read_metadata_file
 
 #: A file that rosbag2 has compressed whole is called so.
@@ -25,12 +25,18 @@ def find_files(path: Path | str) -> list[Path]:
     path = Path(path)
     if path.name == METADATA_FILE:
         path = path.parent
+    try:
+        path.stat()
+    except FileNotFoundError:
+        raise BagError(f"bag {path} does not exist") from None
+    except (OSError, ValueError) as error:
+        raise BagError(f"bag {path} cannot be read: {cause(error)}") from error
     if path.is_file():
         if path.suffix == ".db3":
             raise _of_sqlite(path)
         return [path]
     if not path.is_dir():
-        raise BagError(f"bag {path} does not exist")
+        raise BagError(f"bag {path} is neither a file nor a folder")
     return _listed(path) or _found(path)
 
 

@@ -107,7 +107,7 @@ def stamp_of_cdr(data: bytes) -> int:
     Raises:
         struct.error: fewer than 12 bytes.
     """
-    sec, nanosec = (_LITTLE if data[1] & 1 else _BIG).unpack_from(data, 4)
+    sec, nanosec = (_BIG if data[1:2] and not data[1] & 1 else _LITTLE).unpack_from(data, 4)
     return int(sec) * 1_000_000_000 + int(nanosec)
 
 
@@ -131,19 +131,20 @@ def fixed_layout(type_name: str, definition: str) -> FixedLayout | None:
     stamps: list[str] = []
     try:
         numbers = list(_numbers(head, package, texts, "", 0, stamps))
-    except LookupError:
+        if not numbers:
+            return None
+        formats = [(f"<{n.kind}", (n.count,)) if n.count else f"<{n.kind}" for n in numbers]
+        dtype = np.dtype(
+            {
+                "names": [number.name for number in numbers],
+                "formats": formats,
+                "offsets": [number.offset for number in numbers],
+                "itemsize": numbers[-1].offset + _size(numbers[-1]),
+            }
+        )
+    except (LookupError, ValueError, OverflowError, RecursionError):
+        # texts and lists; or fields that no message can have: doubled, endless, in themselves
         return None
-    if not numbers:
-        return None
-    end = numbers[-1].offset + _size(numbers[-1])
-    dtype = np.dtype(
-        {
-            "names": [number.name for number in numbers],
-            "formats": [(f"<{n.kind}", (n.count,)) if n.count else f"<{n.kind}" for n in numbers],
-            "offsets": [number.offset for number in numbers],
-            "itemsize": end,
-        }
-    )
     return FixedLayout(dtype, tuple(stamps))
 
 

@@ -17,7 +17,7 @@ from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
 
 from ares_bags.contents import topic_of
-from ares_bags.decoded import numbers
+from ares_bags.decoded import numbers, quiet
 from ares_bags.errors import BagError, cause
 from ares_bags.files import PACKED, find_files
 from ares_bags.layout import WALL_CLOCK_NS, begins_with_stamp, fixed_layout, stamp_of_cdr
@@ -265,7 +265,8 @@ class Bag:
         """What turns the CDR of a topic into an object with the message's fields."""
         name = self.name_of(topic)
         try:
-            decoder = self._decoders.decoder_for("cdr", self._schemas[name])
+            with quiet():
+                decoder = self._decoders.decoder_for("cdr", self._schemas[name])
         except Exception as error:
             raise BagError(
                 f"bag {self.path}: definition of {self.topics[name].type_name} cannot be parsed "

@@ -3,6 +3,7 @@
 import struct
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -11,14 +12,15 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.executors import Executor
 from rclpy.qos import HistoryPolicy, QoSProfile
-from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
+from rclpy.timer import Timer
 
 from ares_bags.errors import BagError
 from ares_bags.layout import WALL_CLOCK_NS, stamp_of_cdr
 from ares_bags.schema import Qos, Topic
 from ares_bags.types import (
     flight_of_cdr,
+    guidance_of_cdr,
     message_class,
     names_its_flight,
     starts_with_stamp,
@@ -40,6 +42,7 @@ from ares_node.qos import (
     THRUST_COMMAND,
     VEHICLE_STATE,
 )
+from ares_node.states import Unreadable, message_of
 
 #: Types of the topics that need not be spelt out.
 TYPES = {
@@ -55,6 +58,8 @@ TYPES = {
 QUIET_TIME = 0.2
 #: Wall time in s after which draining ends although messages still come, or states are missing.
 DRAIN_LIMIT = 5.0
+#: Wall time in s that guidance has to say how many statuses it has sent when the flight is over.
+LAST_WORD_TIME = 1.0
 #: Topics whose messages are numbered without gaps.
 NUMBERED = (NAV_STATE, VEHICLE_STATE)
 
@@ -101,7 +106,7 @@ class RecorderNode(FlightNode):
     The bag is closed when the flight is over. A write error ends the bag, not the flight: it
     is reported once on /diagnostics and on standard error, `error` says what happened, and the
     process will exit with status 1. So it is with messages that did not arrive: navigation
-    states are numbered.
+    states are numbered, and guidance says how many statuses it has sent.
 
     Attributes:
         error: why the bag is incomplete, one line; None if it is not.
@@ -123,6 +128,8 @@ class RecorderNode(FlightNode):
         self._latest = 0
         self._received = 0
         self._expected: dict[str, int] = {}
+        self._statuses: Counter[int] = Counter()
+        self._ending: Timer | None = None
         self._missing = 0
         self._held_back: list[Callable[[], None]] = []
 
@@ -192,7 +199,8 @@ class RecorderNode(FlightNode):
     def drain_and_close(self, executor: Executor | None = None) -> None:
         """Take messages until none has come for 0.2 s (5 s at most), then close the bag.
 
-        Where the simulator has said how many states there were, all of them are waited for.
+        Where simulator and guidance have said how many messages there were, all of them are waited
+        for.
         Does nothing if the bag is closed already.
 
         Args:
@@ -253,32 +261,38 @@ class RecorderNode(FlightNode):
         if self._membership.flight_id:
             self._take_held_back()
         simulator = self._membership.simulator
-        if simulator is not None and simulator.state == State.OVER:
+        if simulator is None or simulator.state != State.OVER or self._writer is None:
+            return
+        guidance = self._membership.guidance
+        if guidance is None or guidance.state != State.READY:
             self.drain_and_close()
+        elif self._ending is None:
+            # it may be dead and never say how many statuses there were
+            self._ending = self.wall_timer(LAST_WORD_TIME, self.drain_and_close)
 
     def _note_guidance(self) -> None:
         """Keep what each guidance that was accepted flies by."""
-        mine = self._membership
-        simulator = mine.simulator
-        if self._writer is None or simulator is None or not simulator.guidance_id:
-            return
-        settings = mine.settings_of(int(simulator.guidance_id))
-        if settings:
-            key = GUIDANCE_KEY + id_text(int(simulator.guidance_id))
-            self._writer.custom_data[key] = settings
+        guidance = self._membership.guidance
+        if self._writer is not None and guidance is not None and guidance.settings:
+            key = GUIDANCE_KEY + id_text(int(guidance.member_id))
+            self._writer.custom_data[key] = str(guidance.settings)
 
     def _on_lost(self, info: Any) -> None:
         self._missing += info.total_count_change
 
     def _outstanding(self) -> int:
-        """States that the simulator has sent and that have not come yet."""
-        simulator = self._membership.simulator
+        """What simulator and guidance have said to have sent and that has not come yet."""
+        mine = self._membership
+        simulator, guidance = mine.simulator, mine.guidance
         if simulator is None or simulator.state != State.OVER:
             return 0
         # the last state of the truth is the end of the flight, which has no navigation state
         last = int(simulator.last_sequence)
         sent = {NAV_STATE: last, VEHICLE_STATE: last + 1}
-        return sum(sent[name] - next_one for name, next_one in self._expected.items())
+        states = sum(sent[name] - next_one for name, next_one in self._expected.items())
+        if guidance is None or guidance.state != State.OVER or GUIDANCE_STATUS not in self._types:
+            return states
+        return states + int(guidance.last_sequence) - self._statuses[int(guidance.member_id)]
 
     def _filter(self, name: str, kind: Any) -> Callable[[bytes], bool]:
         """What tells the messages of this flight, and counts the numbered ones."""
@@ -289,6 +303,8 @@ class RecorderNode(FlightNode):
         if name in NUMBERED:
             self._expected[name] = 0
             return partial(self._is_our_state, name)
+        if name == GUIDANCE_STATUS:
+            return self._is_our_status
         return lambda data: self._is_ours(flight_of_cdr(data)[0])
 
     def _is_ours(self, flight_id: int) -> bool:
@@ -311,8 +327,14 @@ class RecorderNode(FlightNode):
         self._expected[name] = sequence + 1
         return True
 
+    def _is_our_status(self, data: bytes) -> bool:
+        if not self._is_ours(flight_of_cdr(data)[0]):
+            return False
+        self._statuses[guidance_of_cdr(data)] += 1
+        return True
+
     def _is_our_report(self, data: bytes) -> bool:
-        reports = deserialize_message(data, DiagnosticArray).status
+        reports = message_of(data, DiagnosticArray).status
         foreign = any(of_another_flight(report, self._membership.flight_id) for report in reports)
         self._membership.foreign += foreign
         return not foreign
@@ -334,7 +356,7 @@ class RecorderNode(FlightNode):
             stamp = stamp_of_cdr(data)
             if not is_ours(data):
                 return
-        except struct.error:
+        except (struct.error, Unreadable):
             self.lost += 1
             return
         self._received += 1
@@ -377,6 +399,9 @@ class RecorderNode(FlightNode):
             self.destroy_subscription(subscription)
         if self._inputs:
             self.destroy_timer(self._timer)
+        if self._ending is not None:
+            self.destroy_timer(self._ending)
+            self._ending = None
         self._inputs.clear()
         self._note_the_flight()
         if self._writer is not None and not self._received:

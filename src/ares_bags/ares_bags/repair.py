@@ -91,14 +91,15 @@ def repair(path: Path | str, output: Path | str | None = None) -> Repair:
     problem = findings[0] if len(findings) == 1 else f"{findings[0]}, and {len(findings) - 1} more"
     source = path if path.is_dir() else file.with_suffix("")
     target = Path(output) if output is not None else source.with_name(f"{source.name}_repaired")
-    if not found.result.messages:
+    counts = found.savable_counts
+    if not counts:
         raise BagError(f"bag {path}: no message can be saved ({problem})")
     result = Repair(
         target,
-        counts=found.message_counts,
+        counts=counts,
         damaged_chunks=found.result.damaged_chunks,
         problem=f"bag {path}: {problem}",
-        lost=_lost(found),
+        lost=_lost(found, sum(counts.values())),
     )
     custom_data = _custom_data([custom_data_of(copy) for _, copy in found.copies])
     if result.lost == 0:
@@ -109,14 +110,14 @@ def repair(path: Path | str, output: Path | str | None = None) -> Repair:
     return result
 
 
-def _lost(found: Examination) -> int | None:
-    """How many messages were recorded and cannot be saved; None if nothing tells."""
-    if found.result.lost is not None:
-        return found.result.lost
+def _lost(found: Examination, saved: int) -> int | None:
+    """How many messages were recorded and are not saved; None if nothing tells."""
+    if found.result.expected is not None:
+        return max(found.result.expected - saved, 0)
     # without any count: nothing is missing between the header and the end of the data
     spans = found.survey.spans
     ended = bool(spans) and spans[-1].opcode == Opcode.DATA_END
-    return 0 if ended and found.whole else None
+    return found.result.messages - saved if ended and found.whole else None
 
 
 def _custom_data(copies: Sequence[Mapping[str, str]]) -> dict[str, str]:

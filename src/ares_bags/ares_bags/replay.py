@@ -31,6 +31,12 @@ from ares_bags.remote import remote
 from ares_bags.schema import type_hash
 from ares_bags.types import check_installed, message_class
 from ares_node.qos import CLOCK, CLOCK_QOS, TIMING, VEHICLE_STATE
+from ares_node.security import (
+    SecurityError,
+    check_security,
+    enclave_arguments,
+    stay_on_this_machine,
+)
 from ares_node.time import NANOSECONDS, stamp_from_ns
 
 #: Messages between two waits for the readers' acknowledgement; below the publishers' depth.
@@ -347,15 +353,20 @@ def run_replay(
     Returns:
         Exit status: 0, or 2 with one line on standard error.
     """
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    stay_on_this_machine()
     context = Context()
     extract = replace(extract or Extract(), again=say)
     try:
+        check_security()
         with _stop_on_signals() as stopped:
             playback = Playback(rate)
             bag = open_bag(path)
             extract.check(bag)
-            rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
+            rclpy.init(
+                args=enclave_arguments("replay"),
+                context=context,
+                signal_handler_options=SignalHandlerOptions.NO,
+            )
             with keys(playback, say) as ended:
                 result = replay(
                     bag,
@@ -365,7 +376,7 @@ def run_replay(
                     namespace=namespace,
                     stopped=lambda: stopped() or ended(),
                 )
-    except (BagError, ValueError) as error:
+    except (BagError, SecurityError, ValueError) as error:
         print(f"replay: {error}", file=sys.stderr)
         return 2
     finally:

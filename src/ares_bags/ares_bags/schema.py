@@ -122,17 +122,55 @@ def dump_yaml(value: object) -> str:
     return yaml.safe_dump(value, sort_keys=False, allow_unicode=True, width=2**20)
 
 
+#: The loader in C, where there is one: several texts are read for each bag.
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+#: Deepest nesting of a YAML text, and its values with all aliases followed.
+_MAX_DEPTH = 32
+_MAX_VALUES = 100_000
+#: What the loader raises for a scalar that its tag does not fit.
+_UNFIT = (AttributeError, LookupError, OverflowError, TypeError, ValueError)
+
+
 def load_yaml(text: str) -> Any:
     """The value of a YAML text.
 
     Raises:
-        ValueError: it is not YAML.
+        ValueError: it is not YAML, or grows or nests beyond what a bag needs.
     """
     try:
-        # the loader in C, where there is one: several texts are read for each bag
-        return yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
-    except (yaml.YAMLError, RecursionError) as error:
-        raise ValueError(f"not YAML ({cause(error)})") from error
+        _check_size(text)
+        return yaml.load(text, Loader=_LOADER)
+    except (yaml.YAMLError, *_UNFIT) as error:
+        raise ValueError(f"not valid YAML ({cause(error)})") from error
+
+
+def _check_size(text: str) -> None:
+    """Refuse what would overflow the loader's stack, or grow without bound by its aliases.
+
+    Raises:
+        ValueError: it does; one line.
+    """
+    # of each collection that is open: its anchor, and its values so far
+    opened: list[tuple[str | None, int]] = []
+    sizes: dict[str, int] = {}
+    values = 0
+    for event in yaml.parse(text, Loader=_LOADER):
+        if isinstance(event, yaml.AliasEvent):
+            # an anchor that is still open would hold itself
+            values += sizes.get(str(event.anchor), _MAX_VALUES)
+        elif isinstance(event, yaml.CollectionStartEvent):
+            opened.append((event.anchor, values))
+            values += 1
+        elif isinstance(event, yaml.CollectionEndEvent):
+            anchor, before = opened.pop()
+            if anchor is not None:
+                sizes[anchor] = values - before
+        elif isinstance(event, yaml.ScalarEvent):
+            values += 1
+            if event.anchor is not None:
+                sizes[event.anchor] = 1
+        if values >= _MAX_VALUES or len(opened) > _MAX_DEPTH:
+            raise ValueError("nested too deeply, or grown by its aliases")
 
 
 @lru_cache

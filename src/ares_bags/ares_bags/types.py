@@ -12,6 +12,8 @@ if TYPE_CHECKING:
 
 _LITTLE_FLIGHT = Struct("<QI")
 _BIG_FLIGHT = Struct(">QI")
+_LITTLE_GUIDANCE = Struct("<Q")
+_BIG_GUIDANCE = Struct(">Q")
 
 
 def message_class(type_name: str) -> Any:
@@ -58,5 +60,16 @@ def flight_of_cdr(data: bytes) -> tuple[int, int]:
     Raises:
         struct.error: fewer than 24 bytes.
     """
-    flight, sequence = (_LITTLE_FLIGHT if data[1] & 1 else _BIG_FLIGHT).unpack_from(data, 12)
+    layout = _BIG_FLIGHT if data[1:2] and not data[1] & 1 else _LITTLE_FLIGHT
+    flight, sequence = layout.unpack_from(data, 12)
     return int(flight), int(sequence)
+
+
+def guidance_of_cdr(data: bytes) -> int:
+    """Guidance that a serialised command or status is of: its third field.
+
+    Raises:
+        struct.error: fewer than 28 bytes.
+    """
+    (guidance,) = (_LITTLE_GUIDANCE if data[1] & 1 else _BIG_GUIDANCE).unpack_from(data, 20)
+    return int(guidance)

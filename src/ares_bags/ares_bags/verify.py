@@ -2,7 +2,8 @@
 
 import zlib
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,8 @@ from mcap.summary import Summary
 from mcap_ros2.decoder import DecoderFactory
 
 from ares_bags.contents import Contents
-from ares_bags.errors import BagError, cause
+from ares_bags.decoded import quiet
+from ares_bags.errors import BagError, cause, printable
 from ares_bags.files import find_files
 from ares_bags.metadata import (
     METADATA_FILE,
@@ -146,7 +148,7 @@ def _together(path: Path, parts: Sequence["Examination"]) -> Verification:
         found = sum((Counter(part.message_counts) for part in parts), Counter[str]())
         told = recorded_counts([information])
         if conflict:
-            whole.findings.append(conflict)
+            whole.findings.append(printable(conflict))
         if told is not None and all(part.whole for part in parts) and Counter(told) != found:
             whole.findings.append(f"{METADATA_FILE} counts other messages than there are")
     return whole
@@ -194,13 +196,28 @@ class Examination:
     @property
     def message_counts(self) -> dict[str, int]:
         """Messages that can be read, by topic."""
+        return self._by_topic(self._counts)
+
+    @property
+    def savable_counts(self) -> dict[str, int]:
+        """Those of them that are of topics of ROS 2."""
+        return self._by_topic([channel for channel in self._counts if self._of_ros(channel)])
+
+    def _by_topic(self, channels: Iterable[int]) -> dict[str, int]:
         counts: Counter[str] = Counter()
-        for channel, count in self._counts.items():
-            counts[self.contents.channels[channel].topic] += count
+        for channel in channels:
+            counts[self.contents.channels[channel].topic] += self._counts[channel]
         return dict(counts)
 
+    def _of_ros(self, channel: int) -> bool:
+        try:
+            self.contents.topic(channel)
+        except BagError:
+            return False
+        return True
+
     def _say(self, finding: str) -> None:
-        self.result.findings.append(finding)
+        self.result.findings.append(printable(finding))
 
     def _records(self) -> None:
         """Everything in the MCAP file."""
@@ -213,6 +230,8 @@ class Examination:
             self.contents.schemas |= found.summary.schemas
             self.contents.channels |= found.summary.channels
             self._check_topics(list(found.summary.channels))
+        else:
+            self._describe()
         header = self._record(found.spans[0]) if found.spans else None
         if isinstance(header, Header):
             self._ours = header.library.startswith(LIBRARY)
@@ -227,6 +246,20 @@ class Examination:
         if found.summary and found.spans:
             self._summary(found.summary)
             self._data_end(found.spans[-1])
+
+    def _describe(self) -> None:
+        """What all readable chunks say of topics: the first that did may be damaged."""
+        for span in self.survey.spans:
+            described: list[McapRecord | None] = []
+            with suppress(*UNREADABLE):
+                if span.opcode == Opcode.CHUNK:
+                    content = chunk_content(self.data, span)
+                    described += [record for _, record in chunk_records(content)]
+                elif span.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                    described.append(parse(self.data, span))
+            for record in described:
+                if record is not None and not self.contents.contradicts(record):
+                    self.contents.note(record)
 
     def _check_topics(self, channels: Sequence[int]) -> None:
         """Raise if there is nothing of ROS 2; what is not, beside it, is counted only."""
@@ -307,13 +340,12 @@ class Examination:
 
     def _decodes(self, message: Message) -> bool:
         """Whether a message of a described topic can be decoded, or is none of ROS 2."""
-        try:
-            self.contents.topic(message.channel_id)
-        except BagError:
+        if not self._of_ros(message.channel_id):
             return True
         schema = self.contents.schemas[self.contents.channels[message.channel_id].schema_id]
         try:
-            decode = self._decoders.decoder_for("cdr", schema)
+            with quiet():
+                decode = self._decoders.decoder_for("cdr", schema)
             assert decode is not None  # Contents.topic() has checked the encodings
             decode(message.data)
         except Exception:

@@ -41,7 +41,7 @@ from ares_bags.testing import (
     report,
 )
 from ares_bags.verify import Examination
-from ares_msgs.msg import FlightEvent, NavState
+from ares_msgs.msg import FlightEvent, GuidanceStatus, NavState
 from ares_node.diagnostics import hardware_id
 from ares_node.identity import id_text
 from ares_node.membership import Membership, Role, State
@@ -511,4 +511,60 @@ def test_the_simulator_says_how_many_states_there_were(
     assert word == ("" if whole else str(recorder.error))
     assert recorder.exit_code == (not whole)
     assert open_bag(tmp_path / "flight").topics[NAV].count == sent
+    simulator.close()
+
+
+@pytest.mark.parametrize(("sent", "whole"), [(4, True), (3, False)])
+def test_guidance_says_how_many_statuses_there_were(
+    source: Source, recorders: Any, tmp_path: Path, sent: int, whole: bool
+) -> None:
+    simulator = Membership(source.node, Role.VEHICLE_SIM, "ares_v", FLIGHT_ID)
+    guidance = Membership(source.node, Role.GUIDANCE, "ares_v", FLIGHT_ID)
+    out = source.node.create_publisher(GuidanceStatus, "guidance_status", FLIGHT)
+    simulator.listen()
+    guidance.listen()
+    recorder = recorders(
+        bag=str(tmp_path / "flight"), flight_id=FLIGHT_ID, topics=["nav_state", "guidance_status"]
+    )
+    assert recorder.start(), recorder.failure
+    simulator.say(State.FLYING, guidance_id=guidance.member_id)
+    guidance.agree(guidance.member_id)
+    assert spin_until(source.executor, lambda: simulator.others(Role.RECORDER, State.READY))
+    for number in range(2):
+        source.nav.publish(nav_state(number))
+    simulator.say(State.OVER, last_sequence=2)
+    # the flight is over, guidance has not said its last word: the bag stays open
+    assert not spin_until(
+        source.executor, lambda: simulator.others(Role.RECORDER, State.OVER), timeout=0.4
+    )
+    other = GuidanceStatus(flight_id=FLIGHT_ID, guidance_id=guidance.member_id + 1)
+    mine = GuidanceStatus(flight_id=FLIGHT_ID, guidance_id=guidance.member_id)
+    for status in [other] + sent * [mine]:
+        out.publish(status)
+    guidance.say(State.OVER, last_sequence=4)
+    wanted = State.OVER if whole else State.FAILED
+    assert spin_until(source.executor, lambda: simulator.others(Role.RECORDER, wanted))
+    if not whole:
+        assert str(recorder.error).endswith("is incomplete: 1 messages did not arrive")
+    assert open_bag(tmp_path / "flight").topics["/ares/guidance_status"].count == sent + 1
+    guidance.close()
+    simulator.close()
+
+
+def test_a_guidance_without_a_last_word_is_not_waited_for(
+    source: Source, recorders: Any, tmp_path: Path
+) -> None:
+    simulator = Membership(source.node, Role.VEHICLE_SIM, "ares_v", FLIGHT_ID)
+    guidance = Membership(source.node, Role.GUIDANCE, "ares_v", FLIGHT_ID)
+    simulator.listen()
+    guidance.listen()
+    recorder = recorders(bag=str(tmp_path / "flight"), flight_id=FLIGHT_ID, topics=["nav_state"])
+    assert recorder.start(), recorder.failure
+    simulator.say(State.FLYING, guidance_id=guidance.member_id)
+    guidance.agree(guidance.member_id)
+    assert spin_until(source.executor, lambda: simulator.others(Role.RECORDER, State.READY))
+    source.nav.publish(nav_state(0))
+    simulator.say(State.OVER, last_sequence=1)
+    assert spin_until(source.executor, lambda: simulator.others(Role.RECORDER, State.OVER))
+    guidance.close()
     simulator.close()
