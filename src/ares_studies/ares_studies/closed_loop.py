@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from ares_guidance.guess import ArcPlan, OfflineTrajectory
 from ares_guidance.law import Law, LawKind, LawSettings, needs_plan
 from ares_guidance.laws import make_law
+from ares_models.failures import Failure
 from ares_models.mission import Mission
 from ares_optimizer.solution import Solution, Status
 from ares_studies.arrays import closed_loop
@@ -128,33 +129,35 @@ def ready_law(
 
 def fly_compiled(
     mission: Mission,
-    settings: LawSettings | None = None,
     options: SimulatorOptions | None = None,
     dispersions: Dispersions | None = None,
     seed: int = 0,
     flight: int = 0,
     law: str | Law = "peg",
+    failure: Failure | None = None,
 ) -> Flight:
     """Fly a mission in one compiled loop.
 
     Args:
         mission: what is flown.
-        settings: cycle and gates of the law.
         options: how the plant is stepped.
         dispersions: how the truth differs from the mission file; None: nowhere.
         seed: master seed of what is drawn.
         flight: number of the flight among those of the seed.
         law: one of `ares_guidance.registry.law_names`, or a law before its flight, as
-            :func:`ready_law` makes it, whose settings are its own.
+            :func:`ready_law` makes it, with settings of its own.
+        failure: what fails; None: nothing does.
 
     Raises:
-        ValueError: the law cannot fly the mission.
+        ValueError: the law cannot fly the mission, or dispersions or failure do not fit it.
     """
     options = options or SimulatorOptions()
     believed = mission.arrays(foreseen=True)
-    true, vehicle = true_vehicle(mission, options, dispersions or Dispersions(), seed, flight)
+    true, vehicle = true_vehicle(
+        mission, options, dispersions or Dispersions(), seed, flight, failure
+    )
     if isinstance(law, str):
-        law = ready_law(mission, law, settings, state=vehicle.navigation)
+        law = ready_law(mission, law, state=vehicle.navigation)
     law.check_plan()
     flight_loop(law.kind)(closed_loop(true, vehicle, believed, law.onboard))
     return Flight(vehicle.plant[0], law.state)
@@ -162,21 +165,21 @@ def fly_compiled(
 
 def fly_stepwise(
     mission: Mission,
-    settings: LawSettings | None = None,
     options: SimulatorOptions | None = None,
     dispersions: Dispersions | None = None,
     seed: int = 0,
     flight: int = 0,
     law: str | Law = "peg",
+    failure: Failure | None = None,
 ) -> Flight:
     """Fly a mission through the objects that the nodes hold.
 
     Args: as :func:`fly_compiled`.
     """
-    simulator = Simulator(mission, options, dispersions, seed, flight)
+    simulator = Simulator(mission, options, dispersions, seed, flight, failure)
     if isinstance(law, str):
         first = np.array([simulator.navigation])
-        law = ready_law(mission, law, settings, state=first)
+        law = ready_law(mission, law, state=first)
     while not simulator.complete:
         law.step(simulator.navigation)
         simulator.command(law.steering)

@@ -1,10 +1,10 @@
 """A whole flight in one compiled loop, through the same two steps as the nodes.
 
-`guidance_step` is PEG's; see `ares_studies.loops` for the other laws.
+`guarded_step` is PEG's; see `ares_studies.loops` for the other laws.
 """
 
-from ares_guidance.kernels.cycle import guidance_step
 from ares_guidance.kernels.entry import onboard_records
+from ares_guidance.kernels.guarded import guarded_step
 from ares_models.jit import inlined, kernel
 from ares_models.kernels.records import mission_records
 from ares_studies.arrays import Loop, LoopArrays
@@ -35,7 +35,7 @@ def run(loop: Loop) -> None:
     period_ns = round(loop.vehicle.options.navigation_period * 1e9)
     tick = 0
     while plant.complete == 0:
-        guidance_step(loop.believed, loop.onboard)
+        guarded_step(loop.believed, loop.onboard)
         accept_command(plant, loop.onboard.steering)
         tick += 1
         flight_step(loop.true, loop.vehicle, (start_ns + tick * period_ns) / 1e9)

@@ -4,13 +4,13 @@ from collections.abc import Callable
 from functools import cache
 from types import ModuleType
 
-from ares_guidance.law import LawKind
+from ares_guidance.law import LawKind, guarded
 from ares_models.jit import specialised
 
 
 @cache
 def _flight(kind: LawKind) -> ModuleType:
-    return specialised("ares_studies.kernels", f"of_{kind.name}", guidance_step=kind.step)
+    return specialised("ares_studies.kernels", f"of_{kind.name}", guarded_step=guarded(kind))
 
 
 @cache

@@ -14,7 +14,7 @@ from ares_models.mission import Mission, load_mission
 from ares_models.orbits import Insertion
 from ares_optimizer.solution import Solution
 from ares_optimizer.solve import solve
-from ares_studies.closed_loop import fly_compiled, offline_trajectory
+from ares_studies.closed_loop import fly_compiled, offline_trajectory, ready_law
 from ares_vehicle_sim.arrays import CUTOFF, JETTISON_DONE, STAGING
 from ares_vehicle_sim.dispersions import Dispersions
 from ares_vehicle_sim.simulator import Simulator
@@ -140,8 +140,8 @@ def wrong_thrust_study(
     for error in errors:
         dispersions = Dispersions.model_validate({"thrust": {"mean": error}})
         masses = [
-            float(fly_compiled(mission, settings, dispersions=dispersions, law=law).plant["mass"])
-            for law, settings in (("peg_thesis", None), ("peg_thesis", CONVERGED), ("peg", None))
+            float(fly_compiled(mission, dispersions=dispersions, law=law).plant["mass"])
+            for law in ("peg_thesis", ready_law(mission, "peg_thesis", CONVERGED), "peg")
         ]
         rows.append(WrongThrust(error, *masses))
     return rows

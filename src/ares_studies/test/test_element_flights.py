@@ -11,7 +11,7 @@ from ares_guidance.laws import check_law, make_law
 from ares_models.mission import Mission, load_mission
 from ares_models.orbits import Elements
 from ares_optimizer.indirect.solve import solve_indirect
-from ares_studies.closed_loop import fly_compiled, offline_trajectory
+from ares_studies.closed_loop import fly_compiled, offline_trajectory, ready_law
 from ares_studies.montecarlo.arrays import RESULT
 from ares_studies.montecarlo.kernels import judge_insertion, on_target
 
@@ -81,7 +81,7 @@ def test_what_is_named_is_met(law, name):
 def test_large_turns_are_flown_to_the_same_targets(name):
     mission = aimed(**TARGETS[name])
     settings = LawSettings(small_turn_limit_deg=0.0)
-    plant = fly_compiled(mission, settings).plant
+    plant = fly_compiled(mission, law=ready_law(mission, settings=settings)).plant
     met, result = judged(mission, plant)
     assert met, result
 
@@ -168,7 +168,8 @@ def test_from_the_equator(inclination_deg):
     mission = Mission.model_validate(content)
     for limit_deg in (0.0, 40.0):
         settings = LawSettings(small_turn_limit_deg=limit_deg)
-        met, result = judged(mission, fly_compiled(mission, settings).plant)
+        law = ready_law(mission, settings=settings)
+        met, result = judged(mission, fly_compiled(mission, law=law).plant)
         assert met, result
     solution = solve_indirect(mission.arrays(), mission.start().navigation())
     assert solution.converged, solution.reason

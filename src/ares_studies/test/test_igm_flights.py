@@ -10,7 +10,7 @@ from ares_guidance.law import LawSettings
 from ares_guidance.laws import make_law
 from ares_models.mission import load_mission
 from ares_models.orbits import Elements, Insertion
-from ares_studies.closed_loop import Flight, fly_compiled, fly_stepwise
+from ares_studies.closed_loop import Flight, fly_compiled, fly_stepwise, ready_law
 from ares_studies.testing import assert_within, errors
 from ares_vehicle_sim.arrays import CUTOFF, JETTISON_DONE
 from ares_vehicle_sim.dispersions import Dispersions, NavigationErrors
@@ -55,9 +55,8 @@ def test_asked_accuracy(name, navigation_period_s, cycle_period_s):
     mission = load_mission(name)
     flight = fly_compiled(
         mission,
-        LawSettings(cycle_period_s=cycle_period_s),
         SimulatorOptions(navigation_period_s=navigation_period_s),
-        law="igm",
+        law=ready_law(mission, "igm", LawSettings(cycle_period_s=cycle_period_s)),
     )
     assert flight.plant["inserted"] == 1
     assert_within(errors(mission, flight), [0.1, 1e-4, 1e-4, 1e-6])
@@ -67,13 +66,15 @@ def test_asked_accuracy(name, navigation_period_s, cycle_period_s):
 @pytest.mark.parametrize("hold_time_s", [2.0, 5.0, 20.0, 40.0])
 def test_accuracy_bears_any_hold(name, hold_time_s):
     mission = load_mission(name)
-    flight = fly_compiled(mission, LawSettings(hold_time_s=hold_time_s), law="igm")
+    flight = fly_compiled(
+        mission, law=ready_law(mission, "igm", LawSettings(hold_time_s=hold_time_s))
+    )
     assert_within(errors(mission, flight), ASKED)
 
 
 def test_one_pass_a_cycle_as_the_flight_computer_had_is_enough(ares_v):
     once = LawSettings(velocity_to_go_tolerance_m_s=100.0, jettison_time_tolerance_s=100.0)
-    flight = fly_compiled(ares_v, once, law="igm")
+    flight = fly_compiled(ares_v, law=ready_law(ares_v, "igm", once))
     assert flight.guidance["total_iterations"] < 1.01 * flight.guidance["cycle"]
     assert_within(errors(ares_v, flight), ASKED)
 

@@ -10,7 +10,7 @@ from ares_guidance.law import LawSettings
 from ares_models.mission import load_mission
 from ares_models.orbits import Insertion
 from ares_optimizer.solve import solve
-from ares_studies.closed_loop import fly_compiled, fly_stepwise
+from ares_studies.closed_loop import fly_compiled, fly_stepwise, ready_law
 from ares_vehicle_sim.arrays import JETTISON_DONE
 from ares_vehicle_sim.simulator import SimulatorOptions
 
@@ -42,8 +42,11 @@ def test_the_optimum_is_flown(ares_v, hold_time_s, cycle_period_s):
     best = solve(ares_v, "indirect", verify=False)
     flight = fly_compiled(
         ares_v,
-        LawSettings(hold_time_s=hold_time_s, cycle_period_s=cycle_period_s),
-        law="optimal",
+        law=ready_law(
+            ares_v,
+            "optimal",
+            LawSettings(hold_time_s=hold_time_s, cycle_period_s=cycle_period_s),
+        ),
     )
     assert_inserted(ares_v, flight)
     assert flight.guidance["law"] == LAW_OPTIMAL
@@ -73,7 +76,8 @@ def test_compiled_and_stepwise_flights_are_the_same(ares_v):
 
 
 def test_a_solve_that_may_not_take_its_time_falls_back_to_peg(ares_v):
-    flight = fly_compiled(ares_v, LawSettings(max_solve_iterations=0), law="optimal")
+    law = ready_law(ares_v, "optimal", LawSettings(max_solve_iterations=0))
+    flight = fly_compiled(ares_v, law=law)
     assert_inserted(ares_v, flight)
     assert flight.guidance["law"] == LAW_PEG
     assert flight.plant["mass"] == fly_compiled(ares_v).plant["mass"]

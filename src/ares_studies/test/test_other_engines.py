@@ -40,6 +40,18 @@ def fly(true, believed, name):
     return simulator.plant, law.state
 
 
+def known_engine(state, mission):
+    """Thrust and mass flow that guidance plans the last arc with, as factors of the mission's."""
+    arc = nominal = mission.arrays().arcs[-1]
+    if state["left"]["count"]:
+        # so weak that it counts as failed
+        arc = state["left"]["arcs"][len(mission.arrays().arcs) - 1]
+    return (
+        state["thrust_ratio"] * arc["thrust"] / nominal["thrust"],
+        state["flow_ratio"] * arc["mass_flow"] / nominal["mass_flow"],
+    )
+
+
 @pytest.mark.parametrize("name", ["peg", "igm", "optimal"])
 @pytest.mark.parametrize(
     ("thrust", "specific_impulse"), [(0.85, 1.0), (0.85, 0.99), (1.1, 1.01), (0.97, 1.0)]
@@ -54,8 +66,8 @@ def test_another_upper_stage_engine(ares_v, name, thrust, specific_impulse):
     assert flown.flight_path_angle == pytest.approx(
         target["flight_path_angle"], abs=math.radians(1e-3)
     )
-    assert state["thrust_ratio"] == pytest.approx(thrust, abs=1e-4)
-    assert state["flow_ratio"] == pytest.approx(thrust / specific_impulse, abs=1e-4)
+    known = known_engine(state, ares_v)
+    assert known == pytest.approx((thrust, thrust / specific_impulse), abs=1e-4)
     events = plant["events"][: plant["event_count"]]
     drop = events[events["type"] == JETTISON_DONE][0]
     assert drop["heating_rate"] <= 1135.0

@@ -49,7 +49,7 @@ def dispersed(**values):
 
 @pytest.mark.parametrize("settings", [None, CONVERGED], ids=["one pass a cycle", "converged"])
 def test_it_flies_to_cutoff(ares_v, settings):
-    flight = fly_compiled(ares_v, settings, law="peg_thesis")
+    flight = fly_compiled(ares_v, law=ready_law(ares_v, "peg_thesis", settings))
     arrives(ares_v, flight)
     assert heating(flight) == pytest.approx(1135.0, abs=1.0)
 
@@ -57,7 +57,7 @@ def test_it_flies_to_cutoff(ares_v, settings):
 @pytest.mark.parametrize("hold_time_s", [10.0, 40.0, 60.0])
 def test_the_hold_before_the_jettison_does_not_decide_the_accuracy(ares_v, hold_time_s):
     settings = LawSettings(jettison_hold_time_s=hold_time_s)
-    arrives(ares_v, fly_compiled(ares_v, settings, law="peg_thesis"))
+    arrives(ares_v, fly_compiled(ares_v, law=ready_law(ares_v, "peg_thesis", settings)))
 
 
 def test_a_hundred_dispersed_starts_all_arrive(ares_v):
@@ -118,7 +118,8 @@ def _first_iterations(mission, guess):
 def test_without_the_safeguard_mode_two_climbs_for_minutes(ares_v):
     low = dispersed(thrust={"mean": -0.005})
     trusting = LawSettings(time_to_go_jump_limit_s=1e4)
-    lost = fly_compiled(ares_v, trusting, dispersions=low, law="peg_thesis")
+    law = ready_law(ares_v, "peg_thesis", trusting)
+    lost = fly_compiled(ares_v, dispersions=low, law=law)
     assert lost.plant["mass"] < 140_000.0
     kept = fly_compiled(ares_v, dispersions=low, law="peg_thesis")
     arrives(ares_v, kept)

@@ -37,7 +37,13 @@ RESULT = np.dtype(
         ("ended", np.int64),  # CUTOFF, DEPLETION, IMPACT or TIME_LIMIT
         ("converged", np.int64),  # 1: guidance had a solution
         ("iterations", np.int64),
+        ("navigation_refused", np.int64),  # states that guidance took for faults
+        ("violations", np.int64),  # answers that its monitors held back
         ("on_board", np.int64),  # bit k: jettison k was not done before the cut-off
+        ("struck", np.int64),  # of the failure, if there is one: as of FAILURE
+        # what guidance found failed, first of all
+        ("found", np.int64),  # FOUND_*
+        ("found_time", np.float64),  # s
         # the three that make a success
         ("terminal_accuracy", np.int64),
         ("fairing_off", np.int64),

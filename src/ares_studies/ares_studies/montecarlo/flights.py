@@ -1,5 +1,6 @@
 """Flights of a campaign by their numbers, without Python in any of them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -7,17 +8,19 @@ from numpy.typing import NDArray
 
 from ares_guidance.arrays import blank_onboard
 from ares_guidance.law import LawSettings
+from ares_models.failures import Failure, check_failure
 from ares_models.mission import Mission
 from ares_studies.arrays import closed_loop
 from ares_studies.closed_loop import ready_law
 from ares_studies.loops import campaign_loop
 from ares_studies.montecarlo.arrays import RESULT
-from ares_vehicle_sim.arrays import blank_vehicle
+from ares_vehicle_sim.arrays import FAILURE, blank_vehicle
 from ares_vehicle_sim.dispersions import Dispersions
 from ares_vehicle_sim.draws import Sampler
 from ares_vehicle_sim.simulator import (
     CAMPAIGN,
     SimulatorOptions,
+    failure_record,
     nominal_truth,
     nominal_vehicle,
     room_for_truth,
@@ -75,7 +78,7 @@ class Range:
         Raises:
             ValueError: dispersions or law do not fit the mission; one line.
         """
-        mission = settings.mission
+        mission = self._mission = settings.mission
         self._sampler = Sampler(mission, settings.dispersions, settings.seed)
         self.columns = self._sampler.columns
         self._nominal = nominal_truth(mission, settings.dispersions)
@@ -113,10 +116,29 @@ class Range:
             {flight: text for flown in alone for flight, text in flown.errors.items()},
         )
 
-    def _fly(self, first: int, count: int) -> Flown:
+    def fly_failing(self, first: int, failures: Sequence[Failure]) -> Flown:
+        """Fly as many flights from ``first`` on, with one failure each.
+
+        Raises:
+            FailureError: one of them does not fit the mission; one line.
+        """
+        for failure in failures:
+            check_failure(failure, self._mission)
+        records = np.concatenate([failure_record(failure) for failure in failures])
+        return self._fly(first, len(failures), records)
+
+    def _fly(self, first: int, count: int, failures: NDArray[np.void] | None = None) -> Flown:
         draws = self._sampler.draw(first, count)
         results = np.zeros(count, RESULT)
+        if failures is None:
+            failures = np.zeros(1, FAILURE)
         self._fly_many(
-            draws.variations, draws.atmospheres, self._nominal, self._blank, self._room, results
+            draws.variations,
+            draws.atmospheres,
+            self._nominal,
+            self._blank,
+            self._room,
+            results,
+            failures,
         )
         return Flown(first, draws.inputs, results, {})

@@ -185,6 +185,11 @@ def judge(loop: Loop, result: Record) -> None:
     result.ended = CUTOFF if plant.inserted == 1 else DEPLETION
     result.converged = 0 if math.isnan(loop.onboard.steering.cutoff_time) else 1
     result.iterations = loop.onboard.state.total_iterations
+    result.struck = plant.failure.struck
+    result.found = loop.onboard.state.found.first_kind
+    result.found_time = loop.onboard.state.found.first_time
+    result.navigation_refused = loop.onboard.state.navigation.refused
+    result.violations = loop.onboard.state.monitors.violations
     result.on_board = (1 << jettisons.shape[0]) - 1
     kept = True
     for i in range(plant.event_count):
@@ -225,6 +230,7 @@ def fly_many(
     blank: LoopArrays,
     room: LoopArrays,
     results: NDArray[Any],
+    failures: NDArray[Any],
 ) -> None:
     """Fly and judge one flight for every variation.
 
@@ -235,6 +241,7 @@ def fly_many(
         blank: a loop before its flight, at the nominal start.
         room: a loop for one flight after the other. Changed.
         results: shape (n,), dtype RESULT. Changed.
+        failures: shape (n,), dtype FAILURE, or (1,) for all.
     """
     for k in range(variations.shape[0]):
         true = MissionArrays(
@@ -249,6 +256,7 @@ def fly_many(
         room.onboard.state[0] = blank.onboard.state[0]
         room.onboard.steering[0] = blank.onboard.steering[0]
         vary(variations[k], nominal, true, loop.vehicle.plant)
+        room.vehicle.plant[0].failure = failures[k % failures.shape[0]]
         begin_flight(loop.true, loop.vehicle.plant)
         measure(loop.vehicle)
         run(loop)

@@ -1,0 +1,1 @@
+"""Failures at every second: what a flight still reaches, and what an optimizer that knew would."""

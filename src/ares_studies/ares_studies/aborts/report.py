@@ -1,0 +1,392 @@
+"""The page of an abort map: time and failure, coloured by the end; masses beside the optimum."""
+
+import json
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass
+from itertools import groupby
+from typing import Any
+
+from ares_studies.aborts.abort_map import ACCURACY, AbortMap, MapRow, Point
+from ares_studies.aborts.ends import End, Reached
+from ares_studies.pages.parts import (
+    Axis,
+    Cell,
+    Chapter,
+    Column,
+    Figure,
+    Guide,
+    Item,
+    Role,
+    Row,
+    Series,
+    Shape,
+    Table,
+    line,
+    number,
+    word,
+)
+from ares_studies.pages.templates import PALETTES, embedded, make_environment, plotly
+
+#: Colour and name of each end.
+ENDS: Mapping[End, tuple[Role, str]] = {
+    End.TARGET: ("here", "target"),
+    End.LOWERED: ("other", "target lowered"),
+    End.SAFE_ORBIT: ("third", "safe orbit"),
+    End.SUBORBITAL: ("thesis", "suborbital"),
+}
+#: Who came to an end: field of `Point`, name and colour of its line.
+WHO: tuple[tuple[str, str, Role], ...] = (
+    ("optimum", "optimizer that knew", "third"),
+    ("told", "optimizer told then", "other"),
+    ("flown", "flown", "here"),
+)
+#: Of the width of a strip, so that what happens once can be seen.
+_LEAST_WIDTH = 0.8
+#: Ticks below the map.
+_TICKS = 6
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Times at which one end is reached, in percent of the width.
+
+    Attributes:
+        left, width: where.
+        role: its colour.
+    """
+
+    left: float
+    width: float
+    role: Role
+
+
+@dataclass(frozen=True)
+class Strip:
+    """The ends of one failure over time, of one of those who flew.
+
+    Attributes:
+        who: flew.
+        text: the same in words.
+        stretches: of equal ends.
+    """
+
+    who: str
+    text: str
+    stretches: tuple[Stretch, ...]
+
+
+@dataclass(frozen=True)
+class MapReport:
+    """Everything on the page.
+
+    Attributes:
+        title: of the mission.
+        facts: how the map was made, by name.
+        headline: how many points are as good as the optimum.
+        strips: the map, by failure.
+        ticks: times below it: percent of the width, and what is written there.
+        chapters: figures and tables.
+    """
+
+    title: str
+    facts: Mapping[str, str]
+    headline: Table
+    strips: Mapping[str, tuple[Strip, ...]]
+    ticks: tuple[tuple[float, str], ...]
+    chapters: tuple[Chapter, ...]
+
+    @property
+    def key(self) -> list[tuple[Role, str]]:
+        """Colours and names of the ends."""
+        return list(ENDS.values())
+
+    def to_json(self) -> dict[str, Any]:
+        """Ready for ``json.dumps(allow_nan=False)``."""
+        return asdict(self)
+
+
+def render(report: MapReport) -> str:
+    """The page, with everything in it."""
+    data = json.dumps(
+        {"chapters": [asdict(chapter) for chapter in report.chapters]},
+        allow_nan=False,
+        ensure_ascii=False,
+        separators=(",", ":"),
+    )
+    return (
+        make_environment("ares_studies.aborts")
+        .get_template("report.html")
+        .render(report=report, palettes=PALETTES, data=embedded(data), plotly=plotly())
+    )
+
+
+def make_report(made: AbortMap, facts: Mapping[str, str]) -> MapReport:
+    """What the page shows.
+
+    Args:
+        made: the map.
+        facts: how it was made, for people.
+    """
+    masses = [row for row in made.rows if math.isfinite(row.points[0].failure.time_s)]
+    figures = [_mass_figure(row) for row in masses]
+    chapters = (
+        Chapter(
+            1,
+            "Final mass",
+            "By when it fails, where an orbit is reached. The optimizer that knew steers for the "
+            "failure from the start of the flight; the one that was told begins where the flight "
+            "is when it fails, and no guidance can do better.",
+            _named("figure", 1, figures),
+        ),
+        Chapter(
+            2,
+            "What is lacking",
+            "Final mass beside that of the optimizer that was told, and the speed that the energy "
+            "of the end is short of.",
+            _named("figure", 1 + len(figures), [_short_figure(masses), *_lacking_figures(masses)]),
+        ),
+        Chapter(
+            3,
+            "Ends",
+            "How often each end is reached, and every stretch of times at which the flight ends "
+            "otherwise or lighter than that of the optimizer that knew.",
+            _named("table", 1, [_ends_table(made), _beyond_table(made)]),
+        ),
+    )
+    return MapReport(
+        made.title,
+        facts,
+        _headline(made),
+        {row.name: tuple(_strip(made, row, *who[:2]) for who in WHO) for row in made.rows},
+        _ticks(_span(made)),
+        chapters,
+    )
+
+
+# ---- the map
+
+
+def _span(made: AbortMap) -> tuple[float, float]:
+    times = [point.at_s for point in made.points]
+    return min(times), max(times) + made.step_s
+
+
+def _ticks(span: tuple[float, float]) -> tuple[tuple[float, str], ...]:
+    begin, end = span
+    rough = (end - begin) / _TICKS
+    size = 10.0 ** math.floor(math.log10(rough))
+    step = next(size * k for k in (1.0, 2.0, 5.0, 10.0) if size * k >= rough)
+    first = math.ceil(begin / step)
+    times = [step * k for k in range(first, math.floor(end / step) + 1)]
+    return tuple((100.0 * (t - begin) / (end - begin), f"{t:g}") for t in times)
+
+
+def _strip(made: AbortMap, row: MapRow, field: str, who: str) -> Strip:
+    begin, end = _span(made)
+    scale = 100.0 / (end - begin)
+    stretches = []
+    told = []
+    for ended, times in _runs(row, made.step_s, lambda point: getattr(point, field).end):
+        role, name = ENDS[ended]
+        width = max(_LEAST_WIDTH, scale * (times[-1] - times[0] + made.step_s))
+        left = min(scale * (times[0] - begin), 100.0 - width)
+        stretches.append(Stretch(round(left, 3), round(width, 3), role))
+        told.append(f"{name} {_from_to(times)}")
+    return Strip(who, f"{row.name}, {who}: {'; '.join(told)}", tuple(stretches))
+
+
+def _runs(
+    row: MapRow, step_s: float, key: Callable[[Point], Any]
+) -> Iterator[tuple[Any, list[float]]]:
+    """Stretches of times whose points are alike."""
+    for found, points in groupby(row.points, key):
+        run: list[float] = []
+        for point in points:
+            if run and point.at_s - run[-1] > 1.5 * step_s:
+                yield found, run
+                run = []
+            run.append(point.at_s)
+        yield found, run
+
+
+def _from_to(times: list[float]) -> str:
+    first, last = f"{times[0]:.6g}", f"{times[-1]:.6g}"
+    return f"at {first} s" if first == last else f"{first} to {last} s"
+
+
+# ---- numbers
+
+
+def _headline(made: AbortMap) -> Table:
+    rows = []
+    knew, told = made.shares(), made.shares(told=True)
+    for name in knew:
+        cells: list[Cell] = []
+        for share in (knew[name], told[name]):
+            cells.append(Cell(f"{share.count:,} of {share.of:,}", share.count))
+            cells.append(_percent(share.percent))
+        rows.append(Row(name, tuple(cells)))
+    columns = (
+        Column("as the optimizer that knew"),
+        Column("share"),
+        Column("as the one told then"),
+        Column("share"),
+    )
+    finding = (
+        f"As the optimizer: the same end, and an orbit with a final mass within "
+        f"{100 * ACCURACY:g} %."
+    )
+    if made.wrong:
+        finding += (
+            f" {len(made.wrong):,} points failed: the flight did better than the optimizer found."
+        )
+    return Table(columns, tuple(rows), finding)
+
+
+def _percent(value: float) -> Cell:
+    cell = number(value, 2)
+    return Cell(f"{cell.text} %", cell.value) if cell.value is not None else cell
+
+
+def _ends_table(made: AbortMap) -> Item:
+    rows = []
+    for row in made.rows:
+        cells = []
+        for field, _, _ in WHO:
+            ends = [getattr(point, field).end for point in row.points]
+            told = [f"{ENDS[end][1]} {ends.count(end):,}" for end in End if end in ends]
+            cells.append(word(", ".join(told)))
+        good = sum(point.within for point in row.points)
+        told_good = sum(point.within_told for point in row.points)
+        cells += [_percent(100.0 * count / len(row.points)) for count in (good, told_good)]
+        rows.append(Row(row.name, tuple(cells)))
+    columns = (
+        *(Column(name, role) for _, name, role in WHO),
+        Column("as the one that knew"),
+        Column("as the one told"),
+    )
+    return Item("", "table", "", "Ends by failure", "", Table(columns, tuple(rows)))
+
+
+def _beyond_table(made: AbortMap) -> Item:
+    rows = []
+    for row in made.rows:
+        by_time = {point.at_s: point for point in row.points}
+        kinds = lambda p: (p.within, bool(p.wrong), p.optimum.end, p.told.end, p.flown.end)  # noqa: E731
+        for (within, wrong, optimum, told, flown), times in _runs(row, made.step_s, kinds):
+            if within and not wrong:
+                continue
+            points = [by_time[at] for at in times]
+            cells = (
+                word(_from_to(times)),
+                Cell(f"{len(points):,}", len(points)),
+                word(ENDS[optimum][1]),
+                word(ENDS[told][1]),
+                word(ENDS[flown][1]),
+                _most(points, "optimum"),
+                _most(points, "told"),
+            )
+            rows.append(Row(row.name, cells, points[0].wrong if wrong else ""))
+    columns = (
+        Column("times"),
+        Column("points"),
+        *(Column(name, role) for _, name, role in WHO),
+        Column("short of the one that knew, %"),
+        Column("of the one told, %"),
+    )
+    finding = "The mass is that of the worst point." if rows else "There is none."
+    title = f"Otherwise, or more than {100 * ACCURACY:g} % from the optimum"
+    return Item("", "table", "", title, "", Table(columns, tuple(rows), finding))
+
+
+def _most(points: list[Point], field: str) -> Cell:
+    """The most by which flights are lighter than the optimum, where both reach the same orbit."""
+    shares = [
+        _short(point, getattr(point, field))
+        for point in points
+        if math.isfinite(_short(point, getattr(point, field)))
+    ]
+    return number(max(shares, key=abs), 2) if shares else word("")
+
+
+def _short(point: Point, best: Reached) -> float:
+    """Percent of the final mass that a flight is short of; nan where the ends are not the same."""
+    if point.flown.end is not best.end or best.end is End.SUBORBITAL:
+        return math.nan
+    return 100.0 * (1.0 - point.flown.m_f_kg / best.m_f_kg)
+
+
+# ---- figures
+
+_TIME = Axis("time of the failure", "s")
+
+
+def _mass_figure(row: MapRow) -> Item:
+    times = [point.at_s for point in row.points]
+    series = []
+    for field, name, role in WHO:
+        ends = [getattr(point, field) for point in row.points]
+        masses = [
+            reached.m_f_kg if reached.end is not End.SUBORBITAL else math.nan for reached in ends
+        ]
+        if any(math.isfinite(mass) for mass in masses):
+            shape: Shape = "dashes" if field == "optimum" else "line"
+            series.append(line(name, role, times, masses, 1, shape))
+    figure = Figure(_TIME, Axis("final mass", "kg"), tuple(series))
+    return Item("", "figure", "", _title(row.name), "", figure)
+
+
+def _short_figure(rows: list[MapRow]) -> Item:
+    roles: tuple[Role, ...] = ("here", "other", "third", "thesis", "otis")
+    shapes: tuple[Shape, ...] = ("line", "dashes")
+    series: list[Series] = []
+    for i, row in enumerate(rows):
+        role, shape = roles[i % len(roles)], shapes[i // len(roles)]
+        times = [point.at_s for point in row.points]
+        short = [_short(point, point.told) for point in row.points]
+        if any(math.isfinite(value) for value in short):
+            series.append(line(row.name, role, times, short, 4, shape))
+    limit = 100.0 * ACCURACY
+    figure = Figure(
+        _TIME,
+        Axis("final mass short of the optimizer that was told", "%"),
+        tuple(series),
+        levels=(Guide(limit, f"{limit:g} %"),),
+    )
+    return Item("", "figure", "", "Short of what could have been flown", "", figure, wide=True)
+
+
+def _lacking_figures(rows: list[MapRow]) -> list[Item]:
+    items = []
+    for row in rows:
+        if all(point.flown.end is End.TARGET for point in row.points):
+            continue
+        times = [point.at_s for point in row.points]
+        series = tuple(
+            line(name, role, times, [getattr(p, field).lacking_m_s for p in row.points], 2)
+            for field, name, role in WHO
+        )
+        figure = Figure(_TIME, Axis("speed that is lacking", "m/s"), series)
+        items.append(Item("", "figure", "", f"{_title(row.name)}: speed lacking", "", figure))
+    return items
+
+
+def _title(name: str) -> str:
+    return name[0].upper() + name[1:]
+
+
+def _named(kind: str, first: int, items: list[Item]) -> tuple[Item, ...]:
+    """The same with names for the tables and figures, in their order."""
+    return tuple(
+        Item(
+            f"{kind}-{k}",
+            item.kind,
+            f"{kind.title()} {k}",
+            item.title,
+            item.see,
+            item.content,
+            item.wide,
+        )
+        for k, item in enumerate(items, first)
+    )

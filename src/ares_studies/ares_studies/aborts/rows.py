@@ -1,0 +1,116 @@
+"""The failures of a mission, from its data: what can fail at which second."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ares_models.arrays import BURN
+from ares_models.failures import Failure, FailureKind
+from ares_models.mission import Mission
+from ares_models.mission_parts import BurnArc
+from ares_optimizer.foreknown import begin_times, burning_at
+
+#: Of their thrust, that engines still give.
+LOW_THRUST = (0.9, 0.7)
+
+
+@dataclass(frozen=True)
+class FailureRow:
+    """One failure, at every time at which it can happen.
+
+    Attributes:
+        name: for people.
+        failures: in the order of `at_s`.
+        at_s: when each happens: its time, or that of the ignition or drop that does not come.
+    """
+
+    name: str
+    failures: tuple[Failure, ...]
+    at_s: tuple[float, ...]
+
+
+def _engines(mission: Mission) -> list[int]:
+    """How many engines each arc has; 0: a coast."""
+    counts = []
+    for stage in mission.stages:
+        for arc in stage.flight_arcs:
+            burn = isinstance(arc, BurnArc)
+            counts.append(arc.engines if isinstance(arc, BurnArc) else 0)
+            if burn and isinstance(arc, BurnArc) and arc.engine_out:
+                counts.append(arc.engine_out.engines - arc.engine_out.lost)
+    return counts
+
+
+def failure_rows(
+    mission: Mission, cutoff_s: float, drops_s: tuple[float, ...], step_s: float
+) -> tuple[FailureRow, ...]:
+    """What can fail.
+
+    Args:
+        mission: whose last arc alone is free.
+        cutoff_s: of the flight in which nothing fails.
+        drops_s: of its jettisons; nan where one does not come.
+        step_s: between times.
+
+    Raises:
+        UnfitMethod: a mission that plans other arcs.
+    """
+    arrays = mission.arrays()
+    start_s = mission.start().time_s
+    engines = _engines(mission)
+    first = math.floor(start_s / step_s) + 1
+    last = math.ceil(cutoff_s / step_s) - 1
+    burning = [
+        (float(t), burning_at(arrays, start_s, float(t)))
+        for t in step_s * np.arange(first, last + 1)
+    ]
+    burning = [(t, k) for t, k in burning if k >= 0]
+
+    def row(name: str, failures: list[Failure]) -> FailureRow:
+        return FailureRow(name, tuple(failures), tuple(f.time_s for f in failures))
+
+    lost = [
+        Failure(FailureKind.ENGINE_OUT, t, thrust_ratio=(engines[k] - 1) / engines[k])
+        for t, k in burning
+        if engines[k] > 1
+    ]
+    rows = [row("one engine lost", lost)]
+    for ratio in LOW_THRUST:
+        for name, flow in (("flow as before", 1.0), ("flow too", ratio)):
+            low = [
+                Failure(FailureKind.THRUST_LOW, t, thrust_ratio=ratio, flow_ratio=flow)
+                for t, _ in burning
+            ]
+            rows.append(row(f"thrust at {100 * ratio:.0f} %, {name}", low))
+    rows.append(
+        row("shut down early", [Failure(FailureKind.EARLY_SHUTDOWN, t) for t, _ in burning])
+    )
+    throttled = np.isfinite(arrays.arcs["max_acceleration"])
+    stuck = [Failure(FailureKind.STUCK_THROTTLE, t) for t, k in burning if throttled[k]]
+    rows.append(row("throttle stuck", stuck))
+    begins = begin_times(arrays, start_s)
+    kinds = arrays.arcs["kind"]
+    lit = [k for k in range(1, len(kinds)) if kinds[k] == BURN and _is_lit(arrays.arcs, k)]
+    rows.append(
+        FailureRow(
+            "ignition failed",
+            tuple(Failure(FailureKind.FAILED_IGNITION, arc=k) for k in lit),
+            tuple(float(begins[k]) for k in lit),
+        )
+    )
+    dropped = [j for j, at in enumerate(drops_s) if math.isfinite(at)]
+    rows.append(
+        FailureRow(
+            "jettison stuck",
+            tuple(Failure(FailureKind.STUCK_JETTISON, jettison=j) for j in dropped),
+            tuple(drops_s[j] for j in dropped),
+        )
+    )
+    return tuple(found for found in rows if found.failures)
+
+
+def _is_lit(arcs: np.ndarray, k: int) -> bool:
+    """Whether arc ``k``, a burn, begins with an ignition: not out of a burn of its stage."""
+    before = arcs[k - 1]
+    return bool(before["kind"] != BURN or before["stage"] != arcs[k]["stage"])

@@ -1,0 +1,137 @@
+"""The abort map: ends, their optima, and a coarse map of two missions."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from ares_models.failures import Failure, FailureKind
+from ares_models.mission import load_mission
+from ares_optimizer.foreknown import foreknown
+from ares_optimizer.solution import UnfitMethod
+from ares_optimizer.solve import solve
+from ares_studies.aborts.abort_map import MapMaker, MapSettings
+from ares_studies.aborts.ends import End, Judge
+from ares_studies.aborts.optimum import Optimizer
+from ares_studies.aborts.report import make_report, render
+from ares_studies.aborts.rows import failure_rows
+
+MISSIONS = ("ares_v", "saturn_v_as506")
+
+
+def optimizer_of(name):
+    mission = load_mission(name)
+    return mission, Optimizer(mission, Judge(mission))
+
+
+@pytest.fixture(scope="module", params=MISSIONS)
+def made(request):
+    maker = MapMaker(MapSettings(load_mission(request.param), "peg", 60.0))
+    work = maker.make()
+    done = 0
+    while True:
+        try:
+            assert done <= (done := next(work)) <= maker.count
+        except StopIteration as over:
+            return over.value
+
+
+def test_every_failure_has_its_row(made):
+    names = [row.name for row in made.rows]
+    assert names[0] == "one engine lost" and len(names) == 8
+    assert names[-2:] == ["ignition failed", "jettison stuck"]
+    for row in made.rows[:4]:
+        assert all(point.at_s % 60.0 == 0.0 for point in row.points)
+    assert len(made.rows[-1].points) == {"ares_v": 1, "saturn_v_as506": 3}[made.mission]
+
+
+def test_who_knows_more_does_no_worse(made):
+    assert not made.wrong
+    for point in made.points:
+        assert point.optimum.end.rank <= point.told.end.rank
+        if point.optimum.end is End.TARGET is point.told.end:
+            assert point.told.m_f_kg <= point.optimum.m_f_kg + 1.0
+
+
+def test_the_earlier_the_costlier(made):
+    for row in made.rows[:3]:
+        masses = [p.optimum.m_f_kg for p in row.points if p.optimum.end is End.TARGET]
+        assert masses[0] < masses[-1]
+        assert max(masses) < made.nominal.m_f_kg + 1.0
+
+
+def test_a_map_can_be_told(made):
+    said = json.loads(json.dumps(made.to_json(), allow_nan=False))
+    assert said["points"] == sum(len(row["points"]) for row in said["rows"])
+    told = [row["within"] for row in said["rows"]]
+    assert sum(told) == said["within"]["all"]["count"]
+    page = render(make_report(made, {"mission": made.mission, "guidance": made.law}))
+    assert page.count('class="strip"') == 3 * len(made.rows)
+
+
+def test_low_propellant_lowers_the_target():
+    mission, optimizer = optimizer_of("saturn_v_as506")
+    known = None
+    for time_s in np.arange(540.0, 348.0, -2.0):
+        failure = Failure(FailureKind.EARLY_SHUTDOWN, float(time_s))
+        reached = optimizer.knew(failure)
+        if reached.end is End.LOWERED:
+            known = foreknown(mission.arrays(), mission.start().navigation(), failure)
+            break
+    assert known is not None
+    assert reached.lacking_m_s > 0.0
+    empty = mission.stages[-1].ignition_mass_kg - mission.propellant(1)
+    assert reached.m_f_kg == pytest.approx(empty, abs=1.0)
+    # another method finds that so much of the target takes all that there is
+    target = known.arrays.target.copy()
+    target["speed"] -= reached.lacking_m_s
+    lower = known.arrays._replace(target=target)
+    other = solve(lower, "direct14", state=mission.start().navigation())
+    assert other.m_f_kg == pytest.approx(empty, abs=20.0)
+
+
+@pytest.mark.parametrize("time_s", [650.0, 760.0])
+def test_a_shutdown_of_the_last_burn_fixes_the_end(time_s):
+    _, optimizer = optimizer_of("ares_v")
+    for before in np.arange(766.0, time_s, -2.0):
+        optimizer.knew(Failure(FailureKind.EARLY_SHUTDOWN, float(before)))
+    reached = optimizer.knew(Failure(FailureKind.EARLY_SHUTDOWN, time_s))
+    assert reached.end is not End.TARGET
+    assert reached.time_s <= time_s + 2e-3
+    assert reached.lacking_m_s > 0.0
+
+
+def test_the_best_safe_orbit_is_above_the_limit():
+    _, optimizer = optimizer_of("ares_v")
+    reached = optimizer.knew(Failure(FailureKind.EARLY_SHUTDOWN, 765.0))
+    assert reached.end is End.SAFE_ORBIT
+    assert reached.perigee_altitude_m == pytest.approx(120_000.0, abs=100.0)
+    assert all(math.isnan(angle) for angle in reached.impact_deg)
+
+
+def test_a_fall_has_a_place():
+    mission, optimizer = optimizer_of("ares_v")
+    reached = optimizer.knew(Failure(FailureKind.FAILED_IGNITION, arc=1))
+    assert reached.end is End.SUBORBITAL
+    latitude, longitude = reached.impact_deg
+    # down-range of the core's burn-out, along an orbit of 28.5 deg
+    assert abs(latitude) < 29.0
+    assert -180.0 <= longitude <= 180.0
+    assert mission.name == "ares_v"
+
+
+def test_an_engine_of_its_burn_is_lost():
+    rows = failure_rows(load_mission("saturn_v_as506"), 695.2, (167.0, 192.3, 197.9), 1.0)
+    lost = {failure.time_s: failure.thrust_ratio for failure in rows[0].failures}
+    assert lost[300.0] == pytest.approx(4 / 5)
+    assert lost[500.0] == pytest.approx(3 / 4)
+    assert max(lost) == 548.0
+    assert len(rows[1].failures) == len([t for t in range(163, 696) if t != 549])
+    throttled = failure_rows(load_mission("space_shuttle_sts121"), 507.0, (), 1.0)
+    assert "throttle stuck" in [row.name for row in throttled]
+
+
+def test_a_plan_of_arcs_has_no_map():
+    with pytest.raises(UnfitMethod, match="last arc alone is free"):
+        MapMaker(MapSettings(load_mission("delta_iii_coast"), "peg", 60.0))
