@@ -33,6 +33,7 @@ setup(
         "ares_studies",
         "ares_vehicle_sim",
         "ares_view",
+        "mcap>=1.1",
         "numpy>=2.0",
         "pydantic>=2.5",
         "PyYAML>=6.0",

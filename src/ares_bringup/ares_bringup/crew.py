@@ -68,7 +68,10 @@ class Crew:
         self.stop(self.running(), CLOSE_TIMEOUT)
 
     def start(self, name: str, module: str, arguments: Iterable[str]) -> None:
-        """Start `module` as a child called `name`."""
+        """Start `module` as a child called `name`, again if it has ended."""
+        if former := self._children.get(name):
+            former.communicate()
+            self._seen.discard(name)
         self._children[name] = subprocess.Popen(
             [sys.executable, "-P", "-m", "ares_bringup.child", module, *arguments],
             stdin=subprocess.PIPE,

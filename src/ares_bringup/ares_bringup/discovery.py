@@ -4,10 +4,25 @@ import os
 from collections.abc import Mapping, MutableMapping
 from pathlib import Path
 
+from ares_bringup.options import CannotStart
+from ares_node.security import RANGE, SecurityError, check_security
+
 #: Where Fast DDS looks for settings of the user's own.
 PROFILE_VARIABLES = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")
 
 PROFILE = Path(__file__).with_name("fastdds.xml")
+
+
+def check_protection(environment: Mapping[str, str] = os.environ) -> None:
+    """Refuse to start without the security that is asked for.
+
+    Raises:
+        CannotStart: it cannot be had; one line.
+    """
+    try:
+        check_security(environment)
+    except SecurityError as error:
+        raise CannotStart(str(error)) from error
 
 
 def discovery_settings(environment: Mapping[str, str] = os.environ) -> dict[str, str]:
@@ -17,13 +32,18 @@ def discovery_settings(environment: Mapping[str, str] = os.environ) -> dict[str,
     other middleware does not read it.
     """
     settings = {}
-    if not environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE"):
-        settings["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    if not environment.get(RANGE):
+        settings[RANGE] = "LOCALHOST"
     if not any(environment.get(name) for name in PROFILE_VARIABLES):
         settings["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(PROFILE)
     return settings
 
 
 def apply_discovery_settings(environment: MutableMapping[str, str] = os.environ) -> None:
-    """Add the settings to an environment, before its first ROS context is made."""
+    """Add the settings to an environment, before its first ROS context is made.
+
+    Raises:
+        CannotStart: security is asked for, which cannot be had.
+    """
+    check_protection(environment)
     environment.update(discovery_settings(environment))

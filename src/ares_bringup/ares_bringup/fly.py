@@ -10,10 +10,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ares_bringup.audience import LIVE, PAGELESS, Audience
+from ares_bringup.audience import Audience
 from ares_bringup.bag_paths import new_bag
 from ares_bringup.crew import Crew, describe_end, ros_arguments
 from ares_bringup.discovery import apply_discovery_settings
+from ares_bringup.keeper import (
+    GUIDANCE,
+    JUDGE,
+    OPTIMIZER,
+    RECORDER,
+    SIMULATOR,
+    SPARED,
+    VIEW,
+    Keeper,
+    describe_loss,
+)
 from ares_bringup.options import (
     PEG,
     CannotStart,
@@ -33,6 +44,7 @@ from ares_bringup.watch import PATIENCE, START_TIMEOUT, Watch
 from ares_node.domains import claim_domain
 from ares_node.identity import id_text, new_id
 from ares_node.requirements import unmet
+from ares_node.security import enclave_arguments
 
 if TYPE_CHECKING:
     from rclpy.executors import Executor
@@ -44,20 +56,8 @@ if TYPE_CHECKING:
     from ares_node.run import StopSignals
     from ares_node.spin import Spinner
 
-SIMULATOR = "vehicle_sim"
-GUIDANCE = "guidance"
-RECORDER = "recorder"
-OPTIMIZER = "optimizer"
-JUDGE = "judge"
-VIEW = "view"
-
-#: What follows in flight when a node has ended.
-_IN_FLIGHT = {
-    SIMULATOR: "",
-    GUIDANCE: ": flying on with its last good command",
-    RECORDER: ": the bag is incomplete",
-}
-
+#: Enclave of the process of a flight, which holds the judge, or all nodes.
+FLY = "fly"
 #: Modules that run the nodes as processes.
 MODULES = {
     SIMULATOR: "ares_vehicle_sim",
@@ -66,13 +66,10 @@ MODULES = {
     OPTIMIZER: "ares_optimizer",
     VIEW: "ares_view.standard",
 }
-#: Nodes that a flight goes on without, and what that means.
-SPARED = {
-    OPTIMIZER: "guidance starts without its guess",
-    VIEW: "it is not shown any more",
-    LIVE: PAGELESS,
-}
 
+#: Wall time in s that guidance's start waits for the optimizer, which may compile first: more is
+#: waiting for one that hangs.
+OPTIMIZER_TIMEOUT = 120.0
 #: Wall time in s for simulator and guidance to end.
 NODE_STOP_TIMEOUT = 10.0
 #: Wall time in s between the ends of the flying nodes and of the recorder.
@@ -140,6 +137,21 @@ def _margin(dispersions: str) -> float:
         raise CannotStart(" ".join(str(error).split())) from error
 
 
+def _check_failure(failure: str, mission: str) -> None:
+    """See that a failure can happen in a mission.
+
+    Raises:
+        CannotStart: it cannot; one line.
+    """
+    from ares_models.failures import FailureError, check_failure, read_failure
+    from ares_models.mission import load_mission
+
+    try:
+        check_failure(read_failure(failure), load_mission(mission))
+    except FailureError as error:
+        raise CannotStart(str(error)) from error
+
+
 def _find_law(name: str) -> "LawKind":
     from ares_guidance.laws import find_law
 
@@ -182,10 +194,13 @@ def check_inputs(flown: Mapping[str, Any], bag: str) -> None:
     Raises:
         CannotStart: one of them is wrong; one line.
     """
-    mission_facts(str(flown.get("mission", "ares_v")))
+    name = str(flown.get("mission", "ares_v"))
+    mission_facts(name)
     _find_law(str(flown.get("law", PEG)))
     if flown.get("dispersions"):
         _margin(str(flown["dispersions"]))
+    if flown.get("failure"):
+        _check_failure(str(flown["failure"]), name)
     if not float(flown.get("pace", 0.0)) >= 0.0:
         raise CannotStart(f"pace is {flown['pace']}; expected a number of at least 0")
     if bag and os.path.lexists(bag):
@@ -214,6 +229,9 @@ def node_parameters(
     }
     if options.dispersions is not None:
         simulator["dispersions"] = options.dispersions
+    if options.failure is not None:
+        _check_failure(options.failure, options.mission)
+        simulator["failure"] = options.failure
     if options.flight is not None:
         from ares_vehicle_sim.dispersions import STANDARD
         from ares_vehicle_sim.simulator import CAMPAIGN
@@ -300,7 +318,7 @@ def fly(
     with ExitStack() as held:
         summary.domain_id = held.enter_context(_own_domain()) if domain is None else domain
         held.enter_context(audience)
-        terms = _Terms(say, lambda: greet(_greeting(summary)), audience, show)
+        terms = _Terms(say, lambda: greet(_greeting(summary)), audience, show, options)
         if options.in_process:
             _fly_in_process(summary, parameters, terms)
         else:
@@ -328,12 +346,14 @@ class _Terms:
         begun: called when the flight has begun.
         audience: who looks at it.
         show: gets the monitor again and again.
+        options: the flight.
     """
 
     say: Say
     begun: Callable[[], None]
     audience: Audience
     show: Show
+    options: FlyOptions
 
 
 @contextmanager
@@ -349,7 +369,7 @@ def _own_domain() -> Iterator[int]:
 
 
 @contextmanager
-def _graph(
+def flight_graph(
     summary: FlightSummary, say: Say, abandonable: Callable[[], bool]
 ) -> Iterator[tuple["FlightMonitor", "Executor", "StopSignals"]]:
     """A private context with the monitor on an executor, and the signals as a flag.
@@ -373,7 +393,7 @@ def _graph(
     context = Context()
     with stop.watch():
         rclpy.init(
-            args=[],
+            args=enclave_arguments(FLY),
             context=context,
             domain_id=summary.domain_id,
             signal_handler_options=SignalHandlerOptions.NO,
@@ -442,28 +462,38 @@ def _fly_in_processes(
     from ares_node.qos import SOLVE_TRAJECTORY
 
     say, audience = terms.say, terms.audience
+    keeper = Keeper(terms.options.restarts)
     with Crew({**os.environ, "ROS_DOMAIN_ID": str(summary.domain_id)}) as crew:
 
         def start(name: str) -> None:
-            crew.start(name, modules[name], ros_arguments(parameters[name], summary.namespace))
+            arguments = ros_arguments(parameters[name], summary.namespace)
+            crew.start(name, modules[name], [*arguments, *terms.options.arguments.get(name, ())])
 
         # guidance asks the optimizer first of all: on a slow machine it would ask in vain
         late = [GUIDANCE] if OPTIMIZER in parameters else []
+        begun = time.monotonic()
 
         def lost() -> bool:
             if late and (
-                monitor.node.count_services(SOLVE_TRAJECTORY) or OPTIMIZER not in crew.running()
+                monitor.node.count_services(SOLVE_TRAJECTORY)
+                or OPTIMIZER not in crew.running()
+                or time.monotonic() - begun > OPTIMIZER_TIMEOUT
             ):
                 start(late.pop())
             audience.look(monitor)
             terms.show(monitor)
-            return _crew_lost(crew, summary, say)
+            for name, again in _ended(crew, keeper, summary, say):
+                if name == GUIDANCE:
+                    monitor.guidance_ended()
+                if again:
+                    start(name)
+            return SIMULATOR not in crew.running()
 
         # the children first: they take longer to start than what follows here
         for name in parameters:
             if name not in late:
                 start(name)
-        with _graph(summary, say, lambda: False) as (monitor, executor, stop):
+        with flight_graph(summary, say, lambda: False) as (monitor, executor, stop):
             audience.come(monitor)
             watch = _watch(monitor, parameters[SIMULATOR]["pace"], terms, stop)
             with _spinner(monitor, executor, stop) as spinner:
@@ -476,33 +506,30 @@ def _fly_in_processes(
             audience.leave(monitor)
 
 
-def _crew_lost(crew: Crew, summary: FlightSummary, say: Say) -> bool:
-    """Note who has ended; True if the flight cannot go on."""
+def _ended(crew: Crew, keeper: Keeper, summary: FlightSummary, say: Say) -> list[tuple[str, bool]]:
+    """Who has ended, which is said, and whether it is to be started again.
+
+    Raises:
+        CannotStart: the flight has not begun, and cannot without one of them.
+    """
+    ended = []
     for name, status in crew.newly_ended():
-        how = describe_end(status)
         if status == EXIT_CANNOT_START and (name == SIMULATOR or not summary.started):
             # it has said why
             raise CannotStart("")
-        if name in SPARED:
-            say(f"{name} {how}: {SPARED[name]}")
-            continue
-        if not summary.started:
-            raise CannotStart(f"{name} {how}")
-        _note_loss(name, status, summary, say)
-        if name == SIMULATOR:
-            return True
-    return False
+        if not summary.started and name not in SPARED:
+            raise CannotStart(f"{name} {describe_end(status)}")
+        line, again = keeper.ended(name, status)
+        _say_ended(name, line, summary, say)
+        ended.append((name, again))
+    return ended
 
 
-def describe_loss(name: str, status: int) -> str:
-    """What it means that a node of a flight under way has ended, in words."""
-    return f"{name} {describe_end(status)} in flight{_IN_FLIGHT[name]}"
-
-
-def _note_loss(name: str, status: int, summary: FlightSummary, say: Say) -> None:
-    """Say that a node of a flight under way has ended."""
-    summary.problems.append(describe_loss(name, status))
-    say(summary.problems[-1])
+def _say_ended(name: str, line: str, summary: FlightSummary, say: Say) -> None:
+    """Say that a node has ended; without some a flight is not as it should be."""
+    if name not in SPARED:
+        summary.problems.append(line)
+    say(line)
 
 
 def _end_crew(crew: Crew, summary: FlightSummary, say: Say, listen: Callable[[], None]) -> None:
@@ -511,7 +538,7 @@ def _end_crew(crew: Crew, summary: FlightSummary, say: Say, listen: Callable[[],
     for name, status in crew.newly_ended():
         # between the last look and the end of the flight
         if summary.started and name not in SPARED:
-            _note_loss(name, status, summary, say)
+            _say_ended(name, describe_loss(name, status), summary, say)
     flying = [name for name in alive if name != RECORDER]
     crew.ask_to_stop(flying)
     if RECORDER in alive:
@@ -547,7 +574,7 @@ def _fly_in_process(
         terms.show(monitor)
         return _node_lost(nodes, summary, say)
 
-    with _graph(summary, say, lambda: not summary.started) as (monitor, executor, stop):
+    with flight_graph(summary, say, lambda: not summary.started) as (monitor, executor, stop):
         audience.come(monitor)
         nodes: dict[str, FlightNode] = {}
         try:

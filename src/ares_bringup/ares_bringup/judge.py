@@ -8,7 +8,8 @@ from typing import Any
 
 from rclpy.executors import Executor
 
-from ares_bringup.fly import RECORDER, RECORDER_STOP_TIMEOUT, mission_facts
+from ares_bringup.fly import RECORDER_STOP_TIMEOUT, mission_facts
+from ares_bringup.keeper import RECORDER
 from ares_bringup.monitor import FlightMonitor
 from ares_bringup.options import CannotStart
 from ares_bringup.report import console, print_summary
@@ -22,10 +23,10 @@ from ares_node.parameters import Parameter
 LOOK_PERIOD = 0.05
 
 #: What who starts the nodes sends when one of them has ended unasked: a flight that has not
-#: begun cannot start any more, one in the air goes on.
-NODE_ENDED = signal.SIGUSR1
-#: The same when it was the simulator: the flight is over where it is.
+#: begun cannot start any more, one in the air goes on; after the simulator it is over where it is.
+RECORDER_ENDED = signal.SIGUSR1
 SIMULATOR_ENDED = signal.SIGUSR2
+GUIDANCE_ENDED = signal.SIGRTMIN
 
 PARAMETERS = (
     FLIGHT_ID,
@@ -68,8 +69,8 @@ class JudgeNode(FlightNode):
         self._begun = time.monotonic()
         self._summary = FlightSummary(facts, values["law"], bag, values["flight_id"])
         self._monitor = FlightMonitor(self, self._summary, say)
-        self._node_ended = self._simulator_ended = False
-        for number in (NODE_ENDED, SIMULATOR_ENDED):
+        self._ended: set[int] = set()
+        for number in (RECORDER_ENDED, SIMULATOR_ENDED, GUIDANCE_ENDED):
             signal.signal(number, self._on_signal)
 
     def activate(self) -> None:
@@ -95,8 +96,7 @@ class JudgeNode(FlightNode):
                 self.exit_code = EXIT_INTERRUPTED
 
     def _on_signal(self, number: int, _frame: FrameType | None) -> None:
-        self._node_ended = True
-        self._simulator_ended |= number == SIMULATOR_ENDED
+        self._ended.add(number)
 
     def _on_look(self) -> None:
         summary = self._summary
@@ -104,22 +104,29 @@ class JudgeNode(FlightNode):
             return
         if not self._over:
             try:
-                self._over = self._watch.over() or (self._simulator_ended and summary.started)
+                lost = SIMULATOR_ENDED in self._ended
+                self._over = self._watch.over() or (lost and summary.started)
             except CannotStart as error:
                 say(f"{self.get_name()}: {error}")
                 self.finish(EXIT_CANNOT_START)
                 return
             self._over_at = time.monotonic()
         if self._over:
-            if self._recorders_done() or self._simulator_ended:
+            if self._recorders_done() or SIMULATOR_ENDED in self._ended:
                 self._conclude(summary)
-        elif self._node_ended and not summary.started:
+        elif self._ended and not summary.started:
             self.finish(EXIT_CANNOT_START)
+        elif GUIDANCE_ENDED in self._ended:
+            # another may follow, and end as well
+            self._ended.remove(GUIDANCE_ENDED)
+            self._monitor.guidance_ended()
 
     def _recorders_done(self) -> bool:
         done = self._monitor.recorders(State.OVER, State.FAILED, State.LEFT)
         late = time.monotonic() - self._over_at > RECORDER_STOP_TIMEOUT
-        return len(done) >= self.values["expected_recorders"] or late or self._node_ended
+        return (
+            len(done) >= self.values["expected_recorders"] or late or RECORDER_ENDED in self._ended
+        )
 
     def _conclude(self, summary: FlightSummary) -> None:
         for member in self._monitor.recorders(State.FAILED):

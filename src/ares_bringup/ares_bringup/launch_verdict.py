@@ -14,19 +14,11 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from ares_bringup.crew import describe_end
-from ares_bringup.fly import (
-    GUIDANCE,
-    JUDGE,
-    RECORDER,
-    SIMULATOR,
-    SPARED,
-    describe_loss,
-)
+from ares_bringup.keeper import GUIDANCE, JUDGE, RECORDER, SIMULATOR, SPARED, Keeper
 from ares_bringup.summary import EXIT_CANNOT_START, EXIT_INTERRUPTED, EXIT_NOT_AS_IT_SHOULD
 
 #: Sent to the judge: see `ares_bringup.judge`.
-SIGNALS = {SIMULATOR: "SIGUSR2", GUIDANCE: "SIGUSR1", RECORDER: "SIGUSR1"}
+SIGNALS = {SIMULATOR: "SIGUSR2", GUIDANCE: "SIGRTMIN", RECORDER: "SIGUSR1"}
 #: Wall time in s for nodes that launch has left behind to end.
 LEFT_BEHIND_TIMEOUT = 2.0
 LOOK_PERIOD = 0.02
@@ -40,11 +32,13 @@ class Consequence:
         line: for the person at the terminal; empty: nothing to say.
         tell_judge: name of the signal for the judge; empty: none.
         shut_down: end everything.
+        restart: start the process again.
     """
 
     line: str = ""
     tell_judge: str = ""
     shut_down: bool = False
+    restart: bool = False
 
 
 class LaunchVerdict:
@@ -52,6 +46,7 @@ class LaunchVerdict:
 
     Attributes:
         pids: processes that run, by name.
+        keeper: says whether one that has ended is started again.
     """
 
     def __init__(self, shut_down_with_judge: bool = True) -> None:
@@ -60,6 +55,7 @@ class LaunchVerdict:
         Args:
             shut_down_with_judge: end everything when the judge has spoken.
         """
+        self.keeper = Keeper()
         self.pids: dict[str, int] = {}
         self._shut_down_with_judge = shut_down_with_judge
         self._cannot_start = False
@@ -86,19 +82,18 @@ class LaunchVerdict:
         self.pids.pop(name, None)
         if name == JUDGE:
             # told of a lost node before it could listen: there was no flight yet
-            deaf = status in (-signal.SIGUSR1, -signal.SIGUSR2)
+            deaf = -status in [signal.Signals[word] for word in SIGNALS.values()]
             self._judged = EXIT_CANNOT_START if deaf else status
             return Consequence(shut_down=self._shut_down_with_judge)
         if self._judged is not None or self._interrupted or self._cannot_start:
             self._problems |= status != 0 and name not in SPARED and self._judged is not None
             return Consequence()
-        if status == EXIT_CANNOT_START:
+        line, again = self.keeper.ended(name, status)
+        if status == EXIT_CANNOT_START and not self.keeper.restarted(name):
             self._cannot_start = True
             return Consequence(shut_down=True)
-        if name in SPARED:
-            return Consequence(f"{name} {describe_end(status)}: {SPARED[name]}")
-        self._problems = True
-        return Consequence(describe_loss(name, status), SIGNALS[name])
+        self._problems |= name not in SPARED
+        return Consequence(line, SIGNALS.get(name, ""), restart=again)
 
     @property
     def status(self) -> int:

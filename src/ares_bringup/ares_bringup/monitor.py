@@ -20,6 +20,7 @@ from ares_node.diagnostics import (
     VERDICT,
     Timing,
     hardware_id,
+    number_of,
     of_another_flight,
     timing,
 )
@@ -45,6 +46,8 @@ _LEVELS = {
 VERDICT_TIMEOUT = 0.5
 #: Warnings and errors that are passed on while the flight goes on.
 MAX_SAID = 20
+#: Events that are kept, but for that of the end.
+MAX_EVENTS = 1000
 
 
 class FlightMonitor:
@@ -106,6 +109,12 @@ class FlightMonitor:
         self._timing_out.publish(timing(self.node, summary.flight_id, words))
         self._timing_out.wait_for_all_acked(Duration(seconds=VERDICT_TIMEOUT))
 
+    def guidance_ended(self) -> None:
+        """Tell the others that the process of the guidance that flew is no more."""
+        simulator = self._membership.simulator
+        if simulator is not None:
+            self._membership.speak_for(int(simulator.guidance_id))
+
     @property
     def ended(self) -> bool:
         """The flight has begun and come to its end."""
@@ -138,6 +147,9 @@ class FlightMonitor:
         if not self._is_ours(message.flight_id):
             return
         now = self.last_heard = time.monotonic()
+        if len(self.summary.events) >= MAX_EVENTS and (self._ended or message.type not in ENDS):
+            self.summary.lost_messages += 1
+            return
         self.summary.add_event(
             Event(
                 type=message.type,
@@ -198,11 +210,12 @@ class FlightMonitor:
         if status.hardware_id != hardware_id(self.summary.flight_id):
             return
         said = {item.key: item.value for item in status.values}
-        if LONGEST_CYCLE_MS in said:
-            self.summary.longest_cycle_ms = float(said[LONGEST_CYCLE_MS])
-        if PAGES in said:
-            self.pages = int(said[PAGES])
-        if said.get(PAUSED) == str(True) or float(said.get(PACE, 0.0)) > 0.0:
+        longest, pages = number_of(said, LONGEST_CYCLE_MS), number_of(said, PAGES)
+        if longest is not None:
+            self.summary.longest_cycle_ms = longest
+        if pages is not None:
+            self.pages = int(pages)
+        if said.get(PAUSED) == str(True) or (number_of(said, PACE) or 0.0) > 0.0:
             # it waits for the wall clock, and is not stuck
             self.last_heard = time.monotonic()
 

@@ -2,7 +2,8 @@
 
 import os
 import sys
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 
@@ -18,6 +19,9 @@ PEG = "peg"
 MAX_DOMAIN_ID = 232
 #: Highest port.
 MAX_PORT = 65535
+#: How often a node that ends in flight is restarted unless another number is given, and at most.
+RESTARTS = 3
+MAX_RESTARTS = 100
 
 
 class CannotStart(Exception):
@@ -127,6 +131,7 @@ class FlyOptions:
         seed: seed of dispersions and navigation errors.
         dispersions: name of shipped dispersions or path of a file; None flies the mission
             exactly, or as a campaign would if a flight is named.
+        failure: what fails, as `ares_models.failures.read_failure` takes it; None: nothing does.
         flight: number of a campaign's flight, stepped as there; None: flight 0 of the seed,
             stepped as any flight.
         pace: real-time factor; 0 flies as fast as guidance answers.
@@ -142,6 +147,8 @@ class FlyOptions:
         domain_id: ROS domain; None: that of ROS_DOMAIN_ID, else one that no other flight has.
         namespace: namespace of all nodes and topics.
         live: the page that follows the flight; None: none.
+        restarts: how often guidance, optimizer and view are each restarted if they end in flight.
+        arguments: further command line of nodes, by their names: what no option sets.
     """
 
     mission: str = "ares_v"
@@ -151,6 +158,7 @@ class FlyOptions:
     bag: Path | None = None
     seed: int = 0
     dispersions: str | None = None
+    failure: str | None = None
     flight: int | None = None
     pace: float = 0.0
     navigation_period_s: float | None = None
@@ -164,6 +172,8 @@ class FlyOptions:
     domain_id: int | None = None
     namespace: str = "ares"
     live: LiveOptions | None = None
+    restarts: int = RESTARTS
+    arguments: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
 
 def has_display() -> bool:

@@ -1,9 +1,25 @@
 """Reading a ROS parameter file without ROS, for what a launch must know before it starts."""
 
+import stat
 from pathlib import Path
 from typing import Any
 
-import yaml
+from ares_bags.errors import printable
+from ares_bags.schema import load_yaml
+
+#: Largest file that is read, bytes.
+_MAX_BYTES = 1 << 18
+
+
+def _text(path: Path) -> str:
+    """Text of a plain file: no device, no pipe, which might never end."""
+    if not stat.S_ISREG(path.stat().st_mode):
+        raise ValueError("not a plain file; expected a parameter file")
+    with path.open("rb") as file:
+        content = file.read(_MAX_BYTES + 1)
+    if len(content) > _MAX_BYTES:
+        raise ValueError(f"larger than {_MAX_BYTES} bytes; expected a parameter file")
+    return content.decode("utf-8")
 
 
 def node_values(path: str | Path, node: str) -> dict[str, Any]:
@@ -19,12 +35,13 @@ def node_values(path: str | Path, node: str) -> dict[str, Any]:
         OSError: the file cannot be read.
         ValueError: it is not a parameter file; one line.
     """
+    path = Path(path)
     try:
-        sections = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: not valid YAML: {' '.join(str(error).split())}") from error
+        sections = load_yaml(_text(path))
+    except ValueError as error:
+        raise ValueError(printable(f"{path}: {error}")) from error
     if not isinstance(sections, dict):
-        raise ValueError(f"{path}: not a parameter file; expected node names as keys")
+        raise ValueError(printable(f"{path}: not a parameter file; expected node names as keys"))
     values: dict[str, Any] = {}
     for wanted in ("**", node):
         for key, section in sections.items():
@@ -32,6 +49,7 @@ def node_values(path: str | Path, node: str) -> dict[str, Any]:
                 continue
             parameters = section.get("ros__parameters") if isinstance(section, dict) else None
             if not isinstance(parameters, dict):
-                raise ValueError(f"{path}: {key}: expected ros__parameters with names and values")
+                expected = "expected ros__parameters with names and values"
+                raise ValueError(printable(f"{path}: {key}: {expected}"))
             values.update(parameters)
     return values

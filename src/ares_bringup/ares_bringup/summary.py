@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
+from ares_bags.errors import printable
 from ares_models.arrays import (
     LONGEST_FLIGHT,
     NAMES_ARGUMENT_OF_PERIGEE,
@@ -69,6 +70,9 @@ _ORBIT_ERRORS = (
     ("true_anomaly_deg", True),
 )
 
+#: m of a perigee below the limit that is still a safe orbit: a cut-off's scatter.
+PERIGEE_SLACK = 500.0
+
 #: Diagnostics kept with the flight; what comes after is counted only.
 MAX_DIAGNOSTICS = 200
 
@@ -112,6 +116,8 @@ class MissionFacts:
         stages: name of each stage.
         jettisons: name of each jettison.
         fairing: first jettison that waits for the heating to fall; None if none does.
+        equatorial_radius: m.
+        safe_perigee_altitude: of an orbit that is safe, m over it; None: the mission names none.
     """
 
     name: str
@@ -122,6 +128,8 @@ class MissionFacts:
     stages: Sequence[str] = ()
     jettisons: Sequence[str] = ()
     fairing: int | None = None
+    equatorial_radius: float = math.nan
+    safe_perigee_altitude: float | None = None
 
 
 def facts_of(mission: "Mission") -> MissionFacts:
@@ -138,6 +146,8 @@ def facts_of(mission: "Mission") -> MissionFacts:
         stages=mission.stage_names,
         jettisons=mission.jettison_names,
         fairing=heating.index(True) if True in heating else None,
+        equatorial_radius=mission.environment.earth.equatorial_radius_m,
+        safe_perigee_altitude=mission.abort.safe_perigee_altitude_m if mission.abort else None,
     )
 
 
@@ -164,7 +174,7 @@ class Diagnostic:
 
     def __str__(self) -> str:
         """One line."""
-        return f"t {self.time:.2f} s  {self.level}  {self.node}: {self.message}"
+        return printable(f"t {self.time:.2f} s  {self.level}  {self.node}: {self.message}")
 
 
 @dataclass(frozen=True)
@@ -317,6 +327,19 @@ def insertion_error(
         errors["eccentricity"] = elements.eccentricity - float(facts.target["eccentricity"])
         errors["argument_of_perigee_deg"] = _argument_error(facts, position, velocity)
     return errors
+
+
+def perigee_altitude(
+    facts: MissionFacts, position: Sequence[float], velocity: Sequence[float]
+) -> float:
+    """Perigee over the equatorial radius, m.
+
+    Args: as in :func:`insertion_error`.
+    """
+    from ares_models.orbits import Elements
+
+    orbit = Elements.from_state(position, velocity, facts.mu)
+    return orbit.semi_major_axis * (1.0 - orbit.eccentricity) - facts.equatorial_radius
 
 
 def _argument_error(
@@ -536,7 +559,7 @@ class FlightSummary:
         """All that was not as it should be, one line each; empty for a good flight."""
         lines = {
             Outcome.TARGET: [],
-            Outcome.TARGET_MISSED: ["target missed: " + "; ".join(self.misses())],
+            Outcome.TARGET_MISSED: self._missed(),
             Outcome.DEPLETION: ["propellant ran out before the target was reached"],
             Outcome.IMPACT: ["the vehicle met the ground"],
             Outcome.TIME_LIMIT: [f"the flight was not over after {LONGEST_FLIGHT:,.0f} s"],
@@ -552,6 +575,25 @@ class FlightSummary:
         if self.first(GUIDANCE_LOST):
             lines = [*lines, f"flown without an answer from guidance for {self.unguided_s:.1f} s"]
         return lines + self.problems
+
+    def _missed(self) -> list[str]:
+        """How the target was missed, and which end was reached in its place, if one was."""
+        lines = ["target missed: " + "; ".join(self.misses())]
+        if self.end is None:
+            return lines
+        perigee = perigee_altitude(self.facts, self.end.position, self.end.velocity)
+        safe = self.facts.safe_perigee_altitude
+        errors = self.insertion_error
+        lowered = -errors.get("speed_m_s", 0.0)
+        kept = all(
+            abs(errors.get(key, math.inf)) <= TOLERANCES[key]
+            for key in ("radius_m", "flight_path_angle_deg", "inclination_deg")
+        )
+        if kept and lowered > TOLERANCES["speed_m_s"]:
+            lines.append(f"target lowered by {lowered:,.1f} m/s")
+        if safe is not None and perigee >= safe - PERIGEE_SLACK:
+            lines.append(f"safe orbit, perigee {perigee / 1e3:,.1f} km")
+        return lines
 
     @property
     def verdict(self) -> str:

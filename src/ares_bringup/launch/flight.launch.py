@@ -6,6 +6,7 @@ An argument that is left empty leaves its parameter to the parameter file. The l
 when the judge does, with the exit status of `ares fly`.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from launch.actions import (
     RegisterEventHandler,
     SetEnvironmentVariable,
     Shutdown,
+    TimerAction,
 )
 from launch.event_handlers import OnProcessExit, OnProcessStart, OnShutdown
 from launch.events.process import SignalProcess
@@ -28,21 +30,18 @@ from launch_ros.actions import Node
 
 from ares_bringup.audience import LIVE
 from ares_bringup.bag_paths import new_bag
-from ares_bringup.discovery import discovery_settings
-from ares_bringup.fly import (
-    GUIDANCE,
-    JUDGE,
-    OPTIMIZER,
-    RECORDER,
-    SIMULATOR,
-    VIEW,
-    absolute_namespace,
-    check_inputs,
-    needs_plan,
-    needs_trajectory,
-)
+from ares_bringup.discovery import check_protection, discovery_settings
+from ares_bringup.fly import absolute_namespace, check_inputs, needs_plan, needs_trajectory
+from ares_bringup.keeper import GUIDANCE, JUDGE, OPTIMIZER, RECORDER, SIMULATOR, VIEW, Keeper
 from ares_bringup.launch_verdict import LaunchVerdict, end_process_with
-from ares_bringup.options import PEG, CannotStart, FlyOptions, domain_id
+from ares_bringup.options import (
+    MAX_RESTARTS,
+    PEG,
+    RESTARTS,
+    CannotStart,
+    FlyOptions,
+    domain_id,
+)
 from ares_bringup.params_file import node_values
 from ares_node.domains import claim_domain
 from ares_node.identity import id_text, new_id
@@ -52,6 +51,9 @@ LEVELS = ["debug", "info", "warn", "error", "fatal"]
 
 #: The domain of those who name none; a flight takes it if no other flight has.
 DEFAULT_DOMAIN = 0
+
+#: Wall time in s that the judge has to end a flight which had not begun, instead of a restart.
+RESTART_DELAY = 1.0
 
 #: Wall time in s for the recorder to close its bag before it gets SIGTERM.
 RECORDER_STOP_TIMEOUT = "30"
@@ -134,6 +136,12 @@ def arguments() -> list[DeclareLaunchArgument]:
             "0: none.",
         ),
         DeclareLaunchArgument(
+            "restarts",
+            default_value=str(RESTARTS),
+            description="How often guidance, optimizer and view are each restarted if they end in "
+            "flight.",
+        ),
+        DeclareLaunchArgument(
             "exit_when_complete",
             default_value="true",
             choices=SWITCH,
@@ -153,6 +161,7 @@ class Flight:
             name: LaunchConfiguration(name).perform(context)
             for name in ("mission", "guidance", "initial_guess", "pace", "seed", "dispersions")
             + ("foxglove_port", "bag", "namespace", "domain_id", "params_file", "log_level")
+            + ("restarts",)
         }
         self.switches = {
             name: LaunchConfiguration(name).perform(context) == "true"
@@ -161,6 +170,7 @@ class Flight:
         self.verdict = LaunchVerdict(self.switches["exit_when_complete"])
         self.reports = end_process_with(self.verdict)
         self.nodes: dict[str, Node] = {}
+        self._make: dict[str, Callable[[], Node]] = {}
 
     def start(self) -> list[Any]:
         """The actions that make the flight.
@@ -168,6 +178,7 @@ class Flight:
         Raises:
             CannotStart: something that was asked for is wrong; one line.
         """
+        check_protection()
         values = self._values()
         files = self.given["params_file"]
         try:
@@ -180,6 +191,7 @@ class Flight:
         namespace = absolute_namespace(self.given["namespace"])
         check_inputs(flown, bag)
         domain = self._domain()
+        self.verdict.keeper = Keeper(self._restarts())
         identity = {"flight_id": new_id()}
         about = {name: flown[name] for name in ("mission", "law") if name in flown}
         started = [
@@ -262,6 +274,12 @@ class Flight:
                     raise CannotStart(text) from error
         return values
 
+    def _restarts(self) -> int:
+        text = self.given["restarts"]
+        if not (text.isascii() and text.isdigit() and int(text) <= MAX_RESTARTS):
+            raise CannotStart(f"restarts is {text!r}; expected an integer from 0 to {MAX_RESTARTS}")
+        return int(text)
+
     def _domain(self) -> int:
         text = self.given["domain_id"]
         options = FlyOptions()
@@ -279,30 +297,47 @@ class Flight:
     def _node(self, package: str, name: str, values: dict[str, Any], **more: Any) -> Node:
         plain = {"output_format": "{line}"} if name == JUDGE else {}
         patient = {"sigterm_timeout": RECORDER_STOP_TIMEOUT} if name == RECORDER else {}
-        self.nodes[name] = Node(
-            package=package,
-            executable=name,
-            name=name,
-            namespace=LaunchConfiguration("namespace"),
-            parameters=[LaunchConfiguration("params_file"), {**values, **more}],
-            arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
-            output="screen",
-            **plain,
-            **patient,
-        )
+
+        def make() -> Node:
+            return Node(
+                package=package,
+                executable=name,
+                name=name,
+                namespace=LaunchConfiguration("namespace"),
+                parameters=[LaunchConfiguration("params_file"), {**values, **more}],
+                arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
+                output="screen",
+                **plain,
+                **patient,
+            )
+
+        self._make[name] = make
+        self.nodes[name] = make()
         return self.nodes[name]
 
     # ---- what follows
 
     def handlers(self) -> list[Any]:
         """What listens to the processes; registered before the first one starts."""
-        handlers: list[Any] = [OnShutdown(on_shutdown=self.on_shutdown)]
-        for name, node in self.nodes.items():
-            handlers += [
+        of_launch = [RegisterEventHandler(OnShutdown(on_shutdown=self.on_shutdown))]
+        return sum((self._listeners(name) for name in self.nodes), of_launch)
+
+    def _listeners(self, name: str) -> list[Any]:
+        """What listens to one process."""
+        node = self.nodes[name]
+        return [
+            RegisterEventHandler(handler)
+            for handler in (
                 OnProcessStart(target_action=node, on_start=self._on_start(name)),
                 OnProcessExit(target_action=node, on_exit=self._on_exit(name)),
-            ]
-        return [RegisterEventHandler(handler) for handler in handlers]
+            )
+        ]
+
+    def _restart(self, name: str) -> list[Any]:
+        """The actions that start a node again."""
+        self.nodes[name] = self._make[name]()
+        started = [*self._listeners(name), self.nodes[name]]
+        return [TimerAction(period=RESTART_DELAY, actions=started, cancel_on_shutdown=True)]
 
     def on_shutdown(self, event: Any, _context: LaunchContext) -> None:
         """An interrupt is one for the verdict too."""
@@ -329,6 +364,8 @@ class Flight:
                         )
                     )
                 )
+            if follows.restart:
+                actions += self._restart(name)
             if follows.shut_down:
                 actions.append(self.shut_down(f"{name} has ended"))
             return actions

@@ -72,6 +72,21 @@ with Interrupts() as interrupts:
 sys.exit(interrupts.status(0))
 """
 
+IN_COMPILED_CODE = """
+import sys
+import time
+
+from ares_bringup.commands.interrupts import Interrupts
+
+with Interrupts() as interrupts:
+    try:
+        print("ready", flush=True)
+        time.sleep(600.0)
+    except KeyboardInterrupt as error:
+        raise TypeError("Unable to convert function return value") from error
+sys.exit(interrupts.status(0))
+"""
+
 AT_ONCE = """
 import time
 
@@ -117,6 +132,12 @@ def test_while_threads_are_in_kernels(tmp_path, number):
 def test_in_python(tmp_path, number):
     status, out, err = interrupted(tmp_path, IN_PYTHON, number)
     assert (status, out, err) == (128 + number, "in order\n", "")
+
+
+@pytest.mark.parametrize("number", BOTH)
+def test_what_compiled_code_makes_of_it(tmp_path, number):
+    """A binding that fails because of the KeyboardInterrupt says so in an error of its own."""
+    assert interrupted(tmp_path, IN_COMPILED_CODE, number) == (128 + number, "", "")
 
 
 @pytest.mark.parametrize("number", BOTH)

@@ -31,10 +31,16 @@ def flight(facts, fake_nodes, ros_domain, tmp_path, monkeypatch):
 
     monkeypatch.setattr(module.Crew, "start", noting_start)
 
-    def run(begun=lambda: None, **behaviour):
+    def run(begun=lambda: None, restarts=3, until=lambda _said: False, **behaviour):
         for name, how in behaviour.items():
             monkeypatch.setenv(f"FAKE_{name.upper()}", how)
         said = []
+
+        def say(line):
+            said.append(line)
+            if until(said):
+                os.kill(os.getpid(), signal.SIGTERM)
+
         try:
             greetings = []
 
@@ -42,14 +48,18 @@ def flight(facts, fake_nodes, ros_domain, tmp_path, monkeypatch):
                 greetings.append(line)
                 begun()
 
-            options = FlyOptions(bag=tmp_path / "bag")
-            summary = fly(options, said.append, fake_nodes, greet=greet)
+            options = FlyOptions(bag=tmp_path / "bag", restarts=restarts)
+            summary = fly(options, say, fake_nodes, greet=greet)
             assert [line[:25] for line in greetings] == [f"flight {summary.flight_id:016x}: "]
             return summary, said
         finally:
             assert not [pid for pid in pids if Path(f"/proc/{pid}").exists()]
 
     return run
+
+
+def given_up(said):
+    return "not restarted" in said[-1]
 
 
 def test_a_good_flight(flight, tmp_path):
@@ -74,18 +84,33 @@ def test_a_node_that_cannot_start_has_the_word(flight, name, capfd):
 
 
 def test_guidance_killed_in_flight(flight):
-    summary, said = flight(guidance="kill")
+    summary, said = flight(restarts=0, guidance="kill")
     assert summary.outcome is Outcome.TARGET
-    line = "guidance was killed by SIGKILL in flight: flying on with its last good command"
+    line = (
+        "guidance was killed by SIGKILL in flight: flying on with its last good command; "
+        "not restarted: 0 restarts were allowed"
+    )
     assert summary.shortcomings() == said == [line]
     assert summary.exit_code == 1
+
+
+def test_guidance_that_dies_again_and_again_is_given_up(flight):
+    """The stand-in kills itself whenever it has come so far."""
+    summary, said = flight(restarts=2, guidance="kill", vehicle_sim="slow", until=given_up)
+    assert summary.problems == said
+    assert [line.rpartition("; ")[2] for line in said] == [
+        "restarted (1 of 2)",
+        "restarted (2 of 2)",
+        "not restarted: 2 restarts were allowed",
+    ]
 
 
 def test_recorder_killed_in_flight(flight):
     summary, said = flight(recorder="kill")
     assert summary.outcome is Outcome.TARGET
     assert summary.exit_code == 1
-    assert said == ["recorder was killed by SIGKILL in flight: the bag is incomplete"]
+    line = "recorder was killed by SIGKILL in flight: the bag is incomplete; "
+    assert said == [line + "`ares bag repair` saves what was written"]
 
 
 def test_recorder_that_ends_with_a_complaint(flight):
@@ -116,7 +141,7 @@ def test_a_missed_target(flight):
 
 def test_a_flight_without_news_is_given_up(flight, monkeypatch):
     monkeypatch.setattr(watch, "STALL_TIMEOUT", 1.0)
-    summary, _ = flight(vehicle_sim="slow", guidance="kill")
+    summary, _ = flight(restarts=0, vehicle_sim="slow", guidance="kill")
     assert summary.outcome is Outcome.INCOMPLETE
     assert "nothing heard for 1 s: given up" in summary.shortcomings()
 

@@ -24,6 +24,7 @@ from ares_bringup.testing import (
     INCLINATION,
     MU,
     RADIUS,
+    SPEED,
     flown,
     good_flight,
     made_up_event,
@@ -72,6 +73,19 @@ def test_errors_are_flown_minus_target(facts):
     errors = good_flight(facts, radius=RADIUS + 30.0, speed=7699.5).insertion_error
     assert errors["radius_m"] == pytest.approx(30.0)
     assert errors["speed_m_s"] == pytest.approx(-0.5)
+
+
+def test_the_end_in_place_of_the_target_is_named_and_no_success(facts):
+    lowered = good_flight(facts, speed=SPEED - 12.0)
+    assert lowered.shortcomings()[1:] == ["target lowered by 12.0 m/s"]
+    assert lowered.exit_code == 1
+    circle = math.sqrt(MU / RADIUS)
+    named = replace(facts, equatorial_radius=RADIUS - 160e3, safe_perigee_altitude=150e3)
+    safe = good_flight(named, speed=circle)
+    assert safe.shortcomings()[-1] == "safe orbit, perigee 160.0 km"
+    assert safe.exit_code == 1
+    higher = replace(named, safe_perigee_altitude=161e3)
+    assert not any("safe" in line for line in good_flight(higher, speed=circle).shortcomings())
 
 
 def test_a_missed_target_is_named(facts):

@@ -56,18 +56,23 @@ class Interrupts:
         kind: type[BaseException] | None,
         error: BaseException | None,
         trace: TracebackType | None,
-    ) -> None:
-        """Give them back; after a signal the process still ends within GRACE of it."""
+    ) -> bool:
+        """Give them back; after a signal the process still ends within GRACE of it.
+
+        Returns:
+            Whether the error is what compiled code has made of the KeyboardInterrupt.
+        """
         self._over = True
         signal.set_wakeup_fd(self._former_fd)
         if self._number:
-            return
+            return kind is not None and issubclass(kind, Exception)
         for number, handler in self._former.items():
             signal.signal(number, handler)
         os.write(self._writable, b"\0")
         self._thread.join()
         os.close(self._readable)
         os.close(self._writable)
+        return False
 
     def status(self, otherwise: int) -> int:
         """Exit status after a signal; the other one if none came."""

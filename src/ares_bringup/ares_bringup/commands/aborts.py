@@ -1,0 +1,169 @@
+"""What `ares aborts` does and prints. No ROS."""
+
+import json
+import sys
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+from rich.text import Text
+
+from ares_bringup.options import CannotStart
+from ares_bringup.report import console, shown_path
+from ares_bringup.whole_file import write_whole
+from ares_guidance.laws import check_law, find_law
+from ares_models.mission import load_mission
+from ares_optimizer.foreknown import begin_times
+from ares_studies.aborts.abort_map import AbortMap, MapMaker, MapSettings, Share
+from ares_studies.aborts.report import ENDS, make_report, render
+
+EXIT_MADE = 0
+EXIT_POINTS_FAILED = 1
+
+
+@dataclass(frozen=True)
+class AbortOptions:
+    """A map as it is asked for.
+
+    Attributes:
+        mission: name of a shipped mission or path of a mission file.
+        guidance: guidance law.
+        step_s: between times.
+        as_json: print one JSON object instead of tables.
+        out: the page; None: none.
+    """
+
+    mission: str
+    guidance: str
+    step_s: float
+    as_json: bool = False
+    out: Path | None = None
+
+    def settings(self) -> MapSettings:
+        """What is flown.
+
+        Raises:
+            CannotStart: mission or law is wrong; one line.
+        """
+        try:
+            if find_law(self.guidance).needs_trajectory:
+                raise CannotStart(
+                    f"--guidance is {self.guidance!r}; a map is flown by laws that start by "
+                    "themselves"
+                )
+            mission = load_mission(self.mission)
+            # refuses a mission whose failures have no time
+            begin_times(mission.arrays(), mission.start().time_s)
+            check_law(
+                self.guidance, mission.arrays(foreseen=True), mission.start().navigation(), None
+            )
+        except ValueError as error:
+            raise CannotStart(" ".join(str(error).split())) from error
+        return MapSettings(mission, self.guidance, self.step_s)
+
+
+def aborts(options: AbortOptions) -> int:
+    """Make a map, print what it says, and write its page.
+
+    Args:
+        options: what is asked for.
+
+    Returns:
+        0; 1 where points failed.
+
+    Raises:
+        CannotStart: bad input; one line.
+    """
+    if options.out is not None and not options.out.absolute().parent.is_dir():
+        raise CannotStart(f"--out is {str(options.out)!r}; its folder does not exist")
+    settings = options.settings()
+    try:
+        maker = MapMaker(settings)
+    except ValueError as error:
+        raise CannotStart(f"mission {settings.mission.name}: {error}") from error
+    made = _watched(maker)
+    if options.out is not None:
+        write_whole(options.out, render(make_report(made, _facts(options, made))).encode())
+    if options.as_json:
+        print(json.dumps(made.to_json(), indent=1, allow_nan=False))
+    else:
+        _print(made, console())
+        if options.out is not None:
+            print(shown_path(str(options.out)))
+    return EXIT_POINTS_FAILED if made.wrong else EXIT_MADE
+
+
+def _watched(maker: MapMaker) -> AbortMap:
+    """Make the map with a bar that says how long it takes."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console(sys.stderr)) as progress:
+        task = progress.add_task("flying", total=maker.count)
+        work = maker.make()
+        while True:
+            try:
+                progress.update(task, completed=next(work))
+            except StopIteration as over:
+                made: AbortMap = over.value
+                return made
+
+
+def _facts(options: AbortOptions, made: AbortMap) -> dict[str, str]:
+    return {
+        "mission": options.mission,
+        "guidance": made.law,
+        "points": f"{len(made.points):,}, every {made.step_s:g} s",
+        "safe perigee": f"{made.safe_perigee_altitude_m:,.0f} m over the equator",
+        "optimum without failure": f"{made.nominal.m_f_kg:,.1f} kg",
+    }
+
+
+def _print(made: AbortMap, out: Console) -> None:
+    out.print(Text(made.title), style="bold")
+    out.print(f"guidance {made.law}, {len(made.points):,} points, every {made.step_s:g} s")
+    out.print()
+    table = Table(box=None, pad_edge=False)
+    for column in ("", "points", "the optimizer that knew", "flown", "as it", "as one told then"):
+        right = column in ("points", "as it", "as one told then")
+        table.add_column(column, justify="right" if right else "left")
+    for row in made.rows:
+        n = len(row.points)
+        table.add_row(
+            row.name,
+            f"{n:,}",
+            _ends(Counter(point.optimum.end for point in row.points)),
+            _ends(Counter(point.flown.end for point in row.points)),
+            _percent(Share(sum(point.within for point in row.points), n)),
+            _percent(Share(sum(point.within_told for point in row.points), n)),
+        )
+    told = made.shares(told=True)
+    for name, share in made.shares().items():
+        row_of = (name, f"{share.of:,}", "", "", _percent(share), _percent(told[name]))
+        table.add_row(*row_of, style="bold")
+    out.print(table)
+    for point in made.wrong[:20]:
+        out.print(f"failed: {point.failure.kind} at {point.at_s:g} s: {point.wrong}")
+
+
+def _ends(counts: Counter[object]) -> str:
+    return ", ".join(f"{name} {counts[end]:,}" for end, (_, name) in ENDS.items() if counts[end])
+
+
+def _percent(share: Share) -> str:
+    return f"{share.percent:.2f} %" if share.of else "-"

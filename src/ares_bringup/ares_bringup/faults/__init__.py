@@ -1,0 +1,1 @@
+"""Faults from outside into real flights: `ares faults`."""

@@ -1,0 +1,396 @@
+"""What is done to a flight, each at times and in sizes that a generator draws."""
+
+import copy
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.random import Generator
+from rosgraph_msgs.msg import Clock
+
+from ares_bags.errors import BagError
+from ares_bags.reader import open_bag
+from ares_bags.repair import repair
+from ares_bags.verify import verify
+from ares_bringup.faults import tampering
+from ares_bringup.faults.relay import Channel
+from ares_bringup.faults.scene import Flown, Scene
+from ares_bringup.keeper import GUIDANCE, OPTIMIZER, RECORDER, SIMULATOR
+from ares_msgs.msg import ThrustCommand
+from ares_node.qos import CLOCK, CLOCK_QOS, FLIGHT, NAV_STATE, SOLVE_TRAJECTORY, THRUST_COMMAND
+from ares_node.time import ns_from_stamp, stamp_from_seconds
+
+Act = Callable[[Scene, Generator], None]
+
+#: Of the mission that is flown, s: its begin, its jettison and its cut-off as guidance flies it.
+BEGIN, JETTISON, CUTOFF = 155.9, 434.0, 767.1
+#: Flight time in s that the vehicle needs to recover, and that a fault lasts at most.
+TIME_TO_RECOVER = 30.0
+LONGEST = 20.0
+#: Flight time in s that a bad link lasts.
+BAD_LINK = 100.0
+#: Pace at which a flight goes on without guidance: 20 s of it are over before another has started.
+PACE = 20.0
+#: Pace of a flight on a machine that is busy, and how far it may stay behind unsaid, s: what it
+#: makes up for, and the time that a message takes.
+FAST = 200.0
+UNSAID = 1.0
+#: Wall time in s after which the recorder has flushed all that it has got.
+FLUSHED_AFTER = 1.2
+
+
+def _some_time(rng: Generator, latest: float = CUTOFF - 2.0) -> float:
+    return float(rng.uniform(BEGIN + 2.0, latest))
+
+
+def _note_end(scene: Scene, end_s: float) -> None:
+    """When the fault is over, and so whether the target must be reached."""
+    scene.facts["must_reach"] = CUTOFF - end_s >= TIME_TO_RECOVER
+
+
+# ---- processes
+
+
+def kill_guidance(scene: Scene, rng: Generator) -> None:
+    """Killed; its successor flies 0 to 20 s later, however long it takes to start."""
+    at = _some_time(rng)
+    without = float(rng.uniform(0.0, LONGEST))
+    _note_end(scene, at + without)
+    if not scene.fly_to(at):
+        return
+    former = scene.guidances()
+    scene.set_simulator(pace=PACE)
+    scene.signal(GUIDANCE, signal.SIGKILL)
+    scene.fly_past(at + without)
+    scene.set_simulator(paused=True)
+    scene.spin(lambda: bool(scene.guidances() - former))
+    scene.set_simulator(pace=0.0, paused=False)
+
+
+def stop_guidance(scene: Scene, rng: Generator) -> None:
+    """Stopped for 1 to 20 s; then it has all the states of that time before it."""
+    at = _some_time(rng)
+    without = float(rng.uniform(1.0, LONGEST))
+    _note_end(scene, at + without)
+    if not scene.fly_to(at):
+        return
+    scene.set_simulator(pace=PACE)
+    scene.signal(GUIDANCE, signal.SIGSTOP)
+    scene.fly_past(at + without)
+    scene.set_simulator(paused=True)
+    scene.signal(GUIDANCE, signal.SIGCONT)
+    relay = scene.relay
+    scene.spin(lambda: _answered(relay.last_command) >= relay.now - 1e-6)
+    scene.set_simulator(pace=0.0, paused=False)
+
+
+def _answered(command: ThrustCommand | None) -> float:
+    """Flight time of the state that a command answers, s."""
+    return ns_from_stamp(command.nav_stamp) / 1e9 if command is not None else -np.inf
+
+
+def signal_optimizer(name: str) -> Act:
+    """A signal to the optimizer: while it is asked, or in flight."""
+
+    def act(scene: Scene, rng: Generator) -> None:
+        early = rng.random() < 0.5
+        at = _some_time(rng)
+        if early:
+            scene.spin(lambda: scene.node.count_services(SOLVE_TRAJECTORY) > 0)
+        else:
+            scene.fly_to(at)
+        scene.signal(OPTIMIZER, signal.Signals[name])
+
+    return act
+
+
+def answer_falsely(scene: Scene, rng: Generator) -> None:
+    """Another answers in the optimizer's place, from the begin on."""
+    del scene, rng
+
+
+# ---- the bag
+
+
+def _fly_to_flushed(scene: Scene, rng: Generator) -> bool:
+    """To some time; the recorder has time to flush what came before."""
+    if not scene.fly_to(_some_time(rng)):
+        return False
+    scene.facts["flushed"] = int(scene.relay.now - BEGIN)
+    scene.spin(lambda: False, FLUSHED_AFTER)
+    return True
+
+
+def kill_recorder(scene: Scene, rng: Generator) -> None:
+    """At any time."""
+    if _fly_to_flushed(scene, rng):
+        scene.signal(RECORDER, signal.SIGKILL)
+
+
+def fill_disk(scene: Scene, rng: Generator) -> None:
+    """From some time on no file can grow."""
+    if _fly_to_flushed(scene, rng):
+        size = max(path.stat().st_size for path in scene.bag.iterdir())
+        limit = size + int(rng.integers(1, 4096))
+        resource.prlimit(scene.pid(RECORDER), resource.RLIMIT_FSIZE, (limit, limit))
+
+
+def remove_folder(scene: Scene, rng: Generator) -> None:
+    """The bag's folder is removed with all that is in it."""
+    if scene.fly_to(_some_time(rng)):
+        shutil.rmtree(scene.bag)
+
+
+def what_fits_is_whole(scene: Scene, _flown: Flown) -> str:
+    """The bag can be read as it is: chunks make room for its end, and the recorder says so."""
+    try:
+        return "; ".join(map(str, verify(scene.bag).findings))
+    except BagError as error:
+        return str(error)
+
+
+def what_was_flushed_is_saved(scene: Scene, _flown: Flown) -> str:
+    """The repaired bag is whole and holds each navigation state from before the fault."""
+    bag = scene.bag
+    try:
+        if verify(bag).findings:
+            bag = repair(bag, scene.folder / "saved").path
+        findings = verify(bag).findings
+        states = open_bag(bag).topics[f"/ares/{NAV_STATE}"].count
+    except (BagError, KeyError) as error:
+        return f"{type(error).__name__}: {error}"
+    if states < scene.facts["flushed"]:
+        return f"{states} navigation states saved of {scene.facts['flushed']} that were flushed"
+    return "; ".join(map(str, findings))
+
+
+# ---- the link
+
+
+def tamper_link(channel: str, kind: str, worse: bool) -> Act:
+    """A share of the messages of one direction, for a while.
+
+    Args:
+        channel: of the relay.
+        kind: what happens to them.
+        worse: to half of them, not to a tenth at most.
+    """
+
+    def act(scene: Scene, rng: Generator) -> None:
+        share = 0.5 if worse else float(rng.choice([0.01, 0.1]))
+        at = _some_time(rng, CUTOFF - 10.0)
+        scene.facts["must_reach"] = not worse
+        link: Channel = getattr(scene.relay, channel)
+        link.begin, link.end = at, at + BAD_LINK
+        if kind == "lost":
+            link.tamper = tampering.lose(rng, share)
+        elif kind == "doubled":
+            link.tamper = tampering.double(rng, share)
+        elif kind == "delayed":
+            link.tamper = tampering.delay(rng, share, 3.0 if worse else 1.0)
+        else:
+            link.tamper = tampering.delay(rng, share, 1.0)
+            link.after = True
+
+    return act
+
+
+# ---- navigation
+
+
+NAVIGATION_FAULTS: dict[str, Callable[[Any, Any, float, Generator], None]] = {
+    "not a number": tampering.not_a_number,
+    "infinite": tampering.infinite,
+    "zero": tampering.zero,
+    "sign flipped": tampering.flipped,
+    "frozen": tampering.frozen,
+    "50 km off": tampering.far_off,
+    "of another mission": tampering.of_another_mission,
+    "drifts slowly": tampering.drifting,
+}
+
+
+def tamper_navigation(kind: str) -> Act:
+    """Wrong for 1 to 20 s."""
+
+    def act(scene: Scene, rng: Generator) -> None:
+        at = _some_time(rng)
+        end = at + float(rng.uniform(1.0, LONGEST))
+        _note_end(scene, end)
+        relay = scene.relay
+        first: list[Any] = []
+
+        def wrong(now: float, data: bytes) -> bytes:
+            def change(record: Any) -> None:
+                first.append(record.copy())
+                NAVIGATION_FAULTS[kind](record, first[0], now - at, rng)
+
+            return relay.changed(data, change)
+
+        relay.states.begin, relay.states.end = at, end
+        relay.states.tamper = tampering.change(wrong)
+
+    return act
+
+
+# ---- commands
+
+
+def _not_unit(command: ThrustCommand, rng: Generator) -> None:
+    command.direction = command.direction * rng.choice([0.0, 0.9, 1.001, 2.0])
+
+
+def _not_a_number(command: ThrustCommand, rng: Generator) -> None:
+    name = rng.choice(["direction", "direction_rate", "reference_time"])
+    if name == "reference_time":
+        command.reference_time = np.nan
+    else:
+        values = np.array(getattr(command, name))
+        values[rng.integers(3)] = rng.choice([np.nan, np.inf])
+        setattr(command, name, values)
+
+
+def _cutoff_in_the_past(command: ThrustCommand, rng: Generator) -> None:
+    command.cutoff_time = _answered(command) - float(rng.uniform(2.0, 500.0))
+
+
+def _jettison_too_early(command: ThrustCommand, _rng: Generator) -> None:
+    command.jettison = 0
+    command.jettison_time = _answered(command)
+
+
+COMMAND_FAULTS: dict[str, Callable[[ThrustCommand, Generator], None]] = {
+    "not unit": _not_unit,
+    "not a number": _not_a_number,
+    "cut-off in the past": _cutoff_in_the_past,
+    "jettison above the limit": _jettison_too_early,
+}
+
+
+def tamper_commands(kind: str) -> Act:
+    """Wrong for 1 to 20 s; a jettison while it is far too hot for it."""
+
+    def act(scene: Scene, rng: Generator) -> None:
+        at = _some_time(rng, JETTISON - 100.0 if "jettison" in kind else CUTOFF - 2.0)
+        end = at + float(rng.uniform(1.0, LONGEST))
+        _note_end(scene, end)
+
+        def wrong(_now: float, command: ThrustCommand) -> ThrustCommand:
+            changed = copy.deepcopy(command)
+            COMMAND_FAULTS[kind](changed, rng)
+            return changed
+
+        scene.relay.commands.begin, scene.relay.commands.end = at, end
+        scene.relay.commands.tamper = tampering.change(wrong)
+
+    return act
+
+
+def second_publisher(scene: Scene, rng: Generator) -> None:
+    """Somebody else answers first: as another guidance, for another flight, late, as nobody."""
+    at = _some_time(rng)
+    end = at + float(rng.uniform(1.0, LONGEST))
+    kind = rng.choice(["another guidance", "another flight", "late", "nobody"])
+    out = scene.node.create_publisher(ThrustCommand, THRUST_COMMAND, FLIGHT)
+
+    def answer(command: ThrustCommand) -> None:
+        if not at <= _answered(command) < end:
+            return
+        false = copy.deepcopy(command)
+        false.direction = -command.direction
+        if kind == "another guidance":
+            false.guidance_id += 1
+        elif kind == "nobody":
+            false.guidance_id = 0
+        elif kind == "another flight":
+            false.flight_id += 1
+        else:
+            false.nav_stamp = stamp_from_seconds(_answered(command) - float(rng.integers(1, 100)))
+        scene.relay.commands.touched += 1
+        out.publish(false)
+
+    scene.relay.on_command = answer
+
+
+# ---- the clock
+
+
+def stand_still(scene: Scene, rng: Generator) -> None:
+    """The clock stands, and the answers that were given come again, turned round."""
+    given: list[ThrustCommand] = []
+    scene.relay.on_command = given.append
+    if not scene.fly_to(_some_time(rng)):
+        return
+    scene.set_simulator(paused=True)
+    scene.relay.let_go()
+    relay = scene.relay
+    scene.spin(lambda: _answered(relay.last_command) >= relay.now - 1e-6)
+    out = scene.node.create_publisher(ThrustCommand, THRUST_COMMAND, FLIGHT)
+    scene.spin(lambda: out.get_subscription_count() > 0)
+    for command in given[-20:]:
+        again = copy.deepcopy(command)
+        again.direction = -command.direction
+        out.publish(again)
+    out.wait_for_all_acked()
+    scene.set_simulator(paused=False)
+
+
+def jump_back(scene: Scene, rng: Generator) -> None:
+    """Another clock says what was, and guidance gets the states of then once more."""
+    back = float(rng.uniform(2.0, 100.0))
+    at = _some_time(rng, CUTOFF - 10.0)
+    _note_end(scene, at)
+    kept: list[bytes] = []
+
+    def keep(now: float, data: bytes) -> list[tuple[float, bytes]]:
+        if at - back <= now < at:
+            kept.append(data)
+            return [(0.0, data)]
+        return [*((0.0, old) for old in kept[:5]), (0.0, data)]
+
+    scene.relay.states.begin, scene.relay.states.end = at - back, at + 1.0
+    scene.relay.states.tamper = keep
+    clock = scene.node.create_publisher(Clock, CLOCK, CLOCK_QOS)
+    if scene.fly_to(at):
+        clock.publish(Clock(clock=stamp_from_seconds(at - back)))
+
+
+def restart_simulator(scene: Scene, rng: Generator) -> None:
+    """Killed at any time; who started it does so again."""
+    scene.fly_past(_some_time(rng, CUTOFF - 100.0))
+    scene.signal(SIMULATOR, signal.SIGKILL)
+
+
+# ---- the machine
+
+
+def load_cores(scene: Scene, rng: Generator) -> None:
+    """Two processes that do nothing else; half of the flights keep a pace from some time on."""
+    at = _some_time(rng, CUTOFF - 400.0)
+    paced = bool(rng.random() < 0.5)
+    for _ in range(2):
+        scene.keep(subprocess.Popen([sys.executable, "-c", "while True: pass"]))
+    if not (scene.fly_to(at) and paced):
+        return
+    scene.set_simulator(pace=FAST)
+    begun, since = time.monotonic(), scene.relay.now
+
+    def look(_command: ThrustCommand) -> None:
+        behind = time.monotonic() - begun - (scene.relay.now - since) / FAST
+        scene.facts["behind_s"] = max(behind, scene.facts.get("behind_s", 0.0))
+
+    scene.relay.on_command = look
+
+
+def what_was_missed_is_said(scene: Scene, flown: Flown) -> str:
+    """A flight that fell behind its pace by more than it makes up for has said so."""
+    behind = scene.facts.get("behind_s", 0.0)
+    if behind > UNSAID and "behind its pace by" not in flown.said:
+        return f"{behind:.1f} s behind its pace, and not said"
+    return ""

@@ -1,0 +1,63 @@
+"""An optimizer that is wrong: nonsense, or a plan for another vehicle.
+
+python -m ares_bringup.faults.false_optimizer --ros-args ... -p kind:=nonsense -p seed:=7
+"""
+
+import sys
+from typing import Any
+
+import numpy as np
+from numpy.random import Generator
+
+from ares_bringup.discovery import apply_discovery_settings
+from ares_node.parameters import Parameter
+from ares_node.run import run_node
+from ares_optimizer.node import OptimizerNode
+
+NONSENSE, ANOTHER_VEHICLE = KINDS = ("nonsense", "another vehicle")
+#: Lists of an answer that guidance reads, none of which can be zero or huge.
+LISTS = ("arc_start_time", "arc_end_time", "arc_start_mass", "steering_direction")
+PARAMETERS = (
+    Parameter("kind", NONSENSE, "What is wrong.", choices=KINDS),
+    Parameter("seed", 0, "Of what is drawn.", minimum=0),
+)
+
+
+class FalseOptimizer(OptimizerNode):
+    """Solves what it was asked, and answers something else."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(PARAMETERS, **kwargs)
+
+    def _on_request(self, request: Any, response: Any) -> Any:
+        if self.values["kind"] == ANOTHER_VEHICLE:
+            # its node's own mission
+            request.mission = request.method = ""
+            request.use_nav_state = False
+            return super()._on_request(request, response)
+        answer = super()._on_request(request, response)
+        spoil(answer, np.random.default_rng(self.values["seed"]))
+        return answer
+
+
+def spoil(answer: Any, rng: Generator) -> None:
+    """Make one list of an answer, or its cut-off, nonsense."""
+    name = str(rng.choice(LISTS))
+    values = np.array(getattr(answer, name))
+    kind = rng.integers(5)
+    if kind == 0:
+        values[rng.integers(len(values))] = np.nan
+    elif kind == 1:
+        values = values[:-1]
+    elif kind == 2:
+        values *= -1e30
+    elif kind == 3:
+        values[:] = 0.0
+    else:
+        answer.cutoff_time = float(rng.choice([-1.0, 0.0, -np.inf, np.nan]))
+    setattr(answer, name, values.tolist())
+
+
+if __name__ == "__main__":
+    apply_discovery_settings()
+    sys.exit(run_node(FalseOptimizer, name="optimizer"))

@@ -1,0 +1,245 @@
+"""The rows of the campaign as data: what is done, and what is expected of the flight then."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+from numpy.random import Generator
+
+from ares_bringup.faults import acts, signals
+from ares_bringup.faults.scene import Flown, Scene
+from ares_bringup.keeper import OPTIMIZER, SIMULATOR
+
+#: Reached within tolerance if so much flight time, s, is left after the fault.
+TIME_TO_RECOVER = 30.0
+
+#: Of a simulator that shall not wait long for answers that were lost on purpose.
+IMPATIENT = {SIMULATOR: ("-p", "command_timeout_s:=0.1")}
+RECORDED = {"record": True, "bag": "bag"}
+FALSE_OPTIMIZER = {OPTIMIZER: "ares_bringup.faults.false_optimizer"}
+
+
+@dataclass(frozen=True)
+class Row:
+    """One kind of fault.
+
+    Attributes:
+        name: short; what the table says.
+        expected: of the flight, for people.
+        act: does it to a flight, at random.
+        says: each must be found in what the flight says, if the fault came about.
+        statuses: exit statuses of a flight to the target that are honest.
+        by_relay: it is done to messages, and by chance to none: then nothing is to be seen.
+        unaffected: the flight ends with the very mass of one without the fault.
+        options: of the flight.
+        arguments: of its nodes.
+        modules: in place of its nodes.
+        drawn: node that gets a seed; empty: none.
+        after: looks at what is left; a complaint, or nothing.
+        program: what flies.
+        alone: the whole trial, without a flight to look at; a complaint, or nothing.
+    """
+
+    name: str
+    expected: str
+    act: Callable[[Scene, Generator], None] = lambda _scene, _rng: None
+    says: tuple[str, ...] = ()
+    statuses: tuple[int, ...] = (1,)
+    by_relay: bool = False
+    unaffected: bool = False
+    options: Mapping[str, Any] = field(default_factory=dict)
+    arguments: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    modules: Mapping[str, str] = field(default_factory=dict)
+    drawn: str = ""
+    after: Callable[[Scene, Flown], str] = lambda _scene, _flown: ""
+    program: str = "ares_bringup.faults.flight"
+    alone: Callable[[Generator], str] | None = None
+
+
+REACHED = f"target reached if {TIME_TO_RECOVER:.0f} s are left, said, status 1"
+UNAFFECTED = "flight unaffected to the last bit"
+REFUSED = "refused, counted, said; target reached if 30 s are left"
+NO_ANSWER = ("flown without an answer from guidance",)
+CHANNELS = {"navigation": "states", "commands": "commands"}
+
+
+def _links() -> list[Row]:
+    """Messages lost, doubled, late, out of order; up to a tenth of them, and half."""
+    rows = []
+    for what, channel in CHANNELS.items():
+        for kind in ("lost", "doubled", "delayed", "re-ordered"):
+            doubled = kind == "doubled"
+            for worse, share in ((False, "to 10 %"), (True, "50 %")):
+                late = (", to 3 s" if worse else ", to 1 s") if kind == "delayed" else ""
+                rows.append(
+                    Row(
+                        f"{what} {kind}, {share}{late}",
+                        "may miss, never diverges, says so" if worse else "target reached, said",
+                        acts.tamper_link(channel, kind, worse),
+                        ("command refused",) if doubled else NO_ANSWER,
+                        (0,) if doubled else (1,),
+                        by_relay=True,
+                        arguments=IMPATIENT,
+                    )
+                )
+    return rows
+
+
+def _navigation() -> list[Row]:
+    return [
+        Row(
+            f"navigation {kind}",
+            "refused where it can be told, counted, said; last good solution held; "
+            "target reached if 30 s are left",
+            acts.tamper_navigation(kind),
+            # a drift that agrees with itself cannot be told from flight
+            () if kind == "drifts slowly" else ("guidance: navigation",),
+            (0, 1),
+            by_relay=True,
+        )
+        for kind in acts.NAVIGATION_FAULTS
+    ]
+
+
+def _commands() -> list[Row]:
+    return [
+        Row(f"commands {kind}", REFUSED, acts.tamper_commands(kind), (said,), (0, 1), by_relay=True)
+        for kind, said in (
+            ("not unit", "command refused: direction has length"),
+            ("not a number", "command refused: "),
+            ("cut-off in the past", "command refused: cutoff_time"),
+            ("jettison above the limit", "command refused: jettison"),
+        )
+    ]
+
+
+ROWS = (
+    Row("guidance killed", REACHED, acts.kill_guidance, (*NO_ANSWER, "restarted (1 of 3)")),
+    Row("guidance stopped", REACHED, acts.stop_guidance, NO_ANSWER, arguments=IMPATIENT),
+    Row(
+        "optimizer killed",
+        UNAFFECTED,
+        acts.signal_optimizer("SIGKILL"),
+        ("optimizer was killed by SIGKILL",),
+        (0,),
+        options={"initial_guess": "analytic"},
+    ),
+    Row(
+        "optimizer hung",
+        "target reached, said",
+        acts.signal_optimizer("SIGSTOP"),
+        ("optimizer",),
+        (0,),
+        options={"initial_guess": "analytic"},
+    ),
+    Row(
+        "optimizer answers nonsense",
+        "refused, said; target reached",
+        acts.answer_falsely,
+        ("guidance: optimizer: unusable answer",),
+        (0,),
+        options={"initial_guess": "analytic"},
+        arguments={OPTIMIZER: ("-p", "kind:=nonsense")},
+        modules=FALSE_OPTIMIZER,
+        drawn=OPTIMIZER,
+    ),
+    Row(
+        "optimizer plans another vehicle",
+        "refused, said; target reached",
+        acts.answer_falsely,
+        ("guidance: optimizer: unusable answer",),
+        (0,),
+        options={"initial_guess": "analytic"},
+        arguments={
+            OPTIMIZER: (
+                "-p",
+                "kind:=another vehicle",
+                "-p",
+                "mission:=saturn_v_as506",
+                "-p",
+                "method:=indirect",
+            )
+        },
+        modules=FALSE_OPTIMIZER,
+    ),
+    Row(
+        "recorder killed",
+        f"{UNAFFECTED}; what was flushed is saved, said, status 1",
+        acts.kill_recorder,
+        ("recorder was killed by SIGKILL in flight: the bag is incomplete", "ares bag repair"),
+        unaffected=True,
+        options=RECORDED,
+        after=acts.what_was_flushed_is_saved,
+    ),
+    Row(
+        "disk full",
+        f"{UNAFFECTED}; what leaves room for the bag's end is a whole bag, said, status 1",
+        acts.fill_disk,
+        ("recorder", "messages are in it"),
+        unaffected=True,
+        options=RECORDED,
+        after=acts.what_fits_is_whole,
+    ),
+    Row(
+        "bag's folder removed",
+        f"{UNAFFECTED}; said, status 1",
+        acts.remove_folder,
+        ("recorder", "incomplete"),
+        unaffected=True,
+        options=RECORDED,
+    ),
+    *_links(),
+    *_navigation(),
+    *_commands(),
+    Row(
+        "commands from a second publisher",
+        f"refused, counted, said; {UNAFFECTED}",
+        acts.second_publisher,
+        ("command refused",),
+        (0,),
+        by_relay=True,
+        unaffected=True,
+    ),
+    Row(
+        "clock stands still",
+        f"old answers refused, said; {UNAFFECTED}",
+        acts.stand_still,
+        ("command refused",),
+        (0,),
+        unaffected=True,
+    ),
+    Row(
+        "clock jumps back",
+        "old states are not answered, said; target reached",
+        acts.jump_back,
+        ("navigation state older than one before it: not answered",),
+        (0, 1),
+    ),
+    Row(
+        "simulator restarted",
+        "a new flight, which guidance takes up by itself: target reached",
+        acts.restart_simulator,
+        (),
+        (0,),
+        unaffected=True,
+        program="ares_bringup.faults.by_hand",
+    ),
+    *(
+        Row(
+            f"signal to {verb}",
+            "ends within 2 s, status right, bag readable, nothing left",
+            alone=partial(signals.interrupt, verb),
+        )
+        for verb in signals.VERBS
+    ),
+    Row(
+        "both cores loaded",
+        f"{UNAFFECTED}; a paced flight says what it misses",
+        acts.load_cores,
+        (),
+        (0,),
+        unaffected=True,
+        after=acts.what_was_missed_is_said,
+    ),
+)

@@ -1,0 +1,122 @@
+"""One trial: a fault of a row, drawn by a seed, and what the flight came to under it."""
+
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from typing import Any
+from zlib import crc32
+
+import numpy as np
+
+from ares_bringup.faults.rows import ROWS, Row
+from ares_bringup.faults.scene import Flown, Scene
+
+#: Final mass of the flight without any fault, kg; the graph flies it to the last bit.
+UNDISTURBED_KG = 174117.61845085656
+#: Ends of a flight that has diverged, or come to none.
+DIVERGED = ("impact", "incomplete", "interrupted", "time_limit")
+
+
+class Class(StrEnum):
+    """What a trial came to."""
+
+    SURVIVED = "survived"
+    DEGRADED = "degraded"
+    WRONG = "wrong"
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One trial and its result.
+
+    Attributes:
+        row: name of the row.
+        seed: of the campaign.
+        number: of the trial in its row.
+        result: what it came to.
+        why: one line; empty if it survived.
+    """
+
+    row: str
+    seed: int
+    number: int
+    result: str
+    why: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """For a file."""
+        return asdict(self)
+
+
+def run(name: str, seed: int, number: int) -> Trial:
+    """Fly one trial.
+
+    Args:
+        name: of a row.
+        seed: of the campaign.
+        number: of the trial in its row.
+    """
+    row = next(row for row in ROWS if row.name == name)
+    # by its name: a row that is added changes no other
+    rng = np.random.default_rng([seed, crc32(name.encode()), number])
+    if row.alone is not None:
+        why = row.alone(rng)
+        return Trial(name, seed, number, (Class.WRONG if why else Class.SURVIVED).value, why)
+    arguments = {name: list(words) for name, words in row.arguments.items()}
+    if row.drawn:
+        arguments[row.drawn] += ["-p", f"seed:={rng.integers(2**31)}"]
+    with Scene(row.options, arguments, row.modules, row.program) as scene:
+        row.act(scene, rng)
+        flown = scene.finish()
+        result, why = judge(row, flown)
+        if result is not Class.WRONG and (complaint := row.after(scene, flown)):
+            result, why = Class.WRONG, complaint
+    return Trial(name, seed, number, result.value, why)
+
+
+def judge(row: Row, flown: Flown) -> tuple[Class, str]:
+    """What a flight came to, and why it did not survive; by nothing that hangs on the machine."""
+    wrong = _unclean(flown) or _unsaid(row, flown)
+    if wrong:
+        return Class.WRONG, wrong
+    summary = flown.summary
+    outcome = summary["outcome"]
+    if outcome == "target":
+        return Class.SURVIVED, ""
+    why = f"{outcome}: {'; '.join(summary['shortcomings'])}"
+    if flown.facts.get("must_reach", True) or outcome in DIVERGED:
+        return Class.WRONG, why
+    return Class.DEGRADED, why
+
+
+def _unclean(flown: Flown) -> str:
+    """What no flight may do, whatever happens to it; empty if it did not."""
+    if flown.status is None:
+        return "hung"
+    if "Traceback" in flown.said:
+        return "a traceback: " + flown.said.strip().splitlines()[-1]
+    if flown.left:
+        return "left behind: " + "; ".join(flown.left)
+    if not flown.summary:
+        return f"no summary, exit status {flown.status}: {flown.said.strip()}"
+    return ""
+
+
+def _unsaid(row: Row, flown: Flown) -> str:
+    """What the flight should have said of the fault, and did not; empty if it did."""
+    summary = flown.summary
+    on_target = summary["outcome"] == "target"
+    came_about = flown.touched or not row.by_relay
+    exact = not came_about or row.unaffected
+    if exact and summary["m_f_kg"] != UNDISTURBED_KG:
+        return f"final mass {summary['m_f_kg']} kg, undisturbed {UNDISTURBED_KG} kg"
+    allowed = row.statuses if came_about else (0,)
+    if not on_target:
+        allowed = (1,)
+    if flown.status not in allowed:
+        return f"exit status {flown.status}"
+    if not came_about:
+        return ""
+    told = [f"{line['node']}: {line['message']}" for line in summary["diagnostics"]]
+    words = "\n".join([*told, *summary["shortcomings"], flown.said])
+    missing = [text for text in row.says if text not in words]
+    return f"not said: {missing[0]}" if missing else ""

@@ -1,0 +1,550 @@
+"""Every message callback of every node, called as the middleware would, without a network.
+
+An input is the number of a callback and the CDR of a message for it.
+"""
+
+import contextlib
+import io
+import json
+import math
+import shutil
+import tempfile
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from random import Random
+from typing import Any
+from unittest.mock import patch
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.serialization import serialize_message
+
+from ares_bags.recorder import RecorderNode
+from ares_bags.verify import verify
+from ares_bringup.fuzz.messages import heard, hostile, hostile_raw
+from ares_bringup.fuzz.target import Broken, Target, check, one_line
+from ares_bringup.monitor import FlightMonitor
+from ares_bringup.report import console, print_summary
+from ares_bringup.summary import FlightSummary, facts_of
+from ares_guidance.node import GuidanceNode
+from ares_models.mission import load_mission
+from ares_msgs.msg import (
+    FlightEvent,
+    FlightMember,
+    GuidanceStatus,
+    NavState,
+    ThrustCommand,
+    VehicleState,
+)
+from ares_msgs.srv import SolveTrajectory
+from ares_node.diagnostics import (
+    GOOD,
+    LONGEST_CYCLE_MS,
+    NODE,
+    PACE,
+    PAGES,
+    PAUSED,
+    VERDICT,
+    Timing,
+    hardware_id,
+)
+from ares_node.domains import claimed_domain
+from ares_node.node import FlightNode
+from ares_node.time import stamp_from_ns
+from ares_optimizer.messages import Answers, Response
+from ares_vehicle_sim.kernels.plant import UNIT_TOLERANCE
+from ares_vehicle_sim.node import VehicleSimNode
+from ares_vehicle_sim.simulator import CommandRefused, Simulator
+from ares_view.live.node import LiveNode
+from ares_view.live.story import Seen
+from ares_view.standard.node import ViewNode
+
+FLIGHT = 0x1234
+#: Members of the flight that are not the node that is fuzzed.
+SIMULATOR_ID, GUIDANCE_ID = 77, 78
+MISSION = "ares_v"
+
+
+@dataclass(frozen=True)
+class Call:
+    """A callback: what it takes, how, and fields that a message for it mostly keeps."""
+
+    kind: Any
+    good: Callable[[], Any]
+    call: Callable[[Any], None]
+    raw: bool = False
+    kept: Sequence[str] = ("flight_id", "hardware_id")
+
+
+class NodeTarget(Target):
+    """A node, its callbacks, and a look now and then at what has become of it."""
+
+    stateful = True
+    #: Inputs between looks.
+    look_every = 64
+
+    def __init__(self) -> None:
+        self._held = ExitStack()
+        self.calls: list[Call] = []
+        self._count = 0
+        self._node: Any = None
+
+    def begin(self) -> None:
+        self.end()
+        domain = self._held.enter_context(claimed_domain())
+        self.context = Context()
+        rclpy.init(args=[], context=self.context, domain_id=domain)
+        self._held.callback(self.context.try_shutdown)
+        self.folder = Path(tempfile.mkdtemp(prefix="ares-fuzz-"))
+        self._held.callback(shutil.rmtree, self.folder, True)
+        self._count = 0
+        self.calls = list(self.set_up())
+
+    def end(self) -> None:
+        self._held.close()
+        self._held = ExitStack()
+
+    def node(self, kind: Callable[..., FlightNode], **parameters: object) -> Any:
+        """A node that works."""
+        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+        node = kind(context=self.context, parameter_overrides=overrides)
+        self._held.callback(node.destroy_node)
+        self._held.callback(node.stop)
+        if not node.start():
+            raise RuntimeError(node.failure)
+        return node
+
+    def _hear(self, member: FlightMember) -> None:
+        # a node that starts anew has another membership
+        self._node._membership._on_member(member)
+
+    @abstractmethod
+    def set_up(self) -> Sequence[Call]:
+        """Make the node; what can be called."""
+
+    def look(self) -> None:
+        """What a timer would do, and whether all is well."""
+
+    def make(self, random: Random) -> bytes:
+        number = random.randrange(len(self.calls))
+        chosen = self.calls[number]
+        maker = hostile_raw if chosen.raw else hostile
+        return bytes([number]) + maker(chosen.good(), random, chosen.kept)
+
+    def run(self, data: bytes) -> str:
+        chosen = self.calls[data[0] % len(self.calls)] if data else self.calls[0]
+        message: Any = data[1:] if chosen.raw else heard(chosen.kind, data[1:])
+        if message is None:
+            return "no message"
+        said = io.StringIO()
+        with contextlib.redirect_stderr(said):
+            chosen.call(message)
+            self._count += 1
+            if self._count % self.look_every == 0:
+                self.look()
+        check("Traceback" not in said.getvalue(), f"a traceback: {said.getvalue()[-300:]!r}")
+        return chosen.kind.__name__
+
+
+# ---- good messages
+
+
+def _member(role: int, state: int, member_id: int, **more: Any) -> FlightMember:
+    return FlightMember(
+        flight_id=FLIGHT,
+        member_id=member_id,
+        role=role,
+        state=state,
+        mission=MISSION,
+        node="/ares/other",
+        **more,
+    )
+
+
+def _event() -> FlightEvent:
+    return FlightEvent(
+        stamp=stamp_from_ns(200 * 10**9),
+        flight_id=FLIGHT,
+        time=200.0,
+        type=FlightEvent.JETTISON,
+        position=[6.5e6, 1e5, 1e5],
+        velocity=[10.0, 7e3, 100.0],
+        mass=3e5,
+        heating_rate=1e3,
+    )
+
+
+def _diagnostics() -> DiagnosticArray:
+    status = DiagnosticStatus(
+        level=DiagnosticStatus.WARN,
+        name="ares/guidance",
+        message="a warning",
+        hardware_id=hardware_id(FLIGHT),
+        values=[KeyValue(key="n", value="1")],
+    )
+    array = DiagnosticArray(status=[status])
+    array.header.stamp = stamp_from_ns(200 * 10**9)
+    return array
+
+
+_TIMINGS = (
+    {PACE: "1.0", PAUSED: "False", NODE: "/ares/vehicle_sim"},
+    {PACE: "", NODE: "no name"},
+    {PACE: "nan", PAUSED: "x", NODE: ""},
+    {VERDICT: "good", GOOD: "True"},
+    {VERDICT: "bad"},
+    {LONGEST_CYCLE_MS: "1.5"},
+    {LONGEST_CYCLE_MS: "much"},
+    {PAGES: "1"},
+    {PAGES: "1.5"},
+)
+
+
+def _timing(random: Random) -> Timing:
+    values = [KeyValue(key=key, value=value) for key, value in random.choice(_TIMINGS).items()]
+    return Timing(name="vehicle_sim", hardware_id=hardware_id(FLIGHT), values=values)
+
+
+class _Flight:
+    """States and answers as of a real flight, one after the other."""
+
+    def __init__(self) -> None:
+        self._random = Random(1)
+        self._simulator = Simulator(load_mission(MISSION))
+        self._sequence = 0
+
+    def nav_state(self) -> NavState:
+        nav = self._simulator.navigation
+        self._sequence += 1
+        return NavState(
+            stamp=stamp_from_ns(self._simulator.time_ns + self._sequence * 10**8),
+            flight_id=FLIGHT,
+            sequence=self._sequence,
+            position=nav["position"],
+            velocity=nav["velocity"],
+            mass=float(nav["mass"]),
+            sensed_delta_v=nav["sensed_delta_v"],
+            heating_rate=float(nav["heating_rate"]),
+            arc=int(nav["arc"]),
+            arc_start_time=float(nav["arc_start_time"]),
+            jettisoned=int(nav["jettisoned"]),
+        )
+
+    def vehicle_state(self) -> VehicleState:
+        truth = self._simulator.truth()
+        self._sequence += 1
+        state = VehicleState(
+            stamp=stamp_from_ns(self._simulator.time_ns + self._sequence * 10**8),
+            flight_id=FLIGHT,
+            sequence=self._sequence,
+        )
+        for name in truth.dtype.names:
+            if hasattr(state, name):
+                value = truth[name]
+                kind = state.get_fields_and_field_types()[name]
+                whole = kind.startswith(("uint", "int"))
+                setattr(state, name, value if value.shape else (int if whole else float)(value))
+        return state
+
+    def status(self) -> GuidanceStatus:
+        return GuidanceStatus(
+            stamp=stamp_from_ns(200 * 10**9),
+            flight_id=FLIGHT,
+            guidance_id=GUIDANCE_ID,
+            cycle=3,
+            law=1,
+            phase=2,
+            converged=True,
+            iterations=3,
+            time_to_go=300.0,
+            cutoff_time=500.0,
+            predicted_position=[6.6e6, 1e5, 1e5],
+            predicted_velocity=[10.0, 7.8e3, 10.0],
+        )
+
+    def timing(self) -> Timing:
+        return _timing(self._random)
+
+    def member(self) -> FlightMember:
+        random = self._random
+        # a flight that is over is seldom: it ends what else is tried
+        state = random.randint(1, 4) if random.random() < 0.97 else random.randint(5, 7)
+        return _member(random.randint(1, 4), state, random.choice((SIMULATOR_ID, GUIDANCE_ID)))
+
+
+# ---- the nodes
+
+
+class SimulatorCallbacks(NodeTarget):
+    """Commands and words of members to the simulator, before, in and after a flight."""
+
+    name = "simulator"
+    share = 15.5
+
+    def set_up(self) -> Sequence[Call]:
+        self._node = self.node(VehicleSimNode, flight_id=FLIGHT, mission=MISSION)
+        self._flight = _Flight()
+        self._join()
+        return (
+            Call(
+                ThrustCommand,
+                self._command,
+                self._node._on_command,
+                kept=("flight_id", "guidance_id", "nav_stamp"),
+            ),
+            Call(FlightMember, self._flight.member, self._hear),
+        )
+
+    def _join(self) -> None:
+        for state in (FlightMember.PRESENT, FlightMember.READY):
+            word = _member(FlightMember.GUIDANCE, state, GUIDANCE_ID, guidance_id=GUIDANCE_ID)
+            self._node._membership._on_member(word)
+        self._node._on_watch()
+
+    def _command(self) -> ThrustCommand:
+        simulator = self._node.simulator
+        now = stamp_from_ns(simulator.time_ns)
+        return ThrustCommand(
+            stamp=now,
+            flight_id=FLIGHT,
+            guidance_id=self._node._membership.guidance_id,
+            nav_stamp=now,
+            reference_time=simulator.time_ns / 1e9,
+            direction=[0.0, 1.0, 0.0],
+            direction_rate=[0.0, 1e-4, 0.0],
+            cutoff_time=simulator.time_ns / 1e9 + 300.0,
+            jettison=0,
+            jettison_time=simulator.time_ns / 1e9 + 100.0,
+        )
+
+    def look(self) -> None:
+        simulator = self._node.simulator
+        truth = simulator.truth()
+        for name in ("position", "velocity", "mass"):
+            check(math.isfinite(float(sum(map(abs, [*truth[name].flat])))), f"{name} {truth[name]}")
+        if self._node.done:
+            # another simulator was there first
+            self.begin()
+        elif simulator.complete:
+            self._node.trigger_deactivate()
+            self._node.trigger_cleanup()
+            check(self._node.start(), f"no new flight: {self._node.failure}")
+            self._join()
+        else:
+            self._node._on_watch()
+
+
+class GuidanceCallbacks(NodeTarget):
+    """Navigation states and words of members to guidance, before and in a flight."""
+
+    name = "guidance"
+    share = 16.0
+
+    def set_up(self) -> Sequence[Call]:
+        self._node = self.node(GuidanceNode, mission=MISSION, flight_id=FLIGHT)
+        self._flight = _Flight()
+        self._agree()
+        return (
+            Call(
+                NavState,
+                self._flight.nav_state,
+                self._node._nav_in.callback,
+                raw=True,
+                kept=("flight_id", "sequence"),
+            ),
+            Call(FlightMember, self._flight.member, self._hear),
+        )
+
+    def _agree(self) -> None:
+        mine = self._node._membership.member_id
+        word = _member(
+            FlightMember.VEHICLE_SIM, FlightMember.FLYING, SIMULATOR_ID, guidance_id=mine
+        )
+        self._node._membership._on_member(word)
+
+    def look(self) -> None:
+        self._node._on_watch()
+        self._node._join()
+        self._agree()
+        law = self._node._law
+        length = math.hypot(*law.steering[0]["direction"])
+        if law.steered and not abs(length - 1.0) < UNIT_TOLERANCE:
+            # made of a state that no vehicle is in: nobody may fly it
+            with contextlib.suppress(CommandRefused):
+                Simulator(load_mission(MISSION)).command(law.steering)
+                raise Broken(f"a direction of length {length} is flown")
+
+
+class Recording(NodeTarget):
+    """Raw messages to the recorder; what it has taken is in a bag that is whole."""
+
+    name = "recorder"
+    share = 12.0
+
+    def set_up(self) -> Sequence[Call]:
+        self._bag = self.folder / "flight"
+        # what a flight is said to lack is waited for, and never comes here
+        self._held.enter_context(patch("ares_bags.recorder.DRAIN_LIMIT", 0.01))
+        self._held.enter_context(patch("ares_bags.recorder.QUIET_TIME", 0.0))
+        self._node = self.node(RecorderNode, bag=str(self._bag), flight_id=FLIGHT)
+        self._flight = _Flight()
+        goods = {
+            "nav_state": (NavState, self._flight.nav_state),
+            "vehicle_state": (VehicleState, self._flight.vehicle_state),
+            "guidance_status": (GuidanceStatus, self._flight.status),
+            "flight_event": (FlightEvent, _event),
+            "diagnostics": (DiagnosticArray, _diagnostics),
+        }
+        calls = [Call(FlightMember, self._flight.member, self._hear)]
+        for subscription in self._node._inputs:
+            found = goods.get(subscription.topic_name.rsplit("/", maxsplit=1)[-1])
+            if found:
+                calls.append(Call(*found, subscription.callback, raw=True))
+        return calls
+
+    def look(self) -> None:
+        if self._node._writer is not None and self._count < 4096:
+            return
+        # the flight is over, or said to be
+        counts = dict(self._node.message_counts)
+        self._node.drain_and_close()
+        if counts:
+            found = verify(self._bag, decode=False)
+            check(found.findings == [], f"the bag is damaged: {found.findings}")
+            check(found.messages == sum(counts.values()), "the bag has other messages")
+            shutil.rmtree(self._bag)
+        self.begin()
+
+
+def _must_be_a_line(text: str) -> None:
+    one_line(text)
+
+
+class Judging(NodeTarget):
+    """Events, status, diagnostics, timing and members to the judge; its summary can be printed."""
+
+    name = "judge"
+    share = 12.0
+    look_every = 1024
+
+    def set_up(self) -> Sequence[Call]:
+        node = Node("judge", namespace="ares", context=self.context)
+        self._held.callback(node.destroy_node)
+        self._facts = facts_of(load_mission(MISSION))
+        self._summary = FlightSummary(self._facts, "peg", None, FLIGHT)
+        monitor = FlightMonitor(node, self._summary, _must_be_a_line)
+        self._held.callback(monitor.leave)
+        self._flight = _Flight()
+        return (
+            Call(FlightEvent, _event, monitor._on_event),
+            Call(GuidanceStatus, self._flight.status, monitor._on_status),
+            Call(DiagnosticArray, _diagnostics, monitor._on_diagnostics),
+            Call(Timing, self._flight.timing, monitor._on_timing),
+            Call(FlightMember, self._flight.member, monitor._membership._on_member),
+        )
+
+    def look(self) -> None:
+        summary = self._summary
+        with contextlib.redirect_stdout(io.StringIO()):
+            print_summary(summary, console())
+        json.dumps(summary.to_json(), allow_nan=False)
+        one_line(summary.verdict)
+        end = summary.end
+        if end is not None and summary.exit_code == 0:
+            values = (*end.position, *end.velocity, end.mass)
+            check(all(map(math.isfinite, values)), f"arrived at {values}")
+
+
+class Viewing(NodeTarget):
+    """States, events, members and diagnostics to the view."""
+
+    name = "view"
+    share = 12.0
+
+    def set_up(self) -> Sequence[Call]:
+        self._node = self.node(ViewNode, mission=MISSION)
+        self._flight = _Flight()
+        on_state = self._node._inputs[2].callback
+        return (
+            Call(VehicleState, self._flight.vehicle_state, on_state, raw=True),
+            Call(FlightEvent, _event, self._node._on_event),
+            Call(FlightMember, self._flight.member, self._node._on_member),
+            Call(DiagnosticArray, _diagnostics, self._node._on_diagnostics),
+        )
+
+    def look(self) -> None:
+        self._node._last_shown = self._node._last_path = -math.inf
+        self._node._on_timer()
+
+
+class LivePage(NodeTarget):
+    """States, status, events, members, diagnostics and timing to the live page."""
+
+    name = "live page"
+    share = 12.0
+
+    def set_up(self) -> Sequence[Call]:
+        with contextlib.redirect_stderr(io.StringIO()):
+            self._node = self.node(LiveNode)
+        self._flight = _Flight()
+        node = self._node
+        return (
+            Call(VehicleState, self._flight.vehicle_state, node._on_state, raw=True),
+            Call(GuidanceStatus, self._flight.status, node._on_status, raw=True),
+            Call(FlightEvent, _event, node._on_event),
+            Call(DiagnosticArray, _diagnostics, node._on_diagnostics),
+            Call(Timing, self._flight.timing, node._on_timing),
+            Call(FlightMember, self._flight.member, node._on_member),
+        )
+
+    def look(self) -> None:
+        self._node._on_look()
+        message, _ = self._node._story.news(Seen())
+        json.dumps(message, allow_nan=False)
+
+
+class Requests(Target):
+    """Requests of the optimizer, answered in time or refused with a reason."""
+
+    name = "optimizer"
+    share = 0.08
+
+    def begin(self) -> None:
+        self._answers = Answers(MISSION, "indirect", 0.05)
+        self._flight = _Flight()
+
+    def make(self, random: Random) -> bytes:
+        request = SolveTrajectory.Request(
+            mission=MISSION,
+            use_nav_state=random.random() < 0.9,
+            nav_state=self._flight.nav_state(),
+            method=random.choice(("", "indirect", "closed_form", "analytic", "direct11", "jump")),
+            time_limit=0.05,
+        )
+        return hostile(request, random, ("mission", "method", "time_limit", "use_nav_state"))
+
+    def run(self, data: bytes) -> str:
+        request = heard(SolveTrajectory.Request, data)
+        if request is None:
+            return "no message"
+        request.time_limit = min(request.time_limit, 0.05)
+        said = io.StringIO()
+        with contextlib.redirect_stderr(said):
+            answer = self._answers.answer(request)
+        check(answer.error_code != Response.INTERNAL, f"internal: {said.getvalue()[-400:]!r}")
+        bytes(serialize_message(answer))
+        if answer.error_code != Response.NONE:
+            one_line(answer.message)
+            check(not answer.converged, "refused and converged")
+            return f"error {answer.error_code}"
+        numbers = (answer.cutoff_time, answer.final_mass, *answer.arc_start_time)
+        numbers += (*answer.arc_end_time, *answer.arc_end_mass)
+        check(all(map(math.isfinite, numbers)), f"success with {numbers}")
+        check(answer.final_mass > 0.0, f"success with {answer.final_mass} kg")
+        return "solved"

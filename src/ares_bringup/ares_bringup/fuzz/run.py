@@ -1,0 +1,212 @@
+"""The loop: inputs by number from a seed, what came of them, and each failing one as a file."""
+
+import faulthandler
+import json
+import resource
+import time
+import traceback
+from collections import Counter, deque
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from random import Random
+from struct import Struct
+
+from ares_bringup.fuzz.target import Target
+
+#: CPU time in s that one input may take, however busy the machine is; inputs that take longer than
+#: DEAD, wall time in s, ends the process with a trace of where it is: nothing else could.
+LONGEST = 5.0
+DEAD = 120.0
+#: Inputs that may take so long together: to watch each would take as long as a fast one.
+WATCHED = 32
+#: Inputs of all targets in a round, and of one after how many it forgets, if it has a memory.
+ROUND = 20_000
+FORGET_EVERY = 5_000
+#: Inputs before memory is measured the first time, and how much the process may then grow, bytes.
+WARM = 50_000
+MOST_GROWTH = 100 * 2**20
+#: Failures of one kind that are kept as files.
+MOST_KEPT = 3
+_LENGTH = Struct("<I")
+
+
+def memory() -> int:
+    """Resident memory of this process, bytes."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * resource.getpagesize()
+
+
+def pack(inputs: Iterable[bytes]) -> bytes:
+    """Inputs in a row as one file."""
+    return b"".join(_LENGTH.pack(len(data)) + data for data in inputs)
+
+
+def unpack(data: bytes) -> Iterator[bytes]:
+    """Inputs of a file."""
+    at = 0
+    while at < len(data):
+        (length,) = _LENGTH.unpack_from(data, at)
+        at += _LENGTH.size
+        yield data[at : at + length]
+        at += length
+
+
+@dataclass
+class Account:
+    """What has come of the inputs of one target.
+
+    Attributes:
+        inputs: how many.
+        outcomes: by word.
+        failures: by their text, how often.
+        slowest_s: CPU time of the slowest input.
+        seconds: wall time of all.
+    """
+
+    inputs: int = 0
+    outcomes: Counter[str] = field(default_factory=Counter)
+    failures: Counter[str] = field(default_factory=Counter)
+    slowest_s: float = 0.0
+    seconds: float = 0.0
+
+    def as_json(self) -> dict[str, object]:
+        """For a file."""
+        return {
+            "inputs": self.inputs,
+            "outcomes": dict(self.outcomes.most_common()),
+            "failures": dict(self.failures.most_common()),
+            "slowest_s": round(self.slowest_s, 3),
+            "seconds": round(self.seconds, 1),
+        }
+
+
+class Run:
+    """Inputs for some targets, in turn.
+
+    Attributes:
+        accounts: by name of the target.
+    """
+
+    def __init__(self, targets: Sequence[Target], seed: int, folder: Path) -> None:
+        """Nothing yet.
+
+        Args:
+            targets: entered already.
+            seed: of all inputs.
+            folder: where failing inputs are kept.
+        """
+        self.targets = targets
+        self.accounts = {target.name: Account() for target in targets}
+        self._seed = seed
+        self._folder = folder
+        self._settled: int | None = None
+        self._before: dict[str, deque[bytes]] = {
+            target.name: deque(maxlen=FORGET_EVERY if target.stateful else 1) for target in targets
+        }
+
+    @property
+    def inputs(self) -> int:
+        """How many there have been."""
+        return sum(account.inputs for account in self.accounts.values())
+
+    @property
+    def failures(self) -> int:
+        """How many of them brought about what must not be; growth counts as one."""
+        failed = sum(account.failures.total() for account in self.accounts.values())
+        return failed + (self.grown > MOST_GROWTH)
+
+    @property
+    def grown(self) -> int:
+        """Bytes that the process has grown by since it has seen WARM inputs."""
+        return 0 if self._settled is None else memory() - self._settled
+
+    def input(self, target: Target, number: int) -> bytes:
+        """Input of a number."""
+        return target.make(Random(f"{self._seed} {target.name} {number}"))
+
+    def round(self, inputs: int = ROUND) -> None:
+        """Some inputs for each target, by its share."""
+        for target in self.targets:
+            self.block(target, max(1, round(inputs * target.share / 100.0)))
+        if self._settled is None and self.inputs >= WARM:
+            self._settled = memory()
+
+    def block(self, target: Target, count: int) -> None:
+        """Some inputs for a target; the next ones by number."""
+        account = self.accounts[target.name]
+        for k in range(count):
+            if k % WATCHED == 0:
+                faulthandler.dump_traceback_later(DEAD, exit=True)
+            self._one(target, account)
+        faulthandler.cancel_dump_traceback_later()
+
+    def _one(self, target: Target, account: Account) -> None:
+        number = account.inputs
+        if target.stateful and number and number % FORGET_EVERY == 0:
+            target.begin()
+            self._before[target.name].clear()
+        begun = time.perf_counter()
+        cpu = time.process_time()
+        try:
+            data = self.input(target, number)
+            self._before[target.name].append(data)
+            cpu = time.process_time()
+            account.outcomes[target.run(data)] += 1
+        except Exception as error:
+            account.outcomes["broken"] += 1
+            self._failed(target, account, _where(error))
+            if target.stateful:
+                target.begin()
+                self._before[target.name].clear()
+        took = time.process_time() - cpu
+        account.inputs += 1
+        account.seconds += time.perf_counter() - begun
+        account.slowest_s = max(account.slowest_s, took)
+        if took > LONGEST:
+            self._failed(target, account, f"took more than {LONGEST:g} s")
+
+    def _failed(self, target: Target, account: Account, text: str) -> None:
+        account.failures[text] += 1
+        if account.failures[text] > MOST_KEPT:
+            return
+        self._folder.mkdir(parents=True, exist_ok=True)
+        name = f"{target.name.replace(' ', '_')}_{account.inputs}"
+        (self._folder / f"{name}.bin").write_bytes(pack(self._before[target.name]))
+        trace = traceback.format_exc()
+        (self._folder / f"{name}.txt").write_text(f"{text}\n\n{trace}", encoding="utf-8")
+
+    def figures(self) -> list[dict[str, str | float]]:
+        """What has come of it so far, as benchmarks keep it."""
+        accounts = self.accounts.items()
+        rows: list[tuple[str, float, str]] = [
+            ("inputs", self.inputs, ""),
+            ("unexpected exceptions, hangs, wrong successes, growth", self.failures, ""),
+            ("slowest input, CPU time", max(one.slowest_s for _, one in accounts), "s"),
+            ("growth of the process", self.grown / 2**20, "MiB"),
+        ]
+        rows += [(f"inputs for {name}", account.inputs, "") for name, account in accounts]
+        return [{"what": what, "value": value, "unit": unit} for what, value, unit in rows]
+
+    def save(self, path: Path, about: dict[str, object]) -> None:
+        """Write what has come of it so far."""
+        more = {
+            "figures": self.figures(),
+            "seed": self._seed,
+            "targets": {name: account.as_json() for name, account in self.accounts.items()},
+        }
+        text = json.dumps(about | more, indent=1)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part = path.with_suffix(".part")
+        part.write_text(text + "\n", encoding="utf-8")
+        part.replace(path)
+
+
+def _where(error: Exception) -> str:
+    """An exception and the place in the project that raised it, without what differs each time."""
+    steps = traceback.extract_tb(error.__traceback__)
+    ours = [step for step in steps if "/ares_" in step.filename and "/fuzz/" not in step.filename]
+    step = ours[-1] if ours else steps[-1]
+    words = str(error) if type(error).__name__ == "Broken" else ""
+    place = f"{Path(step.filename).name}:{step.name}"
+    return f"{type(error).__name__} in {place} {words[:80]}".strip()

@@ -1,0 +1,1 @@
+"""The verbs of the command line: their options and help, by what they are about."""

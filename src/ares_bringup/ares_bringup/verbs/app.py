@@ -1,0 +1,176 @@
+"""The command line itself, and the options that several verbs have.
+
+What only one verb needs is imported by that verb: the command line starts fast.
+"""
+
+import sys
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from ares_bags.errors import printable
+from ares_bringup import __version__
+from ares_bringup.options import (
+    MAX_PORT,
+    CannotStart,
+    HeatingSource,
+    LiveOptions,
+    has_display,
+)
+from ares_guidance.registry import law_names
+from ares_node.requirements import unmet
+
+#: When the command began, s of time.monotonic().
+BEGUN = time.monotonic()
+
+#: Where pages are served: for this machine alone.
+LOOPBACK = "127.0.0.1"
+
+EXIT_STATUSES = """Exit status:
+
+\b
+  0    flown to the target, or done
+  1    flown, but not as it should: target missed, impact, propellant gone,
+       something not jettisoned, a node lost, bag incomplete
+  2    could not start: bad input, in one line on standard error
+  130  interrupted; what was flown is in the bag
+  143  ended by SIGTERM, which a flight takes for an interruption
+
+\b
+Flown to the target means: radius within 100 m, speed 0.1 m/s, flight-path
+angle 0.001 deg, inclination, node and argument of perigee 0.01 deg.
+"""
+
+HELP = f"""Fly ascent guidance on ROS 2, and look at what was flown.
+
+{EXIT_STATUSES}
+\b
+Environment:
+  ARES_BAGS      folder of new bags; default `bags` of the workspace
+  ROS_DOMAIN_ID  ROS domain of flights; default: each gets one of its own
+"""
+
+SETTINGS: dict[str, Any] = {
+    "rich_markup_mode": None,
+    "pretty_exceptions_enable": False,
+    "add_completion": False,
+}
+
+LAWS_HELP = f"Guidance law: {', '.join(law_names())}."
+MissionOption = Annotated[
+    str, typer.Option(help="Name that `ares missions` lists, or path of a mission file.")
+]
+UnsaidMission = Annotated[
+    str | None, typer.Option(help="Of a bag that does not say which mission was flown.")
+]
+LawOption = Annotated[str, typer.Option(help=LAWS_HELP)]
+TablesOrJson = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object instead of the tables.")
+]
+CyclePeriod = Annotated[float | None, typer.Option(help="Flight time between guidance cycles, s.")]
+HoldTime = Annotated[
+    float | None, typer.Option(help="Time to go from which the steering is held, s.")
+]
+HeatingSourceOption = Annotated[
+    HeatingSource | None, typer.Option(help="What times the fairing jettison.")
+]
+LiveHost = Annotated[
+    str, typer.Option(help="Serve the page there; beyond this machine its address has a token.")
+]
+LivePort = Annotated[
+    int, typer.Option(min=0, max=MAX_PORT, help="Serve the page there; 0: on a free port.")
+]
+NoBrowser = Annotated[bool, typer.Option("--no-browser", help="Do not open the page.")]
+Namespace = Annotated[str, typer.Option(help="Namespace of all nodes and topics.")]
+FilesArgument = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="[NAME|PATH]...", help="Show and check these only."),
+]
+SchemaOut = Annotated[
+    Path | None, typer.Option(help="Write it to this file, which must not exist.")
+]
+
+
+class BadInput(Exception):
+    """The command cannot do what was asked; the text is one line."""
+
+
+class _Lists(TyperGroup):
+    """A verb that lists, or checks what it is given, unless another word follows it."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """What is no word of the verb is a file to list."""
+        if not args or args[0] not in (*self.commands, *ctx.help_option_names):
+            args = ["list", *args]
+        return super().parse_args(ctx, args)
+
+
+app = typer.Typer(
+    name="ares", help=HELP, context_settings={"help_option_names": ["-h", "--help"]}, **SETTINGS
+)
+bag_app = typer.Typer(help="Look into recorded flights: info, verify, repair.", **SETTINGS)
+app.add_typer(bag_app, name="bag")
+LISTS: dict[str, Any] = {
+    "cls": _Lists,
+    "subcommand_metavar": "[NAME|PATH]... | COMMAND",
+    **SETTINGS,
+}
+missions_app = typer.Typer(
+    help="List the shipped missions, or check mission files; new: write one.", **LISTS
+)
+app.add_typer(missions_app, name="missions")
+dispersions_app = typer.Typer(
+    help="List the shipped dispersions, or check files; new: propose some.", **LISTS
+)
+app.add_typer(dispersions_app, name="dispersions")
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"ares {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _ares(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_print_version, is_eager=True, help="Print version."),
+    ] = False,
+) -> None:
+    """Options before the verb."""
+
+
+def needs(extra: str) -> None:
+    """See that what an extra of the package brings is installed.
+
+    Raises:
+        CannotStart: it is not; one line.
+    """
+    reason = unmet("ares_bringup", extra)
+    if reason is not None:
+        raise CannotStart(reason)
+
+
+def one_line(text: str) -> str:
+    """A text without its line breaks."""
+    return printable(" ".join(text.split()))
+
+
+def live_options(host: str, port: int, no_browser: bool, as_json: bool) -> LiveOptions:
+    """The page, opened and waited for where a person sits before it."""
+    watched = sys.stderr.isatty() and not as_json
+    return LiveOptions(host, port, watched and not no_browser and has_display(), watched)
+
+
+def check_page(live: bool, host: str, port: int, no_browser: bool) -> None:
+    """See that no option of the page is given without it.
+
+    Raises:
+        BadInput: one is.
+    """
+    if not live and (host != LOOPBACK or port or no_browser):
+        raise BadInput("--live-host, --live-port and --no-browser go with --live only")

@@ -1,0 +1,198 @@
+"""Fly a mission."""
+
+import json
+import os
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ares_bringup.options import (
+    FOXGLOVE_PORT,
+    MAX_DOMAIN_ID,
+    MAX_FLIGHTS,
+    MAX_PORT,
+    MAX_RESTARTS,
+    MAX_SEED,
+    PEG,
+    RESTARTS,
+    FlyOptions,
+    InitialGuess,
+)
+from ares_bringup.verbs.app import (
+    BEGUN,
+    EXIT_STATUSES,
+    LOOPBACK,
+    BadInput,
+    CyclePeriod,
+    HeatingSourceOption,
+    HoldTime,
+    LawOption,
+    LiveHost,
+    LivePort,
+    MissionOption,
+    Namespace,
+    NoBrowser,
+    TablesOrJson,
+    app,
+    check_page,
+    live_options,
+)
+
+#: Real-time factor of a flight that is looked at, unless another is given.
+PACE_TO_WATCH = 10.0
+
+
+@app.command(epilog=EXIT_STATUSES)
+def fly(
+    mission: MissionOption = "ares_v",
+    guidance: LawOption = PEG,
+    in_process: Annotated[
+        bool, typer.Option("--in-process", help="All nodes in one process.")
+    ] = False,
+    as_json: TablesOrJson = False,
+    bag: Annotated[
+        Path | None,
+        typer.Option(help="Folder of the bag, which must not exist; default: a new name."),
+    ] = None,
+    no_record: Annotated[bool, typer.Option("--no-record", help="Write no bag.")] = False,
+    seed: Annotated[
+        int, typer.Option(min=0, max=MAX_SEED, help="Seed of dispersions and navigation errors.")
+    ] = 0,
+    dispersions: Annotated[
+        str | None,
+        typer.Option(help="Shipped dispersions' name, or path of a file; default: flown exactly."),
+    ] = None,
+    failure: Annotated[
+        str | None,
+        typer.Option(
+            metavar="KIND[:KEY=NUMBER,...]",
+            help="What fails, such as engine_out:time=200,thrust_ratio=0.8; see docs/aborts.md.",
+        ),
+    ] = None,
+    flight: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            max=MAX_FLIGHTS - 1,
+            help="Number of a campaign's flight: fly it again, stepped as there.",
+        ),
+    ] = None,
+    pace: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            help="Real-time factor; 0: as fast as possible. Default: 10 with --live, else 0.",
+        ),
+    ] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Follow the flight on a page in the browser.")
+    ] = False,
+    live_host: LiveHost = LOOPBACK,
+    live_port: LivePort = 0,
+    no_browser: NoBrowser = False,
+    nav_period: Annotated[
+        float | None, typer.Option(help="Flight time between navigation states, s.")
+    ] = None,
+    cycle_period: CyclePeriod = None,
+    hold_time: HoldTime = None,
+    heating_source: HeatingSourceOption = None,
+    initial_guess: Annotated[
+        InitialGuess,
+        typer.Option(help="Where guidance starts: from nothing, or asking the optimizer's node."),
+    ] = InitialGuess.NONE,
+    attitude_rate_limit: Annotated[
+        float, typer.Option(min=0.0, help="Fastest turn of the thrust, deg/s; 0: none.")
+    ] = 0.0,
+    view: Annotated[
+        bool, typer.Option("--view", help="Standard messages for RViz and maps; on with --live.")
+    ] = False,
+    foxglove: Annotated[
+        bool, typer.Option("--foxglove", help="Serve all of it to Foxglove and Lichtblick too.")
+    ] = False,
+    foxglove_port: Annotated[
+        int | None,
+        typer.Option(min=1, max=MAX_PORT, help=f"Port for --foxglove; default: {FOXGLOVE_PORT}."),
+    ] = None,
+    domain_id: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            max=MAX_DOMAIN_ID,
+            help="ROS domain; default: ROS_DOMAIN_ID, else one that no other flight has.",
+        ),
+    ] = None,
+    namespace: Namespace = "ares",
+    restarts: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            max=MAX_RESTARTS,
+            help="How often guidance, optimizer and view are each restarted if they end in flight.",
+        ),
+    ] = RESTARTS,
+) -> None:
+    """Fly a mission through the graph, record it, say how it went."""
+    if bag is not None and no_record:
+        raise BadInput("--bag and --no-record exclude each other")
+    if bag is not None and os.path.lexists(bag):
+        raise BadInput(f"--bag is {str(bag)!r}, which exists; expected a new folder")
+    if foxglove_port is not None and not foxglove:
+        raise BadInput("--foxglove-port goes with --foxglove only")
+    check_page(live, live_host, live_port, no_browser)
+    page = live_options(live_host, live_port, no_browser, as_json)
+    if pace is None:
+        pace = PACE_TO_WATCH if live else 0.0
+    options = FlyOptions(
+        mission=mission,
+        guidance=guidance,
+        in_process=in_process,
+        record=not no_record,
+        bag=bag,
+        seed=seed,
+        dispersions=dispersions,
+        failure=failure,
+        flight=flight,
+        pace=pace,
+        navigation_period_s=nav_period,
+        cycle_period_s=cycle_period,
+        hold_time_s=hold_time,
+        heating_source=heating_source,
+        initial_guess=initial_guess,
+        attitude_rate_limit_deg_s=attitude_rate_limit,
+        view=view or live,
+        foxglove_port=(foxglove_port or FOXGLOVE_PORT) if foxglove else 0,
+        domain_id=domain_id,
+        namespace=namespace,
+        live=page if live else None,
+        restarts=restarts,
+    )
+    raise typer.Exit(_fly(options, as_json))
+
+
+def _fly(options: FlyOptions, as_json: bool) -> int:
+    """Fly, show how it goes on, tell how it went: as a table, or as one JSON object."""
+    from ares_bringup.fly import fly as fly_mission
+
+    with ExitStack() as shown:
+        show = None
+        if not as_json and sys.stderr.isatty():
+            from ares_bringup.report import console
+            from ares_bringup.terminal import TerminalView
+
+            show = shown.enter_context(TerminalView(console(sys.stderr))).show
+        summary = fly_mission(
+            options,
+            begun=BEGUN,
+            greet=(lambda _line: None) if as_json else typer.echo,
+            show=show or (lambda _monitor: None),
+        )
+    if as_json:
+        typer.echo(json.dumps(summary.to_json(), indent=2, allow_nan=False))
+    else:
+        from ares_bringup.report import console, print_summary
+
+        print_summary(summary, console())
+    return summary.exit_code

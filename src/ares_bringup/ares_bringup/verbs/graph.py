@@ -1,0 +1,68 @@
+"""Take part in a graph that others have started."""
+
+import os
+import sys
+from typing import Annotated
+
+import typer
+
+from ares_bringup.options import MAX_DOMAIN_ID
+from ares_bringup.verbs.app import (
+    LOOPBACK,
+    BadInput,
+    LiveHost,
+    LivePort,
+    Namespace,
+    NoBrowser,
+    app,
+    live_options,
+    needs,
+)
+
+NODES = {
+    "sim": "ares_vehicle_sim",
+    "guidance": "ares_guidance",
+    "optimizer": "ares_optimizer",
+    "recorder": "ares_bags",
+    "view": "ares_view.standard",
+}
+
+
+@app.command()
+def live(
+    mission: Annotated[
+        str, typer.Option(help="Name or path of the mission; default: as the simulator says.")
+    ] = "",
+    host: LiveHost = LOOPBACK,
+    port: LivePort = 0,
+    no_browser: NoBrowser = False,
+    domain_id: Annotated[
+        int | None,
+        typer.Option(min=0, max=MAX_DOMAIN_ID, help="ROS domain; default: ROS_DOMAIN_ID, else 0."),
+    ] = None,
+    namespace: Namespace = "ares",
+) -> None:
+    """Follow whatever flight or replay there is on a page in the browser, until Ctrl-C."""
+    needs("live")
+    from ares_bringup.audience import follow
+
+    page = live_options(host, port, no_browser, False)
+    follow(page, mission, namespace, domain_id)
+
+
+@app.command(
+    context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
+)
+def node(
+    context: typer.Context,
+    name: Annotated[
+        str, typer.Argument(metavar="sim|guidance|optimizer|recorder|view", help="Which node.")
+    ],
+) -> None:
+    """Run one node; what follows its name goes to it."""
+    if name not in NODES:
+        raise BadInput(f"node is {name!r}; expected one of {', '.join(NODES)}")
+    from ares_bringup.discovery import apply_discovery_settings
+
+    apply_discovery_settings()
+    os.execv(sys.executable, [sys.executable, "-P", "-m", NODES[name], *context.args])

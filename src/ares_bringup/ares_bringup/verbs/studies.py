@@ -1,0 +1,231 @@
+"""Many flights, the optimum, the thesis."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ares_bringup.options import (
+    MAX_FLIGHTS,
+    MAX_SEED,
+    PEG,
+    AnalyticProfile,
+    Heating,
+    JettisonTarget,
+    Method,
+    PositionIntegral,
+)
+from ares_bringup.verbs.app import (
+    BEGUN,
+    LAWS_HELP,
+    BadInput,
+    CyclePeriod,
+    HeatingSourceOption,
+    HoldTime,
+    LawOption,
+    MissionOption,
+    TablesOrJson,
+    app,
+    needs,
+)
+
+
+@app.command()
+def optimize(
+    mission: MissionOption = "ares_v",
+    method: Annotated[Method, typer.Option(help="How to solve.")] = Method.DIRECT11,
+    heating: Annotated[
+        Heating | None,
+        typer.Option(
+            help="Where the heating limit holds: when the fairing goes, from then on, nowhere; "
+            "default: as the mission says."
+        ),
+    ] = None,
+    hold_jettison: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=SECONDS", help="Drop a part at this time whatever the heating."),
+    ] = None,
+    profile: Annotated[
+        AnalyticProfile | None,
+        typer.Option(help="Of analytic: polynomials as printed, or improved (default)."),
+    ] = None,
+    position_integral: Annotated[
+        PositionIntegral | None,
+        typer.Option(help="Of analytic: how position is integrated; default: exact."),
+    ] = None,
+    steps: Annotated[
+        tuple[int, int] | None,
+        typer.Option(metavar="N1 N2", help="Of analytic: steps of the trapezoid."),
+    ] = None,
+    jettison_target: Annotated[
+        JettisonTarget | None,
+        typer.Option(help="Of analytic: target of part one, found from; default: mission."),
+    ] = None,
+    time_limit: Annotated[
+        float, typer.Option(min=0.0, help="Wall time after which the search is given up, s.")
+    ] = 30.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Find the optimal ascent off line, with its proof. Exit status 1: no optimum."""
+    needs("solve")
+    given = {
+        "profile": profile and profile.value,
+        "position_integral": position_integral and position_integral.value,
+        "steps": steps,
+        "jettison_target": jettison_target and jettison_target.value,
+    }
+    asked = {name: value for name, value in given.items() if value is not None}
+    if method is Method.ANALYTIC:
+        from ares_bringup.commands.analytic import optimize_analytic
+
+        others = {"--heating": heating, "--hold-jettison": hold_jettison}
+        refused = [name for name, value in others.items() if value]
+        raise typer.Exit(optimize_analytic(mission, as_json, refused, asked, time_limit))
+    for name in asked:
+        raise BadInput(f"--{name.replace('_', '-')} goes with --method analytic only")
+    from ares_bringup.commands.optimize import optimize as solve
+
+    status = solve(
+        mission,
+        method.value,
+        as_json,
+        heating.value if heating is not None else None,
+        tuple(hold_jettison or ()),
+        time_limit,
+    )
+    raise typer.Exit(status)
+
+
+@app.command()
+def reproduce(
+    out: Annotated[
+        Path, typer.Option(help="Folder of the page and of its numbers; made if not there.")
+    ] = Path("reproduction"),
+) -> None:
+    """Compute every table and figure of the thesis anew: one HTML page, one JSON file."""
+    needs("pages")
+    from ares_bringup.commands.reproduce import reproduce as reproduce_thesis
+
+    reproduce_thesis(out)
+
+
+@app.command()
+def montecarlo(
+    n: Annotated[
+        int, typer.Option("-n", "--flights", min=1, max=MAX_FLIGHTS, help="Flights.")
+    ] = 1000,
+    mission: MissionOption = "ares_v",
+    guidance: LawOption = PEG,
+    dispersions: Annotated[
+        str, typer.Option(help="Shipped dispersions' name, or path of a file.")
+    ] = "standard",
+    seed: Annotated[
+        int, typer.Option(min=0, max=MAX_SEED, help="Master seed of what is drawn.")
+    ] = 0,
+    only: Annotated[
+        list[int] | None,
+        typer.Option(
+            min=0,
+            max=MAX_FLIGHTS - 1,
+            metavar="K",
+            help="Fly this flight alone; may be given again.",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder, new or of a campaign to go on with; default: a new name."),
+    ] = None,
+    as_json: TablesOrJson = False,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Threads; default: one per core.")
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Fly on the workers of a Dask scheduler.")
+    ] = None,
+    cycle_period: CyclePeriod = None,
+    hold_time: HoldTime = None,
+    heating_source: HeatingSourceOption = None,
+    stop_success: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            metavar="WIDTH",
+            help="Stop when the 95 % interval of the share of successes is narrower.",
+        ),
+    ] = None,
+    stop_mass: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            metavar="KG",
+            help="Stop when the 95 % interval of the mean final mass is narrower.",
+        ),
+    ] = None,
+) -> None:
+    """Fly dispersed flights in compiled code, keep them in Parquet, judge them."""
+    if only and out is not None:
+        raise BadInput("--only and --out exclude each other: nothing is kept")
+    needs("pages")
+    from ares_bringup.commands.montecarlo import CampaignOptions
+    from ares_bringup.commands.montecarlo import montecarlo as fly_campaign
+
+    status = fly_campaign(
+        CampaignOptions(
+            count=n,
+            mission=mission,
+            guidance=guidance,
+            dispersions=dispersions,
+            seed=seed,
+            only=tuple(only or ()),
+            out=out,
+            as_json=as_json,
+            workers=workers,
+            scheduler=scheduler,
+            cycle_period_s=cycle_period,
+            hold_time_s=hold_time,
+            heating_source=heating_source and heating_source.value,
+            success_width=stop_success,
+            mass_width_kg=stop_mass,
+        ),
+        begun=BEGUN,
+    )
+    raise typer.Exit(status)
+
+
+@app.command()
+def aborts(
+    mission: MissionOption = "ares_v",
+    guidance: Annotated[str, typer.Option("--guidance", "--law", help=LAWS_HELP)] = PEG,
+    step_s: Annotated[
+        float, typer.Option(min=0.1, max=3600.0, help="Between the times of failures, s.")
+    ] = 1.0,
+    as_json: TablesOrJson = False,
+    out: Annotated[Path | None, typer.Option(help="Write the map as an HTML page.")] = None,
+) -> None:
+    """Fly every failure at every second; set it beside the optimizer that knew of it.
+
+    Exit status 1: the map is made, but points failed.
+    """
+    needs("pages")
+    from ares_bringup.commands.aborts import AbortOptions
+    from ares_bringup.commands.aborts import aborts as make_map
+
+    options = AbortOptions(mission, guidance, step_s, as_json, out)
+    raise typer.Exit(make_map(options))
+
+
+@app.command()
+def faults(
+    n: Annotated[int, typer.Option("-n", "--trials", min=1, help="Faults in all.")] = 100,
+    seed: Annotated[int, typer.Option(min=0, max=MAX_SEED, help="Seed of what is drawn.")] = 0,
+    rows: Annotated[
+        list[str] | None,
+        typer.Option(metavar="WORD", help="Only faults with this word; may be given again."),
+    ] = None,
+    workers: Annotated[int, typer.Option(min=1, help="Flights at a time.")] = 1,
+    as_json: TablesOrJson = False,
+) -> None:
+    """Inject faults into real flights, say what they came to. Exit status 1: one was wrong."""
+    from ares_bringup.faults.campaign import faults as fly_faults
+
+    raise typer.Exit(fly_faults(n, seed, rows or (), workers, as_json))
