@@ -4,6 +4,10 @@ const STALE = 1;
 /* wall time in ms between drawings of a chart, and between tries to connect */
 const CHART_PERIOD = 200;
 const RETRY_PERIOD = 1000;
+/* the same for gauges and globe, and for charts, of a flight that goes as fast as its nodes
+   answer: what draws here would take from their processors */
+const HURRIED_PERIOD = 500;
+const HURRIED_CHART_PERIOD = 2000;
 const byId = (id) => document.getElementById(id);
 const playButton = document.querySelector(".controls .play");
 const paceButtons = [...document.querySelectorAll("[data-pace]")];
@@ -280,8 +284,13 @@ const lookout = new IntersectionObserver((entries) => entries.forEach(({ target,
 }), { rootMargin: "200px" });
 plots.forEach((plot) => lookout.observe(plot));
 
+const hurries = () => Boolean(live.about) && live.about.pace === 0 && !live.about.paused && !live.about.end;
+
 let chartsChanged = false;
+let chartsDrawn = 0;
 setInterval(() => {
+  if (hurries() && performance.now() - chartsDrawn < HURRIED_CHART_PERIOD) return;
+  chartsDrawn = performance.now();
   if (chartsChanged) inView.forEach((plot) => waitingCharts.add(plot));
   chartsChanged = false;
   if (waitingCharts.size) drawCharts();
@@ -295,14 +304,17 @@ function changed() {
   chartsChanged = true;
   if (due) return;
   due = true;
-  requestAnimationFrame(() => {
-    due = false;
-    live.frames += 1;
-    if (!live.about) return;
-    showGauges();
-    showGlobe();
-    showState();
-  });
+  if (hurries()) setTimeout(() => requestAnimationFrame(show), HURRIED_PERIOD);
+  else requestAnimationFrame(show);
+}
+
+function show() {
+  due = false;
+  live.frames += 1;
+  if (!live.about) return;
+  showGauges();
+  showGlobe();
+  showState();
 }
 setInterval(showState, 250);
 

@@ -7,7 +7,8 @@ import threading
 import time
 import webbrowser
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -16,10 +17,11 @@ from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.client import Client
+from rclpy.exceptions import InvalidServiceNameException
 from rclpy.executors import Executor
-from rclpy.serialization import deserialize_message
+from rclpy.validate_full_topic_name import validate_full_topic_name
 
-from ares_models.mission import Mission, MissionError, load_mission
+from ares_models.mission import Mission, MissionError, list_missions, load_mission
 from ares_msgs.msg import FlightEvent, FlightMember, GuidanceStatus, VehicleState
 from ares_node.diagnostics import (
     GOOD,
@@ -30,9 +32,10 @@ from ares_node.diagnostics import (
     VERDICT,
     Timing,
     hardware_id,
+    number_of,
     timing,
 )
-from ares_node.membership import FLIGHT_ID, Role, State
+from ares_node.membership import FLIGHT_ID, MOST_HEARD, Role, State
 from ares_node.node import FlightNode, NodeError
 from ares_node.parameters import Parameter
 from ares_node.qos import (
@@ -47,7 +50,7 @@ from ares_node.qos import (
     TIMING,
     VEHICLE_STATE,
 )
-from ares_node.states import StateMessage
+from ares_node.states import StateMessage, Unreadable, message_of
 from ares_node.time import NANOSECONDS, seconds_from_stamp
 from ares_view.live.address import LOOPBACK, AddressError, listen
 from ares_view.live.server import LiveServer
@@ -168,6 +171,8 @@ class LiveNode(FlightNode):
         if member.role != Role.VEHICLE_SIM or not member.flight_id:
             return
         self._simulators[int(member.flight_id)] = member
+        if len(self._simulators) > MOST_HEARD:
+            del self._simulators[next(iter(self._simulators))]
         if member.state in (State.PRESENT, State.READY, State.FLYING):
             self._turn_to(int(member.flight_id))
         elif member.flight_id == self._shown:
@@ -190,9 +195,10 @@ class LiveNode(FlightNode):
         mission, note = self._mission, ""
         simulator = self._simulators.get(flight_id)
         if mission is None and simulator is not None:
-            try:
+            # not a path: what comes over the graph opens no file
+            if simulator.mission in list_missions():
                 mission = load_mission(simulator.mission)
-            except MissionError:
+            else:
                 note = f"Mission {simulator.mission} is not among those here"
         if mission is None:
             note = f"{note or 'The mission was not told'}: its names and limits are not known."
@@ -223,11 +229,12 @@ class LiveNode(FlightNode):
         if status.hardware_id != hardware_id(self._shown):
             return
         said = {item.key: item.value for item in status.values}
-        if PACE in said:
-            self._story.tell(pace=float(said[PACE]), paused=said[PAUSED] == str(True))
-            self._control(said[NODE])
+        pace = number_of(said, PACE)
+        if pace is not None:
+            self._story.tell(pace=pace, paused=said.get(PAUSED) == str(True))
+            self._control(said.get(NODE, ""))
         if VERDICT in said:
-            self._story.tell(verdict=said[VERDICT], good=said[GOOD] == str(True))
+            self._story.tell(verdict=said[VERDICT], good=said.get(GOOD) == str(True))
 
     def _on_look(self) -> None:
         """Take some of what has come, and let the pages have it."""
@@ -244,7 +251,7 @@ class LiveNode(FlightNode):
 
     def _take_states(self) -> None:
         taken: list[tuple[float, int, Any]] = []
-        for stamp, flight_id, sequence, record in map(self._read, _some(self._states)):
+        for stamp, flight_id, sequence, record in _readable(_some(self._states), self._read):
             if not self._turn_to(flight_id):
                 continue
             if sequence <= self._last_sequence:
@@ -272,8 +279,7 @@ class LiveNode(FlightNode):
             self._rate_from = now, moment
 
     def _take_statuses(self) -> None:
-        for data in _some(self._statuses):
-            status = deserialize_message(data, GuidanceStatus)
+        for status in _readable(_some(self._statuses), _status_of):
             if status.flight_id != self._shown:
                 continue
             row = {
@@ -290,6 +296,10 @@ class LiveNode(FlightNode):
     def _control(self, node: str) -> None:
         """A node says the pace: it takes one too, unless the flight is over."""
         name = f"{node}/set_parameters"
+        try:
+            validate_full_topic_name(name, is_service=True)
+        except InvalidServiceNameException:
+            return
         if self._setter is not None and self._setter.srv_name != name:
             self._forget_setter()
         if self._setter is None and not self._story.ended:
@@ -320,6 +330,17 @@ def _some(waiting: deque[bytes]) -> list[bytes]:
     if count <= TAKEN:
         return came
     return [came[k] for k in np.linspace(0, count - 1, TAKEN).round().astype(int)]
+
+
+def _status_of(data: bytes) -> Any:
+    return message_of(data, GuidanceStatus)
+
+
+def _readable(waiting: list[bytes], read: Callable[[bytes], Any]) -> Iterator[Any]:
+    """What can be read of that; of the rest nobody has anything to show."""
+    for data in waiting:
+        with suppress(Unreadable):
+            yield read(data)
 
 
 def _wanted(name: str, value: float) -> list[ParameterMessage]:

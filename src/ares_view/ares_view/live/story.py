@@ -252,7 +252,12 @@ class Story:
                 return
             text = event_name(kind, index, *names)
             self._events.append(
-                {"time_s": moment, "text": text, "mass_kg": mass_kg, "mark": MARKS.get(kind)}
+                {
+                    "time_s": _known(moment, 9),
+                    "text": text,
+                    "mass_kg": _known(mass_kg, 9),
+                    "mark": MARKS.get(kind),
+                }
             )
             if kind in ENDS:
                 self._say(end=EVENT_NAMES[kind])

@@ -19,7 +19,7 @@ from visualization_msgs.msg import Marker
 
 from ares_bags.layout import stamp_of_cdr
 from ares_bags.types import flight_of_cdr
-from ares_models.mission import Mission, MissionError, load_mission
+from ares_models.mission import Mission, MissionError, list_missions, load_mission
 from ares_msgs.msg import (
     FlightEvent,
     FlightMember,
@@ -29,7 +29,7 @@ from ares_msgs.msg import (
     VehicleState,
 )
 from ares_node.diagnostics import Level, of_another_flight
-from ares_node.membership import Role
+from ares_node.membership import MOST_HEARD, Role
 from ares_node.node import FlightNode, NodeError
 from ares_node.parameters import Parameter
 from ares_node.qos import (
@@ -248,6 +248,8 @@ class ViewNode(FlightNode):
     def _on_member(self, member: FlightMember) -> None:
         if member.role == Role.VEHICLE_SIM and member.flight_id:
             self._missions[int(member.flight_id)] = member.mission
+            if len(self._missions) > MOST_HEARD:
+                del self._missions[next(iter(self._missions))]
 
     def _admitted(self, flight_id: int, again: bool) -> Shown | None:
         """The flight that is shown if this one is it, or becomes it.
@@ -271,10 +273,11 @@ class ViewNode(FlightNode):
         mission, name = self._mission, self._missions.get(flight_id, "")
         complaint = ""
         if name and name != mission.name:
-            try:
+            # not a path: what comes over the graph opens no file
+            if name in list_missions():
                 mission = load_mission(name)
-            except MissionError as error:
-                complaint = f"shown on the Earth of {mission.name}: {error}"
+            else:
+                complaint = f"shown on the Earth of {mission.name}: no such mission here, {name}"
         self._waiting = None
         self._shown = Shown(flight_id, mission, Trail(self.values["path_points"]))
         if self._foxglove is not None:
