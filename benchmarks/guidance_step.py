@@ -23,7 +23,7 @@ from ares_models.arrays import NAVIGATION, MissionArrays
 from ares_models.jit import kernel, specialised
 from ares_models.kernels.records import mission_records
 from ares_models.mission import load_mission
-from ares_studies.closed_loop import fly_compiled
+from ares_studies.closed_loop import fly_compiled, ready_law
 from ares_vehicle_sim.simulator import Simulator, SimulatorOptions
 
 
@@ -86,9 +86,8 @@ def main() -> None:
             begun = time.perf_counter()
             fly_compiled(
                 mission,
-                settings,
                 SimulatorOptions(navigation_period_s=period),
-                law=options.law,
+                law=ready_law(mission, options.law, settings),
             )
             flights.append(time.perf_counter() - begun)
         median = statistics.median(flights[1:])

@@ -77,7 +77,7 @@ class Chromium:
                 with suppress(Error):
                     page.goto(f"http://{LOOPBACK}:{self._port}/")
                     break
-            page.wait_for_function("() => live.frames > 10")
+            page.wait_for_function("() => live.frames > 2")
             first = page.evaluate("[live.frames, performance.now()]")
             self._over.wait()
             last = page.evaluate("[live.frames, live.heard]")

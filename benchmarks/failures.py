@@ -1,0 +1,176 @@
+"""How surely guidance finds what fails: false alarms, and the time from a failure to its finding.
+
+    ./ares exec python benchmarks/failures.py [--flights N] [--others N] [--failures N] [--keep]
+
+False alarms: dispersed flights in which nothing fails, of `ares_v` and of every other shipped
+mission that law peg flies without a plan. Found: dispersed flights with one failure each, its
+kind, time and size drawn; see docs/aborts.md for what is drawn.
+"""
+
+import argparse
+import math
+from collections import Counter
+
+import numpy as np
+from figures import Figures, keep_option
+
+from ares_guidance.law import needs_plan
+from ares_models.arrays import BURN
+from ares_models.failures import Failure, FailureKind
+from ares_models.mission import list_missions, load_mission
+from ares_studies.closed_loop import fly_compiled
+from ares_studies.montecarlo.flights import Range, Settings
+from ares_vehicle_sim.dispersions import load_dispersions
+from ares_vehicle_sim.simulator import CAMPAIGN
+
+#: s from a failure to its finding.
+WITHIN = 2.0 + 1e-6
+#: s to the end of a stage from which an early end is not told from a dispersed one.
+END = 12.0
+#: s to the last cut-off from which nothing is left to find it in.
+LAST = 4.0
+CHUNK = 500
+
+
+def settings(name, seed):
+    """A mission with the standard dispersions, and the gravity of its own body."""
+    mission = load_mission(name)
+    dispersions = load_dispersions("standard")
+    if mission.environment.mu_m3_s2 < 1e14:
+        dispersions = dispersions.model_copy(update={"j2": None})
+    return Settings(mission, dispersions, seed)
+
+
+def false_alarms(name, flights, seed):
+    """How many flights in which nothing fails report a failure, by kind."""
+    flyer = Range(settings(name, seed))
+    alarms = Counter()
+    for first in range(0, flights, CHUNK):
+        results = flyer.fly(first, min(CHUNK, flights - first)).results
+        alarms.update(int(kind) for kind in results["found"] if kind)
+    return alarms
+
+
+def burns(mission, ended):
+    """Arc, ignition command, begin at full thrust, and end of every burn, s; nothing dispersed."""
+    arcs = mission.arrays().arcs
+    at = mission.initial_state.time_s
+    for k, arc in enumerate(arcs):
+        end = at + arc["duration"] if math.isfinite(arc["duration"]) else ended - LAST
+        knots = int(arc["start_knots"])
+        if arc["kind"] == BURN:
+            yield k, at, at + (arc["start_time"][knots - 1] if knots else 0.0), end
+        at = end
+
+
+def throttled_from(mission, ended):
+    """When the last burn begins to be throttled where nothing is dispersed, s; its end if never."""
+    arc = mission.arrays().arcs[-1]
+    if not math.isfinite(arc["max_acceleration"]):
+        return ended
+    _, begin, _, _ = list(burns(mission, ended))[-1]
+    full = arc["stack_mass"] - arc["thrust"] / arc["max_acceleration"]
+    return begin + full / arc["mass_flow"]
+
+
+def draw(mission, ended, random):
+    """One failure, and when it shows, s."""
+    arcs = mission.arrays().arcs
+    final = arcs["stage"][-1]
+    limited = throttled_from(mission, ended)
+    spans = []
+    for k, command, begin, end in burns(mission, ended):
+        # the end of a stage by its propellant is dispersed, and so is where the throttle begins
+        ends = k + 1 < len(arcs) and not (
+            arcs["kind"][k + 1] == BURN and arcs["stage"][k + 1] == arcs["stage"][k]
+        )
+        last = min(end - END if ends else end, limited - END if limited < ended else end)
+        if last > begin:
+            spans.append((k, command, begin, last))
+    lower = [span for span in spans if arcs["stage"][span[0]] < final]
+    parts = mission.jettisons
+    timed = [j for j, part in enumerate(parts) if part.time_s is not None]
+    kinds = [FailureKind.ENGINE_OUT, FailureKind.THRUST_LOW]
+    kinds += [FailureKind.EARLY_SHUTDOWN, FailureKind.FAILED_IGNITION] if lower else []
+    kinds += [FailureKind.STUCK_JETTISON] if timed else []
+    kinds += [FailureKind.STUCK_THROTTLE] if limited < ended else []
+    kind = kinds[random.integers(len(kinds))]
+    if kind is FailureKind.STUCK_JETTISON:
+        j = timed[random.integers(len(timed))]
+        return Failure(kind, jettison=j), parts[j].time_s
+    if kind is FailureKind.FAILED_IGNITION:
+        k, command, _, _ = lower[random.integers(len(lower))]
+        return Failure(kind, arc=k), command
+    if kind is FailureKind.STUCK_THROTTLE:
+        at = random.uniform(limited + END, ended - LAST)
+        return Failure(kind, at), at
+    if kind is FailureKind.EARLY_SHUTDOWN:
+        spans = lower
+    lengths = np.array([last - begin for _, _, begin, last in spans])
+    _, _, begin, last = spans[random.choice(len(spans), p=lengths / lengths.sum())]
+    at = random.uniform(begin, last)
+    ratio = random.uniform(0.2, 0.95)
+    if kind is FailureKind.ENGINE_OUT:
+        return Failure(kind, at, thrust_ratio=ratio), at
+    if kind is FailureKind.THRUST_LOW:
+        return Failure(kind, at, thrust_ratio=ratio, flow_ratio=random.uniform(ratio, 1.0)), at
+    return Failure(kind, at), at
+
+
+def found_in_time(name, count, seed):
+    """Failures that struck, found within two seconds, and those that were not."""
+    plan = settings(name, seed)
+    mission = plan.mission
+    ended = fly_compiled(mission, CAMPAIGN).plant["time"]
+    random = np.random.default_rng(seed)
+    flyer = Range(plan)
+    flown = in_time = 0
+    missed = []
+    while flown < count:
+        drawn = [draw(mission, ended, random) for _ in range(min(CHUNK, count - flown))]
+        results = flyer.fly_failing(flown, [failure for failure, _ in drawn]).results
+        for (failure, at), result in zip(drawn, results, strict=True):
+            untimed = failure.kind is FailureKind.STUCK_JETTISON
+            if not (untimed or result["struck"] == 1) or result["end_time"] < at + WITHIN:
+                # where it would have struck, this flight was over, or in a coast
+                continue
+            late = result["found_time"] - at
+            if result["found"] and late <= WITHIN:
+                in_time += 1
+            else:
+                missed.append((failure, int(result["found"]), float(late)))
+        flown += len(drawn)
+    return in_time, missed
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--flights", type=int, default=100_000, help="of ares_v, nothing fails")
+    parser.add_argument("--others", type=int, default=3_000, help="of every other mission")
+    parser.add_argument("--failures", type=int, default=2_000, help="flown, of every mission")
+    parser.add_argument("--seed", type=int, default=0)
+    keep_option(parser)
+    options = parser.parse_args()
+    figures = Figures(__file__, "How surely guidance finds what fails, by law peg.")
+    shipped = [n for n in list_missions() if not needs_plan(load_mission(n).arrays())]
+    total = found = 0
+    for name in shipped:
+        in_time, missed = found_in_time(name, options.failures, options.seed)
+        found += in_time
+        total += in_time + len(missed)
+        figures.add(f"{name}: failures found within 2 s", in_time, f"of {in_time + len(missed)}")
+        for failure, kind, late in missed[:10]:
+            print("  not in time:", failure, kind, late)
+    figures.add("all: found within 2 s", 100.0 * found / total, "%")
+    for name in shipped:
+        flights = options.flights if name == "ares_v" else options.others
+        alarms = false_alarms(name, flights, options.seed)
+        figures.add(f"{name}: false alarms", alarms.total(), f"in {flights} flights")
+        if alarms:
+            print("  by kind:", dict(alarms))
+    if options.keep:
+        figures.keep()
+
+
+if __name__ == "__main__":
+    main()

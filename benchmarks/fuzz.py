@@ -1,0 +1,71 @@
+"""Hostile input for all that reads what others have written, by the million.
+
+    ./ares exec python benchmarks/fuzz.py [--inputs N] [--seed S] [--only WORD] [--keep]
+
+Counts what came of the inputs of each target; what must not come (an exception, more than 5 s, a
+wrong success, a process that grows) is printed, and its input kept in build/fuzz for a test
+(`Run`, `unpack`: `ares_bringup/fuzz/run.py`).
+"""
+
+import argparse
+import datetime
+import os
+import platform
+import sys
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+from ares_node.entry import set_up_libraries
+
+set_up_libraries()
+
+from figures import RESULTS, processor  # noqa: E402
+
+from ares_bringup.discovery import apply_discovery_settings  # noqa: E402
+from ares_bringup.fuzz.run import Run, memory  # noqa: E402
+from ares_bringup.fuzz.targets import all_targets  # noqa: E402
+
+ROOT = Path(__file__).resolve().parent.parent
+KEPT = ROOT / "build" / "fuzz"
+
+
+def main() -> int:
+    """Run until there have been so many; the exit status says whether all was well."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--inputs", type=int, default=2_000_000)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", default="", help="targets whose name holds this")
+    parser.add_argument("--keep", action="store_true", help="write benchmarks/results/fuzz.json")
+    options = parser.parse_args()
+    apply_discovery_settings()
+    begun = time.monotonic()
+    with ExitStack() as held:
+        targets = [
+            held.enter_context(target)
+            for target in all_targets(ROOT / "bags" / "reference")
+            if options.only in target.name
+        ]
+        run = Run(targets, options.seed, KEPT)
+        while run.inputs < options.inputs:
+            run.round()
+            seconds = time.monotonic() - begun
+            about: dict[str, object] = {
+                "about": "Hostile inputs by target, and what must not come of them.",
+                "measured": datetime.date.today().isoformat(),
+                "machine": f"{processor()}, {os.cpu_count()} cores, "
+                f"Python {platform.python_version()}, {seconds:.0f} s",
+            }
+            run.save(RESULTS / "fuzz.json" if options.keep else KEPT / "fuzz.json", about)
+            print(
+                f"{run.inputs:,} inputs in {seconds:.0f} s, {memory() / 2**20:.0f} MiB: "
+                f"{run.failures} failures",
+                flush=True,
+            )
+    for name, account in run.accounts.items():
+        print(f"{name}: {account.as_json()}")
+    return 1 if run.failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

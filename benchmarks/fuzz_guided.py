@@ -1,0 +1,75 @@
+"""Hostile input led by coverage (atheris, of libFuzzer) for one target of benchmarks/fuzz.py.
+
+    make atheris TARGET="mission files" FLAGS="-max_total_time=600"
+
+Good inputs of the target are changed by it, and by libFuzzer, towards lines that none has reached.
+What must not come of an input ends the run; the input is kept in build/atheris-found.
+"""
+
+import sys
+from pathlib import Path
+from random import Random
+from types import FunctionType
+
+import atheris
+
+from ares_node.entry import set_up_libraries
+
+set_up_libraries()
+
+# kernels cannot be compiled once atheris has been at them: all that has any comes first
+from ares_models import input_file, mission_checks, mission_parts  # noqa: E402
+
+with atheris.instrument_imports(include=["ares_bags", "ares_bringup", "ares_view"]):
+    import ares_view.live.server  # noqa: F401
+
+for module in (input_file, mission_checks, mission_parts):
+    for name, value in vars(module).items():
+        if isinstance(value, FunctionType) and value.__module__ == module.__name__:
+            setattr(module, name, atheris.instrument_func(value))
+
+from ares_bringup.fuzz.run import pack  # noqa: E402
+from ares_bringup.fuzz.targets import all_targets  # noqa: E402
+
+ROOT = Path(__file__).resolve().parent.parent
+CORPUS = ROOT / "build" / "atheris-corpus"
+FOUND = ROOT / "build" / "atheris-found"
+#: Inputs that the run begins with, and of those that follow, how many the target makes itself.
+SEEDS = 64
+OWN = 0.3
+
+
+def main() -> None:
+    """Run until something is found, or libFuzzer's options end it."""
+    name = sys.argv[1]
+    named = {target.name: target for target in all_targets(ROOT / "bags" / "reference")}
+    if name not in named:
+        sys.exit(f"target is {name!r}; expected one of {', '.join(named)}")
+    corpus = CORPUS / name.replace(" ", "_")
+    corpus.mkdir(parents=True, exist_ok=True)
+    FOUND.mkdir(parents=True, exist_ok=True)
+    with named[name] as target:
+        for number in range(SEEDS):
+            (corpus / f"seed_{number}").write_bytes(target.make(Random(number)))
+
+        def changed(data: bytes, most: int, seed: int) -> bytes:
+            random = Random(seed)
+            if random.random() < OWN:
+                return target.make(random)[:most]
+            return bytes(atheris.Mutate(data, most))
+
+        def take(data: bytes) -> None:
+            try:
+                target.run(data)
+            except Exception:
+                (FOUND / f"{name.replace(' ', '_')}.bin").write_bytes(pack([data]))
+                raise
+
+        options = ["-timeout=10", "-max_len=65536", f"-artifact_prefix={FOUND}/"]
+        argv = [sys.argv[0], *options, *sys.argv[2:], str(corpus)]
+        atheris.Setup(argv, take, custom_mutator=changed)
+        atheris.Fuzz()
+
+
+if __name__ == "__main__":
+    main()

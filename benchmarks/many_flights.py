@@ -1,0 +1,82 @@
+"""Flights one after the other: memory, handles, threads and shared memory of who flies them.
+
+    ./ares exec python benchmarks/many_flights.py [--flights N] [--processes N] [--keep]
+
+`--flights` are flown in this process, `--processes` in processes of their own that this one starts;
+each is a burn of a minute of flight time, recorded. What is held is looked at after each.
+"""
+
+import argparse
+import gc
+import tempfile
+from pathlib import Path
+
+import yaml
+from figures import Figures, keep_option
+
+from ares_bringup.fly import fly
+from ares_bringup.held import Held, held, orphans, used_by_family
+from ares_bringup.options import FlyOptions
+from ares_bringup.testing import short_burn
+
+#: Flights before what is held is taken for the beginning: what is loaded once is loaded then.
+FIRST = 5
+
+
+def flown(folder: Path, count: int, in_process: bool) -> tuple[list[Held], set[str]]:
+    """What is held after each flight, and what is left in shared memory that nobody uses."""
+    mission = folder / "burn.yaml"
+    mission.write_text(yaml.safe_dump(short_burn()))
+    used: set[str] = set()
+    rows = []
+    for k in range(count):
+        bag = folder / f"{'one' if in_process else 'many'}_{k}"
+        options = FlyOptions(mission=str(mission), in_process=in_process, bag=bag)
+        summary = fly(options, show=lambda _monitor: used.update(used_by_family()))
+        if summary.exit_code:
+            raise SystemExit(f"flight {k}: {summary.verdict}")
+        gc.collect()
+        rows.append(held())
+        if k % 10 == 9:
+            print(f"{k + 1} flights: {rows[-1]}", flush=True)
+    return rows, orphans(used)
+
+
+def report(figures: Figures, what: str, rows: list[Held], left: set[str]) -> None:
+    """First and last of what was held."""
+    first, last = rows[min(FIRST, len(rows) - 1)], rows[-1]
+    figures.add(f"flights {what}", len(rows), "")
+    for name, unit in (
+        ("memory_mib", "MiB"),
+        ("descriptors", ""),
+        ("threads", ""),
+        ("mapped", "files"),
+        ("children", ""),
+    ):
+        figures.add(f"{what}: {name}, after {FIRST}", getattr(first, name), unit)
+        figures.add(f"{what}: {name}, at the end", getattr(last, name), unit)
+    figures.add(f"{what}: left in shared memory", len(left), "files")
+
+
+def main() -> None:
+    """Print what was held, at the beginning and at the end."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--flights", type=int, default=200)
+    parser.add_argument("--processes", type=int, default=200)
+    keep_option(parser)
+    options = parser.parse_args()
+    figures = Figures(__file__, "What is held after many flights, in one process and in many.")
+    with tempfile.TemporaryDirectory() as name:
+        for what, count in (
+            ("in one process", options.flights),
+            ("of processes", options.processes),
+        ):
+            if count:
+                rows, left = flown(Path(name), count, what == "in one process")
+                report(figures, what, rows, left)
+    if options.keep:
+        figures.keep()
+
+
+if __name__ == "__main__":
+    main()
