@@ -2,7 +2,7 @@
 # Flags for the flight: make fly FLAGS="--in-process --mission ares_v"
 
 .DEFAULT_GOAL := help
-.PHONY: help prepare fly test site boundscheck coverage sweep lint format lock clean
+.PHONY: help prepare fly test site boundscheck coverage sweep atheris lint format lock sbom audit clean
 
 help: ## list the targets
 	@echo "make TARGET [FLAGS=...]"
@@ -34,6 +34,12 @@ coverage: ## every test, and which lines none of them runs; twice as slow
 sweep: ## every input made from the schemas, everything done with each; an hour
 	@./ares exec python -m ares_bringup.sweep
 
+TARGET = mission files
+atheris: ## coverage-guided hostile input for TARGET="mission files", until interrupted
+	@./ares exec python -m pip install --quiet --upgrade --no-deps --require-hashes --target=build/atheris \
+		--requirement=requirements/locked/fuzz.txt
+	@PYTHONPATH="build/atheris" ./ares exec python benchmarks/fuzz_guided.py "$(TARGET)" $(FLAGS)
+
 lint: ## linters and type checker
 	@./ares exec ruff check .
 	@./ares exec ruff format --check .
@@ -44,9 +50,19 @@ format: ## lay out the code
 	@./ares exec ruff format .
 
 lock: ## write the hashes of requirements/*.txt to requirements/locked
-	@for name in uv ros-jazzy build fly solve live pages dev coverage; do ./ares exec uv pip compile --quiet \
+	@for name in uv ros-jazzy build fly solve live pages dev coverage fuzz sbom; do ./ares exec uv pip compile --quiet \
 		--no-deps --generate-hashes --universal --python-version 3.11 --no-header --no-annotate \
 		requirements/$$name.txt --output-file requirements/locked/$$name.txt || exit 1; done
+
+sbom: ## list what is installed, and under which licences: requirements/sbom.json
+	@./ares exec python -m pip install --quiet --upgrade --no-deps --require-hashes \
+		--target=build/sbom --requirement=requirements/locked/sbom.txt
+	@PYTHONPATH=build/sbom .venv/bin/python -m cyclonedx_py environment --no-validate \
+		--output-reproducible --output-file=build/sbom.json .venv/bin/python
+	@./ares exec python tools/sbom.py build/sbom.json
+
+audit: ## is a pin known to be vulnerable? by the advisories in the folder ARES_ADVISORIES
+	@./ares exec python tools/advisories.py
 
 clean: ## remove all that the preparation has made
 	rm -rf .venv build install log

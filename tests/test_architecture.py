@@ -48,7 +48,7 @@ ROOMS = {
     "analytic": {"kernels", "proof", "direct"},
 }
 SHARED = {"deadline", "obstacles", "pieces", "plan", "request", "solution", "targets"}
-JOINS = {"rival", "solve", "messages", "node", "__main__", "__init__"}
+JOINS = {"foreknown", "rival", "solve", "messages", "node", "__main__", "__init__"}
 #: What flight software may take from the optimizer.
 ON_BOARD = {"ares_optimizer.two_point.arrays", "ares_optimizer.two_point.contract"}
 #: What may be taken from the proof: it flies and judges, its physics stays inside.

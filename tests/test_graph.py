@@ -5,6 +5,7 @@ import time
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -12,7 +13,7 @@ from ares_bags.recorder import RecorderNode
 from ares_guidance.node import GuidanceNode
 from ares_msgs.msg import FlightEvent, GuidanceStatus, NavState, ThrustCommand
 from ares_node.membership import Membership, Role, State
-from ares_node.qos import FLIGHT
+from ares_node.qos import FLIGHT, reliable
 from ares_vehicle_sim.node import VehicleSimNode
 
 
@@ -90,6 +91,7 @@ def test_two_nodes_fly_the_default_mission(graph):
         ("reference_time", math.nan, "reference_time is nan"),
         ("cutoff_time", math.inf, "cutoff_time is inf"),
         ("jettison", 7, "jettison is 7; expected -1 to 0"),
+        ("cutoff_time", 155.0, "cutoff_time is 155 s; expected 156."),
     ],
 )
 def test_a_command_that_cannot_be_flown_is_refused_and_the_flight_goes_on(
@@ -107,6 +109,51 @@ def test_a_command_that_cannot_be_flown_is_refused_and_the_flight_goes_on(
     graph.wait_for_report(complaint)
     assert np.all(np.isfinite(simulator.simulator.plant["position"]))
     assert np.linalg.norm(simulator.simulator.plant["direction"]) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("ahead_s", [0.0, 0.5])
+def test_a_jettison_far_above_the_limit_is_refused_or_withheld(graph, ahead_s):
+    """Due before the next state the command is refused; later it is withheld when it is due."""
+
+    def drop(sequence, command):
+        if sequence == 5:
+            command.jettison = 0
+            command.jettison_time = 155.9 + 0.1 * sequence + ahead_s
+        return command if sequence <= 5 else None
+
+    simulator = graph.start(VehicleSimNode, command_timeout_s=0.02)
+    graph.add(ScriptedGuidance(graph.context, drop))
+    graph.spin(lambda: answers(graph) > 40)
+    graph.wait_for_report("command refused: jettison is 0, due with a heating of ")
+    assert graph.reported("; withheld") == (ahead_s > 0.0)
+    assert not simulator.simulator.plant["jettisoned"]
+
+
+def test_refused_commands_are_counted(graph):
+    counts = []
+    graph.observer.create_subscription(
+        DiagnosticArray,
+        "/diagnostics",
+        lambda message: counts.extend(
+            int(value.value)
+            for status in message.status
+            for value in status.values
+            if value.key == "commands_refused"
+        ),
+        reliable(1000),
+    )
+
+    def spoil(_sequence, command):
+        command.direction = np.zeros(3)
+        return command
+
+    simulator = graph.start(VehicleSimNode)
+    graph.add(ScriptedGuidance(graph.context, spoil))
+    # said again after 10 s of flight
+    graph.spin(lambda: len(counts) > 1)
+    assert counts[0] == 1
+    assert counts[1] == pytest.approx(101, abs=1)
+    assert simulator.simulator.sequence >= 100
 
 
 def test_a_refused_command_leaves_the_last_good_one_in_force(graph):
@@ -251,7 +298,7 @@ def test_guidance_refuses_a_navigation_state_that_is_not_finite(graph):
     bad.stamp.sec = 156
     out.publish(bad)
     graph.spin(lambda: len(commands) == 2)
-    graph.wait_for_report("guidance: navigation state refused")
+    graph.wait_for_report("guidance: navigation refused, the last solution is held: not finite")
     # the answer is still there, so that the vehicle does not wait, and it is the last good one
     assert commands[1].direction == pytest.approx(commands[0].direction)
     assert commands[1].nav_stamp == bad.stamp
@@ -363,6 +410,37 @@ def test_new_guidance_takes_over_where_the_old_one_is_lost(graph):
     graph.wait_for_report("takes over from lost guidance")
     graph.spin(lambda: any(e.type == FlightEvent.GUIDANCE_BACK for e in graph.events))
     assert simulator._membership.guidance_id != lost.membership.member_id
+
+
+@pytest.mark.parametrize("pace", [0.0, 20.0])
+def test_guidance_that_leaves_is_waited_for_no_more(graph, pace):
+    """At a pace at once; as fast as answers come after one timeout, for one who takes over."""
+    simulator = graph.start(VehicleSimNode, command_timeout_s=0.5, pace=pace)
+    guidance = graph.start(GuidanceNode)
+    graph.spin(lambda: answers(graph) > 20)
+    guidance.stop()
+    graph.wait_for_report("guidance has left: flying on without guidance")
+    assert not graph.reported("no answer within")
+    before = answers(graph)
+    graph.spin(lambda: answers(graph) > before + 20)
+    graph.start(GuidanceNode)
+    graph.spin(lambda: any(e.type == FlightEvent.GUIDANCE_BACK for e in graph.events))
+    assert simulator._lost_in_a_row == 0
+
+
+def test_answers_that_come_a_little_late_are_waited_for_again(graph):
+    """On a lost link they are of the state before: a sign that somebody is there."""
+    kept = []
+
+    def lag(sequence, command):
+        kept.append(command)
+        return (None if sequence < 60 else kept[-2]) if 20 <= sequence < 100 else command
+
+    simulator = graph.start(VehicleSimNode, command_timeout_s=0.02)
+    graph.add(ScriptedGuidance(graph.context, lag))
+    graph.wait_for_report("3 answers lost in a row: flying on without guidance")
+    graph.spin(lambda: answers(graph) > 150 and simulator._lost_in_a_row == 0)
+    assert [e.type for e in graph.events].count(FlightEvent.GUIDANCE_BACK) > 0
 
 
 def test_a_viewer_is_not_taken_for_the_recorder(graph, tmp_path):

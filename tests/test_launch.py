@@ -61,6 +61,7 @@ PROMISED = {
     "bag",
     "exit_when_complete",
     "log_level",
+    "restarts",
 }
 
 
@@ -113,6 +114,7 @@ def fake_modules():
             "RegisterEventHandler",
             "SetEnvironmentVariable",
             "Shutdown",
+            "TimerAction",
         ],
         "launch.event_handlers": ["OnProcessExit", "OnProcessStart", "OnShutdown"],
         "launch.events": [],

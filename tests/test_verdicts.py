@@ -15,6 +15,8 @@ from dataclasses import dataclass, field
 import psutil
 import pytest
 import yaml
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
 
 from ares_bringup.testing import short_burn
 from ares_guidance.node import GuidanceNode
@@ -62,6 +64,30 @@ class Flight:
         self.in_the_air()
         self.node(name).kill()
 
+    def kill_and_wait_for_its_successor(self):
+        """The vehicle waits meanwhile: how fast a process starts is the machine's affair."""
+        members = self.graph.members
+
+        def guides():
+            """Who does, as far as simulators have said."""
+            return {m.guidance_id for m in members if m.role == Role.VEHICLE_SIM} - {0}
+
+        self.graph.spin(guides, PATIENCE)
+        first = guides()
+        self.kill("guidance")
+        self.set_paused(True)
+        self.graph.spin(lambda: guides() - first, PATIENCE)
+        self.set_paused(False)
+
+    def set_paused(self, paused):
+        name = "/ares/vehicle_sim/set_parameters"
+        client = self.graph.observer.create_client(SetParameters, name)
+        self.graph.spin(client.service_is_ready, PATIENCE)
+        parameter = Parameter("paused", value=paused).to_parameter_msg()
+        answer = client.call_async(SetParameters.Request(parameters=[parameter]))
+        self.graph.spin(answer.done, PATIENCE)
+        assert answer.result().results[0].successful
+
     def stop_until_it_is_missed(self, name):
         self.in_the_air()
         node = self.node(name)
@@ -78,6 +104,8 @@ class Flight:
         # the others are past Python's own start, which no signal leaves without a traceback
         wanted = {Role.VEHICLE_SIM, Role.RECORDER, Role.JUDGE}
         self.graph.spin(lambda: wanted <= {member.role for member in self.graph.members}, PATIENCE)
+        names = self.graph.observer.get_node_names
+        self.graph.spin(lambda: "view" in names() or self.node("view") is None, PATIENCE)
         node.kill()
 
     def signal(self, number):
@@ -177,11 +205,31 @@ CAUSES = {
     ),
     "guidance killed": Cause(
         1,
-        ("flown without an answer from guidance", "guidance was killed by SIGKILL in flight"),
-        SLOW,
+        (
+            "flown without an answer from guidance",
+            "guidance was killed by SIGKILL in flight",
+            "not restarted: 0 restarts were allowed",
+        ),
+        {**SLOW, "restarts": "0"},
         act=lambda f: f.kill("guidance"),
         ways=PROCESSES,
     ),
+    "guidance killed and restarted": Cause(
+        1,
+        (
+            "flown without an answer from guidance",
+            "guidance was killed by SIGKILL in flight",
+            "restarted (1 of 3)",
+            "takes over from lost guidance",
+            "guidance answers again",
+            "main-engine cut-off",
+        ),
+        SLOW,
+        mission=short_burn(330.0),
+        act=lambda f: f.kill_and_wait_for_its_successor(),
+        ways=PROCESSES,
+    ),
+    "restarts that are no number": refused("restarts", restarts="many"),
     "guidance stopped for a while": Cause(
         1,
         ("flown without an answer from guidance", "guidance answers again"),
@@ -198,7 +246,10 @@ CAUSES = {
     ),
     "view killed": Cause(
         0,
-        ("view was killed by SIGKILL: it is not shown any more", "main-engine cut-off"),
+        (
+            "view was killed by SIGKILL: it is not shown any more; restarted (1 of 3)",
+            "main-engine cut-off",
+        ),
         {**SLOW, "view": "true"},
         act=lambda f: f.kill("view"),
         ways=PROCESSES,

@@ -308,14 +308,7 @@ def test_a_flight_is_the_same_whether_it_is_shown_or_not(ares, tmp_path, way):
     assert results[0]["m_f_kg"] == results[1]["m_f_kg"]
     assert not results[1]["diagnostics"]
     bags = [open_bag(tmp_path / name) for name in ("plain", "shown")]
-    topics = sorted(set(bags[0].topics) - {"/ares/guidance_status"})
-    assert differences(*bags, topics) == []
-    # of the last statuses some may come when the bag is closed already
-    one, other = (bag.columns("guidance_status") for bag in bags)
-    count = min(len(one["cycle"]), len(other["cycle"]))
-    assert count >= 600
-    for name in one.keys() - {"flight_id", "guidance_id"}:
-        np.testing.assert_array_equal(one[name][:count], other[name][:count])
+    assert differences(*bags) == []
     assert [set(bag.topics) for bag in bags[:1]] == [set(bag.topics) for bag in bags[1:]]
 
 

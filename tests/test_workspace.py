@@ -3,6 +3,7 @@
 import fcntl
 import importlib.util
 import os
+import pty
 import shlex
 import shutil
 import subprocess
@@ -25,6 +26,7 @@ def load():
 
 
 workspace = load()
+progress = sys.modules["progress"]
 
 
 @pytest.fixture
@@ -632,3 +634,66 @@ def test_the_makefile_lists_its_targets():
     assert answer.returncode == 0
     for target in ("help", "prepare", "fly", "test", "lint", "format", "clean"):
         assert f"\n  {target} " in answer.stdout
+
+
+# ---- how far a preparation is
+
+
+class HandClock:
+    """Time as it is told."""
+
+    def __init__(self):
+        self.now = 100.0
+
+    def __call__(self):
+        return self.now
+
+
+def test_the_share_that_is_done_follows_the_steps():
+    clock = HandClock()
+    steps = progress.Steps({"first": 10.0, "second": 30.0}, clock)
+    assert steps.share() == 0.0
+    assert steps.left() == pytest.approx(40.0)
+    with steps.step("first"):
+        clock.now += 10.0
+        assert 0.7 * 0.25 < steps.share() < 0.8 * 0.25
+        clock.now += 10.0
+        assert 0.9 * 0.25 < steps.share() < 0.25
+    # this machine takes twice as long
+    assert steps.share() == pytest.approx(0.25)
+    assert steps.left() == pytest.approx(60.0)
+    with steps.step("second"):
+        clock.now += 60.0
+        assert steps.share() == pytest.approx(0.25 + 0.75 * 0.777, abs=1e-3)
+        assert "]  83%  80 s, about 16 s left  second" in progress.line(steps)
+    assert steps.share() == 1.0
+    with steps.step("what nobody expected"):
+        assert steps.share() == 1.0
+
+
+def test_a_bar_is_drawn_on_a_terminal_alone(capsys):
+    steps = progress.Steps({"first": 10.0})
+    bar = progress.Bar()
+    with bar.over(steps), steps.step("first"):
+        bar.say("a line")
+        time.sleep(1.5 * progress.PERIOD)
+    assert capsys.readouterr().err == "ares: a line\n"
+
+
+def test_lines_do_not_run_into_the_bar():
+    program = (
+        "import sys, time; sys.path.insert(0, sys.argv[1]); import progress as p;"
+        "steps = p.Steps({'first': 10.0});\n"
+        "with p.BAR.over(steps), steps.step('first'):\n"
+        "    time.sleep(2.5 * p.PERIOD); p.say('a line'); time.sleep(2.5 * p.PERIOD)\n"
+    )
+    reader, writer = pty.openpty()
+    command = [sys.executable, "-c", program, str(ROOT / "tools")]
+    with subprocess.Popen(command, stderr=writer) as process:
+        process.wait(30)
+        os.close(writer)
+        said = os.read(reader, 100_000).decode()
+    os.close(reader)
+    assert said.count("s left  first") >= 2
+    assert f"{progress.CLEAR_LINE}ares: a line" in said
+    assert said.endswith(progress.CLEAR_LINE)

@@ -35,6 +35,9 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "src" / "ares_models"))
 from ares_models import kernel_cache  # noqa: E402  needs nothing but the standard library
 
+sys.path.insert(0, str(ROOT / "tools"))
+from progress import BAR, Steps, say  # noqa: E402
+
 ROS_DISTRO = "jazzy"
 PYTHONS = ((3, 11), (3, 12), (3, 13))
 # Raise it when a change of this file must remake everything.
@@ -48,6 +51,7 @@ EVERYTHING = ("solve.txt", "live.txt", "pages.txt", "dev.txt")
 #: What campaigns, pages and pictures need.
 PAGES = ("solve.txt", "live.txt", "pages.txt")
 ALSO = {
+    "aborts": PAGES,
     "env": EVERYTHING,
     "exec": EVERYTHING,
     "export": PAGES,
@@ -75,6 +79,11 @@ FEW_KERNELS = (
 #: The law whose kernels compile while the messages are built: it is known without a registry.
 FIRST_LAW = "peg"
 COMPILING = {True: "once, until they change: a minute", False: "once, half a minute"}
+#: Steps of the preparation, and how long each takes on an idle machine of two cores, s.
+PACKAGES, ADDITIONS = "Python packages", "further packages"
+BUILDING, KERNELS = "messages", "kernels"
+LENGTHS = {PACKAGES: 25.0, ADDITIONS: 20.0, BUILDING: 30.0, KERNELS: 30.0}
+ALL_KERNELS_LENGTH = 75.0
 
 VERBS = """\
 Workspace:
@@ -86,11 +95,6 @@ Workspace:
 
 class WorkspaceError(Exception):
     """The workspace cannot be prepared; the text is the one line to print."""
-
-
-def say(text: str) -> None:
-    """Print one line for the user, apart from what a verb prints on stdout."""
-    print(f"ares: {text}", file=sys.stderr, flush=True)
 
 
 # --- what the parts are made from --------------------------------------------------------
@@ -897,42 +901,72 @@ def prepare(
     Raises:
         WorkspaceError: something needed is missing, or a step failed.
     """
-
-    def ready(workspace: Workspace | None) -> bool:
-        return (
-            workspace is not None
-            and is_built(workspace)
-            and not missing_additions(workspace, also)
-            and not kernels_wanting(workspace, environ, kernels)
-        )
-
     workspace = prepared_environment(root, environ)
-    if workspace and ready(workspace):
+    if workspace and not steps_to_do(workspace, environ, kernels, also):
         return workspace
-    with preparation_lock(root) as lock, ThreadPoolExecutor(1) as beside:
+    with preparation_lock(root) as lock:
         # what another call has made meanwhile counts
         workspace = prepared_environment(root, environ)
-        fresh = not workspace or not is_built(workspace)
-        if fresh:
+        lengths = steps_to_do(workspace, environ, kernels, also)
+        if workspace and not lengths:
+            return workspace
+        if BUILDING in lengths:
             check_prerequisites(environ)
             remove(root / "build" / "prepare.log")
+        steps = Steps(lengths)
+        with BAR.over(steps):
+            return make(root, environ, kernels, also, lock, steps)
+
+
+def steps_to_do(
+    workspace: Workspace | None, environ: Mapping[str, str], kernels: str, also: Sequence[str]
+) -> dict[str, float]:
+    """Which steps a preparation has, and how long each takes, s; arguments as of `prepare`."""
+    due = {
+        PACKAGES: not workspace,
+        ADDITIONS: bool(missing_additions(workspace, also) if workspace else also),
+        BUILDING: not workspace or not is_built(workspace),
+        KERNELS: kernels_wanting(workspace, environ, kernels) if workspace else bool(kernels),
+    }
+    lengths = LENGTHS | ({KERNELS: ALL_KERNELS_LENGTH} if kernels == ALL_KERNELS else {})
+    return {name: length for name, length in lengths.items() if due[name]}
+
+
+def make(
+    root: Path,
+    environ: Mapping[str, str],
+    kernels: str,
+    also: Sequence[str],
+    lock: int,
+    steps: Steps,
+) -> Workspace:
+    """Do the steps that are due; arguments as of `prepare`."""
+    with ThreadPoolExecutor(1) as beside:
+        workspace = prepared_environment(root, environ)
         if not workspace:
-            workspace = make_environment(root, environ, lock)
+            with steps.step(PACKAGES):
+                workspace = make_environment(root, environ, lock)
         missing = missing_additions(workspace, also)
         if missing:
-            add(missing, workspace, environ, lock)
+            with steps.step(ADDITIONS):
+                add(missing, workspace, environ, lock)
+
+        def compile_kernels() -> None:
+            with steps.step(KERNELS):
+                warm_kernels(workspace, environ, lock, kernels)
+
         compiling = None
         if kernels_wanting(workspace, environ, kernels):
             say(f"compiling the numeric kernels ({COMPILING[kernels == ALL_KERNELS]})")
-            early = kernels == FIRST_LAW or not fresh
-            if early:
-                compiling = beside.submit(warm_kernels, workspace, environ, lock, kernels)
+            if kernels == FIRST_LAW or is_built(workspace):
+                compiling = beside.submit(compile_kernels)
         if not is_built(workspace):
-            build(workspace, environ, lock)
+            with steps.step(BUILDING):
+                build(workspace, environ, lock)
         if compiling is not None:
             compiling.result()
         elif kernels_wanting(workspace, environ, kernels):
-            warm_kernels(workspace, environ, lock, kernels)
+            compile_kernels()
     return workspace
 
 

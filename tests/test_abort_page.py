@@ -1,0 +1,75 @@
+"""`ares aborts` as one types it, and its page as a browser shows it."""
+
+import json
+
+import pytest
+
+from ares_bringup.commands.cli import main
+from ares_studies.pages.testing import FIGURES, SIZES, TEXTS, THEMES
+
+
+@pytest.fixture(scope="module")
+def page_of_map(tmp_path_factory):
+    page = tmp_path_factory.mktemp("aborts") / "map.html"
+    assert main(("aborts", "--mission", "ares_v", "--step-s", "40", "--out", str(page))) == 0
+    return page
+
+
+@pytest.mark.parametrize("theme", THEMES)
+@pytest.mark.parametrize("size", SIZES)
+def test_the_page_is_legible(open_file, page_of_map, size, theme):
+    page = open_file(page_of_map, size, theme)
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    for figure in page.evaluate(FIGURES):
+        assert figure["width"] > 0.75 * min(SIZES[size][0], 480), figure["key"]
+        assert figure["height"] > 250, figure["key"]
+        assert not figure["cropped"], figure["key"]
+        assert not figure["overlapping"], figure["key"]
+    texts = page.evaluate(TEXTS)
+    assert not [text for text in texts if text["contrast"] < 4.5]
+    assert not [text for text in texts if text["size"] < 12]
+    assert all(text for text in page.locator(".axis").all_inner_texts())
+
+
+def test_the_page_has_no_serious_fault(open_file, serious_faults, page_of_map):
+    assert serious_faults(open_file(page_of_map, "narrow", "dark")) == []
+
+
+def test_the_map_says_its_ends_in_words(open_file, page_of_map):
+    page = open_file(page_of_map, "wide", "light")
+    strips = page.locator(".strip")
+    told = strips.first.get_attribute("aria-label")
+    assert told == "one engine lost, optimizer that knew: target 160 to 320 s"
+    assert strips.first.locator("i").count() == 1
+    assert page.locator(".swatches li").all_inner_texts() == [
+        "target",
+        "target lowered",
+        "safe orbit",
+        "suborbital",
+    ]
+
+
+def test_one_json_object(ares):
+    done = ares("aborts", "--mission", "saturn_v_as506", "--step-s", "200", "--json")
+    assert done.returncode == 0, done.stderr
+    said = json.loads(done.stdout)
+    assert said["mission"] == "saturn_v_as506"
+    assert said["points"] == sum(len(row["points"]) for row in said["rows"])
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (("--guidance", "no_law"), "no_law"),
+        (("--guidance", "peg_thesis"), "laws that start by themselves"),
+        (("--mission", "delta_iii_coast", "--guidance", "optimal"), "last arc alone is free"),
+        (("--mission", "nothing"), "nothing"),
+        (("--step-s", "0"), "--step-s"),
+        (("--out", "no/such/folder/map.html"), "its folder does not exist"),
+    ],
+)
+def test_bad_input_is_one_line(ares, words, line):
+    done = ares("aborts", *words)
+    assert done.returncode == 2
+    assert line in done.stderr
+    assert done.stderr.count("\n") == 1

@@ -1,0 +1,121 @@
+"""Faults into real flights: one trial of each kind, and how trials are judged."""
+
+import importlib.util
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ares_bringup.commands.cli import main
+from ares_bringup.faults import tampering
+from ares_bringup.faults.campaign import as_object, chosen, spread
+from ares_bringup.faults.rows import ROWS
+from ares_bringup.faults.scene import Flown
+from ares_bringup.faults.trial import UNDISTURBED_KG, Class, Trial, judge, run
+from ares_bringup.keeper import Keeper
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "guidance killed",
+        "guidance stopped",
+        "optimizer answers nonsense",
+        "recorder killed",
+        "commands delayed, to 10 %, to 1 s",
+        "commands jettison above the limit",
+        "simulator restarted",
+        "signal to fly",
+    ],
+)
+def test_a_trial_of_each_kind(name):
+    trial = run(name, seed=1, number=0)
+    assert trial.result != Class.WRONG.value, trial.why
+
+
+def row(name):
+    return next(row for row in ROWS if row.name == name)
+
+
+def flown(said="", status=1, touched=1, must_reach=True, **summary):
+    facts = {"must_reach": must_reach}
+    plain = {"outcome": "target", "m_f_kg": 174000.0, "shortcomings": [], "diagnostics": []}
+    return Flown(status, plain | summary, said, touched, facts=facts)
+
+
+SAID = f"flown without an answer from guidance for 3.0 s\n{Keeper().ended('guidance', -9)[0]}"
+
+
+@pytest.mark.parametrize(
+    ("result", "expected"),
+    [
+        (flown(SAID), Class.SURVIVED),
+        (flown(SAID, outcome="target_missed"), Class.WRONG),
+        (flown(SAID, outcome="target_missed", must_reach=False), Class.DEGRADED),
+        (flown(SAID, outcome="impact", must_reach=False), Class.WRONG),
+        (flown(SAID, status=0), Class.WRONG),
+        (flown(""), Class.WRONG),
+        (flown(SAID + "\nTraceback (most recent call last):"), Class.WRONG),
+        (flown(SAID, status=None), Class.WRONG),
+        (Flown(1, flown().summary, SAID, left=["a process"]), Class.WRONG),
+        (Flown(2, {}, "ares: cannot"), Class.WRONG),
+    ],
+)
+def test_a_flight_under_a_fault_is_judged(result, expected):
+    assert judge(row("guidance killed"), result)[0] is expected
+
+
+@pytest.mark.parametrize(("mass", "expected"), [(UNDISTURBED_KG, "survived"), (174117.0, "wrong")])
+def test_a_fault_that_touched_nothing_leaves_no_trace(mass, expected):
+    result = flown("", status=0, touched=0, m_f_kg=mass)
+    assert judge(row("commands lost, to 10 %"), result)[0].value == expected
+
+
+def test_tampering_is_drawn():
+    def fates(seed):
+        tamper = tampering.delay(np.random.default_rng(seed), 0.5, 3.0)
+        return [tamper(0.0, k) for k in range(100)]
+
+    assert fates(1) == fates(1) != fates(2)
+    late = [delay for fate in fates(1) for delay, _ in fate if delay]
+    assert 30 < len(late) < 70
+    assert 0.0 < min(late) < max(late) < 3.0
+    lost = tampering.lose(np.random.default_rng(1), 0.5)
+    assert {len(lost(0.0, k)) for k in range(100)} == {0, 1}
+
+
+def test_the_table_counts():
+    trials = [
+        Trial("guidance killed", 0, 0, "survived"),
+        Trial("guidance killed", 0, 1, "wrong", "hung"),
+        Trial("guidance stopped", 0, 0, "degraded", "late"),
+    ]
+    result = as_object(trials, 3, 0)
+    assert [result[key] for key in ("injected", "survived", "degraded", "wrong")] == [3, 1, 1, 1]
+    assert [line["row"] for line in result["rows"]] == ["guidance killed", "guidance stopped"]
+    assert [trial["why"] for trial in result["trials"]] == ["hung", "late"]
+
+
+def test_rows_are_chosen_by_word_and_taken_in_turn(capsys):
+    names = chosen(["guidance"])
+    assert set(names) >= {"guidance killed", "guidance stopped"}
+    assert spread(names[:2], 3) == [(names[0], 0), (names[1], 0), (names[0], 1)]
+    assert len(chosen([])) == len(ROWS) == len({row.name for row in ROWS})
+    assert main(["faults", "--rows", "gremlins"]) == 2
+    assert "--rows is 'gremlins'; expected a part of one of: guidance killed" in (
+        capsys.readouterr().err
+    )
+
+
+def test_the_page_holds_what_was_kept():
+    path = Path(__file__).parent.parent / "tools" / "reliability_table.py"
+    spec = importlib.util.spec_from_file_location("reliability_table", path)
+    tool = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(tool)
+    result = json.loads(tool.RESULT.read_text())
+    text = tool.PAGE.read_text()
+    assert tool.page(text, result) == text
+    assert text.count("\n| all |") == 1
+    # each row that there is was tried
+    assert {line["row"] for line in result["rows"]} == {row.name for row in ROWS}

@@ -1,0 +1,390 @@
+"""Hostile input, a little of each kind; the same every time. By the million: benchmarks/fuzz.py."""
+
+import json
+import os
+from pathlib import Path
+from random import Random
+
+import numpy as np
+import pytest
+
+from ares_bags.errors import BagError
+from ares_bags.files import find_file
+from ares_bags.metadata import METADATA_FILE
+from ares_bags.reader import open_bag
+from ares_bags.repair import repair
+from ares_bags.schema import load_yaml
+from ares_bags.testing import messages, write_bag
+from ares_bags.verify import surveyed, verify
+from ares_bringup.fuzz import run as fuzz_run
+from ares_bringup.fuzz.bags import DamagedBags, ForgedBags
+from ares_bringup.fuzz.files import MissionFiles
+from ares_bringup.fuzz.run import Run, pack, unpack
+from ares_bringup.fuzz.target import Broken, Target
+from ares_bringup.fuzz.targets import all_targets
+from ares_bringup.params_file import node_values
+from ares_models.arrays import STEERING
+from ares_models.mission import MISSION, MissionError, load_mission
+from ares_msgs.msg import FlightEvent, FlightMember, NavState
+from ares_msgs.srv import SolveTrajectory
+from ares_node.diagnostics import NODE, PACE, PAUSED, Timing, hardware_id, number_of
+from ares_node.membership import MOST_HEARD, Membership, Role, State
+from ares_node.states import StateMessage, Unreadable
+from ares_optimizer.messages import Answers
+from ares_vehicle_sim.dispersions import DispersionsError, load_dispersions
+from ares_vehicle_sim.node import VehicleSimNode
+from ares_vehicle_sim.simulator import CommandRefused, Simulator
+from ares_view.live.node import LiveNode
+from ares_view.live.story import Seen
+from ares_view.standard.node import ViewNode
+
+REFERENCE = Path(__file__).parent.parent / "bags" / "reference"
+#: Inputs of a target here: of its share of a million, as many as half a second takes.
+COUNTS = {"mission files": 25, "dispersion files": 40, "damaged bags": 25, "forged bags": 15}
+COUNTS |= {"commands on bags": 3, "optimizer": 12, "socket of the page": 120, "command lines": 25}
+
+
+@pytest.mark.parametrize("target", all_targets(REFERENCE), ids=lambda target: target.name)
+def test_nothing_comes_of_it_that_must_not(target: Target, tmp_path: Path) -> None:
+    with target:
+        run = Run([target], seed=20260101, folder=tmp_path)
+        run.block(target, COUNTS.get(target.name, 1000))
+    account = run.accounts[target.name]
+    kept = [path.read_text(errors="replace") for path in tmp_path.glob("*.txt")]
+    assert not account.failures, kept[:1]
+    assert account.outcomes.total() == account.inputs
+
+
+class _Faulty(Target):
+    """Fails, or takes long, now and then."""
+
+    name = "faulty"
+    stateful = True
+    share = 100.0
+
+    def make(self, random: Random) -> bytes:
+        return bytes([random.randrange(4)])
+
+    def run(self, data: bytes) -> str:
+        if data[0] == 3:
+            raise Broken("three")
+        return "good"
+
+
+def test_a_fault_is_counted_and_its_inputs_are_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target = _Faulty()
+    run = Run([target], seed=1, folder=tmp_path / "kept")
+    run.round(100)
+    account = run.accounts["faulty"]
+    assert account.inputs == run.inputs == 100
+    assert 5 < run.failures == account.failures["Broken in test_fuzz.py:run three"] < 50
+    assert account.outcomes == {"good": 100 - run.failures, "broken": run.failures}
+    kept = sorted((tmp_path / "kept").glob("*.bin"))
+    assert len(kept) == fuzz_run.MOST_KEPT
+    history = list(unpack(kept[0].read_bytes()))
+    assert history[-1] == b"\x03"
+    assert pack(history) == kept[0].read_bytes()
+    # what came before it since the last failure, which a target with a memory needs
+    numbered = [run.input(target, number) for number in range(100)]
+    first = numbered.index(b"\x03")
+    assert (
+        list(unpack((tmp_path / "kept" / f"faulty_{first}.bin").read_bytes()))
+        == (numbered[: first + 1])
+    )
+    monkeypatch.setattr(fuzz_run, "LONGEST", 0.0)
+    run.block(target, 1)
+    assert account.failures["took more than 0 s"] == 1
+    run.save(tmp_path / "some" / "fuzz.json", {"about": "a test"})
+    saved = json.loads((tmp_path / "some" / "fuzz.json").read_text())
+    figures = {row["what"]: row["value"] for row in saved["figures"]}
+    assert figures["inputs"] == figures["inputs for faulty"] == 101
+    assert run.failures in figures.values()
+    assert saved["targets"]["faulty"]["failures"] == dict(account.failures)
+
+
+def test_a_process_that_grows_is_a_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    held = [10**9]
+    monkeypatch.setattr(fuzz_run, "memory", lambda: held[0])
+    monkeypatch.setattr(fuzz_run, "WARM", 10)
+    target = MissionFiles()
+    with target:
+        run = Run([target], seed=1, folder=tmp_path)
+        held[0] *= 2
+        run.round(5000)
+        assert (run.inputs, run.grown, run.failures) == (10, 0, 0)
+        held[0] += fuzz_run.MOST_GROWTH
+        assert run.failures == 0
+        held[0] += 1
+        assert (run.grown, run.failures) == (fuzz_run.MOST_GROWTH + 1, 1)
+
+
+# ---- what was found, replayed
+
+
+@pytest.mark.parametrize("text", ["[" * 200_000, "{a: " * 60_000, "- " * 120_000, "[\n" * 100_000])
+def test_a_deeply_nested_mission_is_refused_at_once(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "deep.yaml"
+    path.write_text(text)
+    with pytest.raises(MissionError, match="nested too deeply"):
+        load_mission(path)
+
+
+def test_a_mission_of_very_many_values_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "wide.yaml"
+    path.write_text("a: [" + "1," * 100_000 + "]")
+    with pytest.raises(MissionError, match="has more than 32768 values"):
+        load_mission(path)
+
+
+def test_a_key_that_looks_like_a_mark_of_the_checks_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "odd.yaml"
+    path.write_text('"<script>": 1\n')
+    with pytest.raises(DispersionsError, match="<script> is not a known key"):
+        load_dispersions(path)
+
+
+@pytest.mark.parametrize("name", ["\t.yaml", "\r\n.yaml", "\ufeff/x", "\x1b[31m.yaml"])
+def test_a_name_that_a_terminal_would_obey_is_escaped(name: str) -> None:
+    with pytest.raises(MissionError) as caught:
+        load_mission(name)
+    assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[" * 100_000,
+        "{a: " * 100_000,
+        "- " * 100_000,
+        "&a [*a]",
+        "!!timestamp no",
+        "!!int ''",
+        "!!bool maybe",
+        "2001-99-99",
+        "1" * 5000,
+        "a: &a [x, x]\nb: &b " + "[*a, *a, *a]\nc: [" + "*b, " * 20_000 + "]",
+    ],
+)
+def test_yaml_of_a_bag_is_bounded(text: str) -> None:
+    with pytest.raises(ValueError, match="not valid YAML"):
+        load_yaml(text)
+
+
+def test_yaml_of_a_bag_may_have_aliases() -> None:
+    assert load_yaml("a: &a [1, 2]\nb: [*a, *a]\nc: &c 3\nd: *c") == {
+        "a": [1, 2],
+        "b": [[1, 2], [1, 2]],
+        "c": 3,
+        "d": 3,
+    }
+
+
+def test_a_bag_whose_metadata_is_a_bomb_is_damaged(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "flight", 10)
+    bomb = "a0: &a0 [x]\n"
+    for k in range(1, 12):
+        bomb += f"a{k}: &a{k} [" + f"*a{k - 1}, " * 10 + "]\n"
+    (bag / METADATA_FILE).write_text(bomb)
+    assert verify(bag).findings
+    with pytest.raises(BagError, match="grown by its aliases"):
+        open_bag(bag)
+
+
+def test_a_repair_counts_what_it_saves_not_what_it_leaves_out(tmp_path: Path) -> None:
+    target = ForgedBags()
+    with target:
+        for number in range(60):
+            target.write(target.make(Random(f"{number}")))
+            try:
+                done = repair(target.bag, tmp_path / f"{number}")
+            except BagError:
+                continue
+            assert verify(done.path, decode=False).messages == done.saved
+
+
+def test_a_chunk_before_the_first_that_describes_its_topics_is_counted(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "flight", 40, 10)
+    file = find_file(bag)
+    data = file.read_bytes()
+    found = surveyed(bag, file)
+    first, second = found.chunks[:2]
+    # the first chunk, which describes the topics, comes last and the file has no end
+    order = data[: first.begin] + data[second.begin : found.chunks[-1].end]
+    file.write_bytes(order + data[first.begin : second.begin])
+    done = repair(bag)
+    assert done.saved == verify(done.path).messages == len(messages(40))
+
+
+def test_a_bag_with_names_that_a_terminal_would_obey(tmp_path: Path) -> None:
+    with pytest.raises(BagError) as caught:
+        open_bag(tmp_path / "\x1b[2J\n")
+    assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize("name", ["x" * 300, "a/" * 3000, "/dev/null", "\x00"])
+def test_a_name_that_is_no_bag(name: str) -> None:
+    with pytest.raises(BagError, match=r"cannot be read|does not exist|neither a file"):
+        open_bag(name)
+
+
+@pytest.mark.parametrize(
+    "text", ["&a [*a]", "[" * 10_000, "2001-99-99: {}", "a: !!timestamp x", "3"]
+)
+def test_parameter_files(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "odd.yaml"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=r"odd.yaml: not (valid YAML|a parameter file)") as caught:
+        node_values(path, "guidance")
+    assert str(caught.value).isprintable()
+
+
+def test_a_pipe_is_no_parameter_file(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.yaml")
+    with pytest.raises(ValueError, match="not a plain file"):
+        node_values(tmp_path / "pipe.yaml", "guidance")
+    large = tmp_path / "large.yaml"
+    large.write_bytes(b"#" * 300_000)
+    with pytest.raises(ValueError, match="larger than 262144 bytes"):
+        node_values(large, "guidance")
+
+
+def test_a_state_that_is_cut_is_unreadable() -> None:
+    layout = StateMessage(NavState)
+    for size in (0, 1, 2, 12, 40):
+        with pytest.raises(Unreadable, match=f"{size} bytes; expected"):
+            layout.read(bytes(size))
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("direction_rate", [0.0, 1e308, 0.0]), ("reference_time", 1e300), ("reference_time", -1e10)],
+)
+def test_a_command_beyond_numbers_is_refused(field: str, value: object) -> None:
+    simulator = Simulator(load_mission("ares_v"))
+    command = np.zeros(1, STEERING)
+    command["direction"] = [0.0, 1.0, 0.0]
+    command["reference_time"] = 150.0
+    for name in ("cutoff_time", "jettison_time", "arc_end_times"):
+        command[name] = np.nan
+    command["jettison"] = -1
+    command[field] = value
+    with pytest.raises(CommandRefused, match=f"{field} is .*; expected .* at most"):
+        simulator.command(command)
+    simulator.advance()
+    assert np.all(np.isfinite(simulator.truth()["position"]))
+
+
+@pytest.mark.parametrize("field", ["position", "velocity", "mass", "arc_start_time"])
+@pytest.mark.parametrize("method", ["indirect", "analytic", "direct11"])
+def test_a_request_from_beyond_numbers_is_refused(method: str, field: str) -> None:
+    answers = Answers("ares_v", method, 1.0)
+    start = load_mission("ares_v").start()
+    state = NavState(
+        position=start.position, velocity=start.velocity, mass=start.mass_kg, arc_start_time=155.9
+    )
+    setattr(state, field, [1e300, 0.0, 0.0] if field in ("position", "velocity") else 1e300)
+    answer = answers.answer(
+        SolveTrajectory.Request(use_nav_state=True, nav_state=state, method=method)
+    )
+    assert answer.error_code == SolveTrajectory.Response.INVALID_STATE
+    assert answer.message.startswith(f"state.{field} is ")
+
+
+def _timing(**values: str) -> Timing:
+    from diagnostic_msgs.msg import KeyValue
+
+    said = [KeyValue(key=key, value=value) for key, value in values.items()]
+    return Timing(hardware_id=hardware_id(7), values=said)
+
+
+@pytest.mark.parametrize("text", ["", "much", "nan", "inf", "1e999"])
+def test_what_is_no_number_is_none(text: str) -> None:
+    assert number_of({"a": text}, "a") is None
+    assert number_of({}, "a") is None
+    assert number_of({"a": "1.5"}, "a") == 1.5
+
+
+def test_the_live_page_outlives_what_it_hears(graph) -> None:
+    live = graph.start(LiveNode)
+    live._on_event(FlightEvent(flight_id=7, time=float("nan"), mass=float("inf"), type=1))
+    for pace, node in (("", "/x"), ("nan", "/x"), ("1.0", "no name"), ("1.0", "")):
+        live._on_timing(_timing(**{PACE: pace, PAUSED: "", NODE: node}))
+    live._on_timing(_timing(**{PACE: "1.0"}))
+    live._on_state(b"\x00\x01")
+    live._on_status(b"\x00\x01\x00\x00")
+    live._on_look()
+    json.dumps(live._story.news(Seen())[0], allow_nan=False)
+
+
+@pytest.mark.parametrize("kind", [LiveNode, ViewNode])
+def test_no_file_is_opened_because_the_graph_names_it(graph, tmp_path, kind) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(MISSION.find("ares_v").read_text())
+    node = graph.start(kind)
+    node._on_member(
+        FlightMember(
+            flight_id=7,
+            member_id=1,
+            role=FlightMember.VEHICLE_SIM,
+            state=FlightMember.FLYING,
+            mission=str(path),
+        )
+    )
+    shown = []
+    node._begin(7) if kind is LiveNode else shown.append(node._begin(7).mission.name)
+    if kind is LiveNode:
+        assert "is not among those here" in node._story.news(Seen())[0]["about"]["note"]
+    else:
+        assert shown == ["ares_v"]
+        graph.wait_for_report("no such mission here")
+
+
+def test_members_without_end_are_not_remembered(graph) -> None:
+    membership = Membership(graph.observer, Role.JUDGE, flight_id=7)
+    membership.listen()
+    for number in range(1, MOST_HEARD + 500):
+        membership._on_member(FlightMember(member_id=number, flight_id=7, role=3))
+    assert len(membership._heard) == MOST_HEARD
+    assert membership.others(Role.RECORDER)[-1].member_id == MOST_HEARD + 499
+    membership.close()
+
+
+def test_a_simulator_that_comes_after_the_flight_is_no_rival(graph) -> None:
+    simulator = graph.start(VehicleSimNode, flight_id=7)
+    simulator._membership.state = State.OVER
+    simulator.simulator.plant["complete"] = 1
+    simulator._on_member(
+        FlightMember(member_id=1, flight_id=7, role=FlightMember.VEHICLE_SIM, state=State.PRESENT)
+    )
+    assert not simulator.done
+
+
+def test_a_message_that_cannot_be_read_is_reported_once(graph) -> None:
+    view = graph.start(ViewNode)
+    take = view._inputs[2].callback
+    for size in (0, 1, 30):
+        take(bytes(size))
+    assert view.unreadable == 3
+    graph.wait_for_report("vehicle_state: a message that cannot be read: 0 bytes; expected")
+    assert len([report for report in graph.reports if "cannot be read" in report]) == 1
+
+
+def test_a_cut_bag_is_never_called_whole() -> None:
+    target = DamagedBags()
+    with target:
+        whole = target._good
+        # each third byte of the end, where the index lies
+        for size in [*range(0, len(whole) - 600, 23), *range(len(whole) - 600, len(whole), 3)]:
+            target.write(whole[:size])
+            with pytest.raises(BagError):
+                open_bag(target.bag)
+            assert _seen_through(target.bag), size
+
+
+def _seen_through(bag: Path) -> bool:
+    try:
+        return bool(verify(bag, decode=False).findings)
+    except BagError:
+        return True

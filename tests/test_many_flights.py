@@ -1,0 +1,53 @@
+"""Flights one after the other hold no more than the first ones did."""
+
+import gc
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from ares_bringup.fly import fly
+from ares_bringup.held import held, orphans, used_by_family
+from ares_bringup.options import FlyOptions
+from ares_bringup.testing import short_burn
+
+#: MiB that allocators may still take after the first flights.
+SLACK = 8.0
+
+
+def fly_many(folder: Path, count: int, in_process: bool) -> None:
+    """In a process of its own: what other tests hold is not counted."""
+    mission = folder / "burn.yaml"
+    mission.write_text(yaml.safe_dump(short_burn(60.0)))
+    used: set[str] = set()
+    rows = []
+    for number in range(count):
+        bag = folder / f"{number}"
+        options = FlyOptions(mission=str(mission), in_process=in_process, bag=bag)
+        summary = fly(options, show=lambda _monitor: used.update(used_by_family()))
+        assert summary.exit_code == 0, summary.verdict
+        gc.collect()
+        rows.append(held())
+    first, last = rows[count // 3], rows[-1]
+    assert last.memory_mib < first.memory_mib + SLACK, (first, last)
+    assert last.descriptors <= first.descriptors, (first, last)
+    assert last.threads <= first.threads, (first, last)
+    assert last.mapped <= first.mapped, (first, last)
+    assert last.children == 0
+    assert used
+    assert orphans(used) == set()
+
+
+@pytest.mark.parametrize(("count", "in_process"), [(12, True), (3, False)])
+def test_what_is_held_stays_as_it_is(tmp_path: Path, count: int, in_process: bool) -> None:
+    words = [str(tmp_path), str(count), "yes" if in_process else ""]
+    done = subprocess.run(
+        [sys.executable, __file__, *words], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
+if __name__ == "__main__":
+    fly_many(Path(sys.argv[1]), int(sys.argv[2]), bool(sys.argv[3]))
