@@ -49,6 +49,7 @@ class FlightNode(LifecycleNode):
         failure: why the last transition was refused, one line; None if it was not.
         done: the node has ended the run itself (`finish`); its process may exit.
         when_done: called when it has.
+        interrupted: whether a signal has asked the process to end.
         exit_code: exit status of the node's process.
         unreadable: messages taken as bytes that could not be read.
     """
@@ -79,6 +80,7 @@ class FlightNode(LifecycleNode):
         self.failure: str | None = None
         self.done = False
         self.when_done: Callable[[], None] = lambda: None
+        self.interrupted: Callable[[], bool] = lambda: False
         self.exit_code = 0
         self._starting = False
         self._table = [*parameters, AUTOSTART]
@@ -213,11 +215,15 @@ class FlightNode(LifecycleNode):
         except (NodeError, OSError, ValueError) as error:
             self.failure = folded(str(error))
         except Exception as error:
-            # rclpy would swallow it; a defect must be seen
-            traceback.print_exc()
+            # rclpy would swallow it; a defect must be seen. What a signal raised in an import
+            # may arrive as an error of the library that was being imported.
+            if not (self._starting and self.interrupted()):
+                traceback.print_exc()
             self.failure = f"{type(error).__name__}: {folded(str(error))}"
         else:
             return TransitionCallbackReturn.SUCCESS
+        if self._starting and self.interrupted():
+            return TransitionCallbackReturn.FAILURE
         if self._starting:
             # whoever called `start` shows it
             self.diagnostics.last_words(self.failure)

@@ -201,14 +201,19 @@ def _run(
             _complain(who, f"ROS argument {one_line(error)} is not known; expected --ros-args ...")
             return EXIT_CANNOT_START
         except (ParameterError, ParameterException, RuntimeError) as error:
+            if stop.requested:
+                return EXIT_OK
             # malformed ROS arguments come as subclasses of RuntimeError
             _complain(who, one_line(error))
             return EXIT_CANNOT_START
+        node.interrupted = lambda: stop.requested
         executor = EventsExecutor(context=context)
         stop.install()
         stop.wake_with(executor.wake)
         executor.add_node(node)
         if node.values["autostart"] and not node.start():
+            if stop.requested:
+                return EXIT_OK
             _complain(node.get_name(), node.failure or "could not start")
             return EXIT_CANNOT_START
         stop.starting = False

@@ -14,7 +14,7 @@ from ares_node.run import run_node
 
 MODES = (
     "run", "finish", "refuse", "refuse_activation", "defect", "defect_in_callback", "slow_start",
-    "stuck_start", "disposable", "warn", "refuse_later",
+    "stuck_start", "wrapped_start", "disposable", "warn", "refuse_later",
 )  # fmt: skip
 
 
@@ -46,6 +46,13 @@ class DemoNode(FlightNode):
         if mode == "slow_start":
             print("starting", flush=True)
             time.sleep(60.0)
+        if mode == "wrapped_start":
+            # as Python 3.11 does with what a `__set_name__` raises
+            try:
+                print("starting", flush=True)
+                time.sleep(60.0)
+            except BaseException as error:
+                raise RuntimeError("of the library's own") from error
         if mode == "stuck_start":
             print("starting", flush=True)
             hold()

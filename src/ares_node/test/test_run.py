@@ -93,8 +93,9 @@ def test_a_signal_ends_the_run_cleanly(
     assert out == "drained True\ndeactivated\ncleaned up\n"
 
 
-def test_a_signal_while_starting(ros_environment: dict[str, str]) -> None:
-    process = start(ros_environment, "--ros-args", "-p", "mode:=slow_start")
+@pytest.mark.parametrize("mode", ["slow_start", "wrapped_start"])
+def test_a_signal_while_starting(ros_environment: dict[str, str], mode: str) -> None:
+    process = start(ros_environment, "--ros-args", "-p", f"mode:={mode}")
     assert process.stdout is not None
     assert process.stdout.readline() == "starting\n"
     process.send_signal(signal.SIGTERM)
