@@ -54,6 +54,7 @@ PROMISED = {
     "pace",
     "seed",
     "dispersions",
+    "failure",
     "record",
     "view",
     "live",

@@ -156,6 +156,8 @@ CAUSES = {
     ),
     "no such law": refused("one of", guidance="nonsense"),
     "no such dispersions": refused("no such dispersions", dispersions="nonsense"),
+    "no such failure": refused("failure", failure="nonsense:time=1"),
+    "a failure of what is not there": refused("jettison", failure="stuck_jettison:jettison=3"),
     "a bag that exists": refused("exists; expected a new folder", bag="{tmp}"),
     "a bag below a file": refused("cannot be created", bag="{tmp}/mission.yaml/bag"),
     "a pace that is no number": refused("pace", pace="fast"),
@@ -173,6 +175,11 @@ CAUSES = {
         1,
         ("cover was not jettisoned",),
         mission=short_burn(**{"jettisons.0.heating_limit_w_m2": 1e-6}),
+    ),
+    "a cover that is stuck": Cause(
+        1,
+        ("cover was not jettisoned",),
+        {"failure": "stuck_jettison:jettison=0"},
     ),
     "impact": Cause(
         1,

@@ -109,6 +109,11 @@ def arguments() -> list[DeclareLaunchArgument]:
             description="Shipped dispersions' name, or absolute path of a file.",
         ),
         DeclareLaunchArgument(
+            "failure",
+            default_value="",
+            description="What fails in flight: KIND:KEY=VALUE,...; empty for nothing.",
+        ),
+        DeclareLaunchArgument(
             "record", default_value="true", choices=SWITCH, description="Record a bag."
         ),
         DeclareLaunchArgument(
@@ -160,7 +165,7 @@ class Flight:
         self.given = {
             name: LaunchConfiguration(name).perform(context)
             for name in ("mission", "guidance", "initial_guess", "pace", "seed", "dispersions")
-            + ("foxglove_port", "bag", "namespace", "domain_id", "params_file", "log_level")
+            + ("failure", "foxglove_port", "bag", "namespace", "domain_id", "params_file", "log_level")
             + ("restarts",)
         }
         self.switches = {
@@ -198,7 +203,7 @@ class Flight:
             self._node(
                 "ares_vehicle_sim",
                 SIMULATOR,
-                _of(values, "mission", "pace", "seed", "dispersions"),
+                _of(values, "mission", "pace", "seed", "dispersions", "failure"),
                 **identity,
                 exit_when_complete=False,
                 expected_recorders=int(record),
@@ -260,7 +265,7 @@ class Flight:
         names = {"guidance": "law"}
         values: dict[str, Any] = {
             names.get(name, name): self.given[name]
-            for name in ("mission", "guidance", "initial_guess", "dispersions", "bag")
+            for name in ("mission", "guidance", "initial_guess", "dispersions", "failure", "bag")
             if self.given[name]
         }
         kinds = {"pace": ("a number", float), "seed": ("an integer", int)}
