@@ -122,6 +122,9 @@ def check_failure(failure: Failure, mission: Mission) -> None:
             raise FailureError(
                 f"failure {kind}: {name} is {value}; expected {low:g} to {highest:g}"
             )
+    if "thrust_ratio" in KEYS[kind] and failure.thrust_ratio == failure.flow_ratio == 1.0:
+        keys = " or ".join(key for key in KEYS[kind] if key != "time")
+        raise FailureError(f"failure {kind}: nothing fails; expected {keys} other than 1")
     kinds = mission.arrays().arcs["kind"]
     if kind is FailureKind.FAILED_IGNITION and not (
         0 <= failure.arc < len(kinds) and kinds[failure.arc] == BURN

@@ -141,6 +141,8 @@ def test_as_it_is_written():
         ("engine_out:thrust_ratio=0.5", "time is nan; expected from 155.9 s"),
         ("engine_out:time=200,thrust_ratio=1.5", "thrust_ratio is 1.5; expected 0.01 to 1"),
         ("thrust_low:time=200,flow_ratio=nan", "flow_ratio is nan; expected 0.01 to 2"),
+        ("engine_out:time=200", "nothing fails; expected thrust_ratio other than 1"),
+        ("thrust_low:time=200", "expected thrust_ratio or flow_ratio other than 1"),
         ("failed_ignition:arc=2", "arc is 2; expected a burn: 0, 1"),
         ("stuck_jettison:jettison=1", "jettison is 1; expected 0 to 0"),
     ],
