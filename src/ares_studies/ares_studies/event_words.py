@@ -6,6 +6,7 @@ from ares_vehicle_sim.arrays import (
     ARC_ENDED,
     CUTOFF,
     DEPLETION,
+    FAILED,
     FLIGHT_COMPLETE,
     FLIGHT_STARTED,
     GUIDANCE_BACK,
@@ -13,6 +14,7 @@ from ares_vehicle_sim.arrays import (
     IGNITION,
     IMPACT,
     JETTISON_DONE,
+    JETTISON_STUCK,
     STAGING,
     TIME_LIMIT,
 )
@@ -30,9 +32,17 @@ EVENT_NAMES = {
     TIME_LIMIT: "time limit",
     GUIDANCE_LOST: "no answer from guidance",
     GUIDANCE_BACK: "guidance answers again",
+    FAILED: "failure",
+    JETTISON_STUCK: "jettison stuck",
 }
 #: Events worth a mark in a picture, and the word beside it.
-MARKS = {STAGING: "staging", JETTISON_DONE: "jettison", CUTOFF: "cut-off"}
+MARKS = {
+    STAGING: "staging",
+    JETTISON_DONE: "jettison",
+    CUTOFF: "cut-off",
+    FAILED: "failure",
+    JETTISON_STUCK: "stuck",
+}
 #: Events after which there is no flight.
 ENDS = (FLIGHT_COMPLETE, IMPACT, TIME_LIMIT)
 
@@ -54,6 +64,8 @@ def event_name(
         ARC_ENDED: arcs,
         STAGING: stages,
         JETTISON_DONE: jettisons,
+        FAILED: arcs,
+        JETTISON_STUCK: jettisons,
         DEPLETION: stages,
     }
     name = EVENT_NAMES.get(kind, f"event {kind}")

@@ -26,6 +26,9 @@ TIME_LIMIT = 10
 # of the node, not of the plant
 GUIDANCE_LOST = 11
 GUIDANCE_BACK = 12
+# of the plant again
+FAILED = 13
+JETTISON_STUCK = 14
 
 EVENT = np.dtype(
     [
@@ -97,7 +100,8 @@ FAILED_IGNITION = 4
 STUCK_THROTTLE = 5
 STUCK_JETTISON = 6
 
-#: Of a failure that struck a coast.
+#: Of a failure that has happened, and of one that struck a coast.
+STRUCK = 1
 IN_VAIN = 2
 
 #: What fails in a flight: `ares_models.failures.Failure`.
@@ -109,7 +113,7 @@ FAILURE = np.dtype(
         ("jettison", np.int64),  # the one that does not go; -1: all do
         ("thrust_ratio", np.float64),
         ("flow_ratio", np.float64),
-        ("struck", np.int64),  # 1: it has happened; IN_VAIN: where nothing burns
+        ("struck", np.int64),  # 0: not yet; STRUCK or IN_VAIN
     ],
     align=True,
 )

@@ -608,6 +608,8 @@ class VehicleSimNode(FlightNode):
     def _end(self) -> None:
         self._flying = False
         self._regain_link(0)
+        if self.simulator.escaped:
+            self._report(Level.WARN, self.simulator.escaped)
         self._membership.say(State.OVER, last_sequence=self.simulator.sequence)
         if self.values["exit_when_complete"]:
             self.finish(EXIT_OK if self.simulator.ended_well else 1)

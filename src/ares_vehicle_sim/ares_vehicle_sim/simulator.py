@@ -15,7 +15,10 @@ from ares_vehicle_sim.arrays import (
     ENGINE_OUT,
     FAILED_IGNITION,
     FAILURE,
+    IN_VAIN,
+    NO_FAILURE,
     OPTIONS,
+    STRUCK,
     STUCK_JETTISON,
     STUCK_THROTTLE,
     THRUST_LOW,
@@ -45,7 +48,7 @@ FAILURE_CODES = {
     FailureKind.STUCK_THROTTLE: STUCK_THROTTLE,
     FailureKind.STUCK_JETTISON: STUCK_JETTISON,
 }
-
+FAILURE_KINDS = {code: kind for kind, code in FAILURE_CODES.items()}
 
 #: Largest numbers of a command, s and 1/s: beyond any flight, and their product is a number.
 MOST_TIME = 1e9
@@ -249,6 +252,16 @@ class Simulator:
     def ended_well(self) -> bool:
         """The flight is over, and by a cut-off command."""
         return self.complete and bool(self.plant["inserted"])
+
+    @property
+    def escaped(self) -> str:
+        """Why the failure that was asked for has not happened, one line; empty if it has."""
+        failure = self.plant["failure"]
+        if failure["kind"] == NO_FAILURE or failure["struck"] == STRUCK:
+            return ""
+        kind = FAILURE_KINDS[int(failure["kind"])]
+        why = "it struck a coast" if failure["struck"] == IN_VAIN else "its time did not come"
+        return f"failure {kind}: {why}, nothing failed"
 
     def command(self, steering: NDArray[np.void]) -> None:
         """Put a command in force.

@@ -7,7 +7,15 @@ import pytest
 
 from ares_models.failures import Failure, FailureError, FailureKind, read_failure
 from ares_models.mission import load_mission
-from ares_vehicle_sim.arrays import ARC_ENDED, DEPLETION, FLIGHT_COMPLETE, IGNITION, JETTISON_DONE
+from ares_vehicle_sim.arrays import (
+    ARC_ENDED,
+    DEPLETION,
+    FAILED,
+    FLIGHT_COMPLETE,
+    IGNITION,
+    JETTISON_DONE,
+    JETTISON_STUCK,
+)
 from ares_vehicle_sim.simulator import Simulator, SimulatorOptions
 
 STEPS = SimulatorOptions(navigation_period_s=1.0, integration_step_s=1.0)
@@ -122,6 +130,47 @@ def test_in_a_coast_nothing_is_there_to_fail():
     flown = fly("saturn_v_as506", late, 600.0).plant["velocity"]
     # a stop of the integrator more, and nothing else
     assert flown == pytest.approx(fly("saturn_v_as506", until=600.0).plant["velocity"], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("failure", "kind", "time", "index"),
+    [
+        (Failure(FailureKind.ENGINE_OUT, 300.0, thrust_ratio=0.8), FAILED, 300.0, 1),
+        (Failure(FailureKind.EARLY_SHUTDOWN, 300.0), FAILED, 300.0, 1),
+        (Failure(FailureKind.FAILED_IGNITION, arc=1), FAILED, 163.0, 1),
+        (Failure(FailureKind.STUCK_JETTISON, jettison=1), JETTISON_STUCK, 192.3, 1),
+    ],
+)
+def test_what_fails_is_an_event(failure, kind, time, index):
+    simulator = fly("saturn_v_as506", failure, 320.0)
+    (event,) = [
+        event
+        for event in simulator.plant["events"][: simulator.plant["event_count"]]
+        if event["type"] in (FAILED, JETTISON_STUCK)
+    ]
+    assert (event["type"], event["index"]) == (kind, index)
+    assert event["time"] == pytest.approx(time)
+    assert simulator.escaped == ""
+
+
+@pytest.mark.parametrize(
+    ("failure", "said"),
+    [
+        (None, ""),
+        (
+            Failure(FailureKind.EARLY_SHUTDOWN, 548.5),
+            "failure early_shutdown: it struck a coast, nothing failed",
+        ),
+        (
+            Failure(FailureKind.EARLY_SHUTDOWN, 1e5),
+            "failure early_shutdown: its time did not come, nothing failed",
+        ),
+    ],
+)
+def test_a_failure_that_does_not_happen_is_told(failure, said):
+    simulator = fly("saturn_v_as506", failure)
+    assert not times(simulator, FAILED)
+    assert simulator.escaped == said
 
 
 def test_as_it_is_written():

@@ -19,6 +19,7 @@ from ares_vehicle_sim.arrays import (
     ENGINE_OUT,
     FAILED_IGNITION,
     IN_VAIN,
+    STRUCK,
     STUCK_JETTISON,
     STUCK_THROTTLE,
     THRUST_LOW,
@@ -26,11 +27,18 @@ from ares_vehicle_sim.arrays import (
 
 
 @kernel
-def failure_due(plant: Record) -> float:
-    """When the failure strikes, s; inf: it has, it never does, or none is to come."""
+def failure_due(plant: Record, stuck_due: float) -> float:
+    """When the failure strikes, s; inf: it has, it never does, or none is to come.
+
+    Args:
+        plant: record PLANT.
+        stuck_due: when the jettison that is stuck should go, s; inf: not decided.
+    """
     failure = plant.failure
-    if failure.struck != 0 or failure.kind == 0 or failure.kind == STUCK_JETTISON:
+    if failure.struck != 0 or failure.kind == 0:
         return math.inf
+    if failure.kind == STUCK_JETTISON:
+        return stuck_due
     if failure.kind == FAILED_IGNITION:
         return plant.arc_start_time if plant.arc == failure.arc else math.inf
     return failure.time
@@ -75,7 +83,9 @@ def strike(plant: Record, arcs: NDArray[Any]) -> bool:
         whether the present burn ends by it.
     """
     failure = plant.failure
-    failure.struck = 1
+    failure.struck = STRUCK
+    if failure.kind == STUCK_JETTISON:
+        return False
     if arcs[plant.arc].kind != BURN:
         failure.struck = IN_VAIN
         return False

@@ -61,11 +61,14 @@ from ares_vehicle_sim.arrays import (
     ARC_ENDED,
     CUTOFF,
     DEPLETION,
+    FAILED,
     FLIGHT_COMPLETE,
     FLIGHT_STARTED,
     IGNITION,
     IMPACT,
+    IN_VAIN,
     JETTISON_DONE,
+    JETTISON_STUCK,
     MAX_EVENTS,
     STAGING,
     TIME_LIMIT,
@@ -272,9 +275,9 @@ def cutoff_due(plant: Record, arcs: NDArray[Any]) -> float:
 
 
 @kernel
-def jettison_due(plant: Record, jettisons: NDArray[Any], j: int) -> float:
-    """Time at which jettison ``j`` is due; inf when done or not decided."""
-    if not aboard(plant.jettisoned, j) or is_stuck(plant, j):
+def wanted_jettison(plant: Record, jettisons: NDArray[Any], j: int) -> float:
+    """Time at which jettison ``j`` should go; inf when done or not decided."""
+    if not aboard(plant.jettisoned, j):
         return math.inf
     commanded = plant.jettison_time[j]
     return drop_time(
@@ -284,6 +287,32 @@ def jettison_due(plant: Record, jettisons: NDArray[Any], j: int) -> float:
         plant.time,
         commanded if math.isfinite(commanded) else math.inf,
     )
+
+
+@kernel
+def jettison_due(plant: Record, jettisons: NDArray[Any], j: int) -> float:
+    """Time at which jettison ``j`` goes; inf when done, stuck or not decided."""
+    return math.inf if is_stuck(plant, j) else wanted_jettison(plant, jettisons, j)
+
+
+@kernel
+def next_failure(plant: Record, jettisons: NDArray[Any]) -> float:
+    """When the failure strikes, s; inf: never."""
+    stuck_due = math.inf
+    if plant.failure.jettison >= 0:
+        stuck_due = wanted_jettison(plant, jettisons, plant.failure.jettison)
+    return failure_due(plant, stuck_due)
+
+
+@kernel
+def fail(plant: Record, arcs: NDArray[Any]) -> bool:
+    """What is due fails, with its event; whether the present burn ends by it."""
+    ends = strike(plant, arcs)
+    if is_stuck(plant, plant.failure.jettison):
+        log_event(plant, JETTISON_STUCK, plant.failure.jettison)
+    elif plant.failure.struck != IN_VAIN:
+        log_event(plant, FAILED, plant.arc)
+    return ends
 
 
 @kernel
@@ -360,9 +389,9 @@ def process_due_events(plant: Record, arcs: NDArray[Any], jettisons: NDArray[Any
         elif burnout_time(plant, arcs) <= now:
             log_event(plant, DEPLETION, arcs[plant.arc].stage)
             changed = begin_next(plant, arc_after_burnout(plant.arc, arcs), arcs, jettisons)
-        elif failure_due(plant) <= now:
+        elif next_failure(plant, jettisons) <= now:
             changed = True
-            if strike(plant, arcs):
+            if fail(plant, arcs):
                 log_event(plant, ARC_ENDED, plant.arc)
                 changed = begin_next(plant, arc_after_burnout(plant.arc, arcs), arcs, jettisons)
 
@@ -377,7 +406,7 @@ def next_event(plant: Record, arcs: NDArray[Any], jettisons: NDArray[Any]) -> fl
         at = min(at, tail_end_time(plant, arcs))
     if plant.inserted == 1:
         return at
-    at = min(at, failure_due(plant))
+    at = min(at, next_failure(plant, jettisons))
     end = arc_end(plant, arcs)
     cutoff = cutoff_due(plant, arcs)
     at = min(at, end)

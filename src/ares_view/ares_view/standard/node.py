@@ -104,6 +104,8 @@ LABELS = {
     FlightEvent.JETTISON: "jettison",
     FlightEvent.CUTOFF: "cut-off",
     FlightEvent.DEPLETION: "propellant depleted",
+    FlightEvent.FAILED: "failure",
+    FlightEvent.JETTISON_STUCK: "jettison stuck",
     FlightEvent.FLIGHT_COMPLETE: "flight complete",
     FlightEvent.IMPACT: "impact",
 }
