@@ -30,6 +30,8 @@ END = 12.0
 #: s to the last cut-off from which nothing is left to find it in.
 LAST = 4.0
 CHUNK = 500
+#: Thrust that falls behind a throttle, the mass flow at full thrust as before.
+HIDDEN = "hidden"
 
 
 def settings(name, seed):
@@ -93,7 +95,8 @@ def draw(mission, ended, random):
     kinds = [FailureKind.ENGINE_OUT, FailureKind.THRUST_LOW]
     kinds += [FailureKind.EARLY_SHUTDOWN, FailureKind.FAILED_IGNITION] if lower else []
     kinds += [FailureKind.STUCK_JETTISON] if timed else []
-    kinds += [FailureKind.STUCK_THROTTLE] if limited < ended else []
+    # behind a throttle a loss of thrust alone shows, by the propellant that it takes
+    kinds += [FailureKind.STUCK_THROTTLE, HIDDEN] if limited < ended else []
     kind = kinds[random.integers(len(kinds))]
     if kind is FailureKind.STUCK_JETTISON:
         j = timed[random.integers(len(timed))]
@@ -104,6 +107,9 @@ def draw(mission, ended, random):
     if kind is FailureKind.STUCK_THROTTLE:
         at = random.uniform(limited + END, ended - LAST)
         return Failure(kind, at), at
+    if kind == HIDDEN:
+        at = random.uniform(limited + END, ended - LAST)
+        return Failure(FailureKind.THRUST_LOW, at, thrust_ratio=random.uniform(0.2, 0.95)), at
     if kind is FailureKind.EARLY_SHUTDOWN:
         spans = lower
     lengths = np.array([last - begin for _, _, begin, last in spans])

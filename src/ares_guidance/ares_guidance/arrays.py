@@ -150,10 +150,11 @@ ENGINE_WATCH = np.dtype(
 )
 
 #: What is aimed at: the mission's target, an orbit that is safe; where that is out of reach too,
-#: the target again, lowered.
+#: the target again, lowered. Near: all of it but the radius.
 AIM_TARGET = 0
 AIM_SAFE = 1
 AIM_BELOW = 2
+AIM_NEAR = 3
 
 #: Whether a solution knows of what was found: it does, no cycle has sought one, none was found.
 SOLVED = 0
@@ -191,7 +192,9 @@ FOUND = np.dtype(
         # of the present stage
         ("thrust", np.float64),  # measured over planned thrust; 0: not measured yet
         ("flow", np.float64),  # the same of the mass flow
-        ("total", np.float64),  # product of the ratios found since it began
+        ("total", np.float64),  # product of the thrust ratios found since it began
+        ("total_flow", np.float64),  # the same of the mass flow
+        ("spread", np.float64),  # by which these may be off
         ("before", np.float64),  # thrust ratio of the look before; 0: no thrust in it
         ("overdue", np.float64, (MAX_JETTISONS,)),  # since when, s; inf: it is not
     ],
@@ -204,6 +207,9 @@ LEFT = np.dtype(
         ("count", np.int64),  # of arcs; 0: nothing has changed
         ("arcs", ARC, (MAX_ARCS,)),
         ("jettisons", JETTISON, (MAX_JETTISONS,)),
+        # lengths of the arcs, s, where the clock ends them, and where the propellant does
+        ("by_clock", np.float64, (MAX_ARCS,)),
+        ("by_propellant", np.float64, (MAX_ARCS,)),
     ],
     align=True,
 )
@@ -401,6 +407,7 @@ GUIDANCE_STATE = np.dtype(
         ("sensed_delta_v", np.float64, (3,)),
         ("solution", SOLUTION),  # under iteration
         ("saved", SOLUTION),  # that before this cycle
+        ("exact", SOLUTION),  # that to the target, while another is sought
         ("predicted_position", np.float64, (3,)),
         ("predicted_velocity", np.float64, (3,)),
         ("aim", np.int64),  # AIM_*

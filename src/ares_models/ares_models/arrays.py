@@ -70,6 +70,7 @@ ARC = np.dtype(
         ("thrust", np.float64),  # N, full thrust; 0 for a coast
         ("exhaust_velocity", np.float64),  # m/s; 1 for a coast
         ("mass_flow", np.float64),  # kg/s at full thrust; 0 for a coast
+        ("engines", np.int64),  # alike, that share the thrust; 0 for a coast
         ("duration", np.float64),  # s to its end by the clock; inf: free; 0: to the last drop
         ("shortest", np.float64),  # s; bounds of a free arc
         ("longest", np.float64),  # s; inf: none but the propellant

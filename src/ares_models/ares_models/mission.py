@@ -284,6 +284,7 @@ class Mission(Part):
         row["thrust"] = arc.thrust_n
         row["exhaust_velocity"] = g0 * arc.isp_s
         row["mass_flow"] = arc.mass_flow(g0)
+        row["engines"] = arc.engines
         row["held"] = int(arc.attitude == "held")
         row["max_acceleration"] = arc.max_acceleration_m_s2 or math.inf
         row["min_throttle"] = arc.least_throttle
@@ -320,6 +321,7 @@ def _lose_engines(before: NDArray[np.void], failure: EngineOut, foreseen: bool) 
     after["begins_stage"] = 0
     after["thrust"] *= failure.left
     after["mass_flow"] *= failure.left
+    after["engines"] = failure.engines - failure.lost
     for name in ("start_knots", "start_loss"):
         after[name] = 0
     if foreseen:

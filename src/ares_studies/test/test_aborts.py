@@ -11,7 +11,7 @@ from ares_models.mission import load_mission
 from ares_optimizer.foreknown import foreknown
 from ares_optimizer.solution import UnfitMethod
 from ares_optimizer.solve import solve
-from ares_studies.aborts.abort_map import MapMaker, MapSettings
+from ares_studies.aborts.abort_map import LATE_S, MapMaker, MapSettings, _flown_way
 from ares_studies.aborts.ends import End, Judge
 from ares_studies.aborts.optimum import Optimizer
 from ares_studies.aborts.report import make_report, render
@@ -108,6 +108,28 @@ def test_the_best_safe_orbit_is_above_the_limit():
     assert reached.end is End.SAFE_ORBIT
     assert reached.perigee_altitude_m == pytest.approx(120_000.0, abs=100.0)
     assert all(math.isnan(angle) for angle in reached.impact_deg)
+
+
+def test_nobody_flies_below_the_ground():
+    mission, optimizer = optimizer_of("ares_v")
+    way = _flown_way(mission, "peg")
+    ends = {}
+    for time_s in np.arange(330.0, 282.0, -2.0):
+        i = int(np.searchsorted(way["time"], time_s, side="right")) - 1
+        failure = Failure(FailureKind.EARLY_SHUTDOWN, float(time_s))
+        ends[time_s] = optimizer.told(failure, way[i : i + 1])
+    assert ends[300.0].end is End.TARGET
+    # the two-point problem has an answer there, 70 km deep
+    assert ends[284.0].end is End.SUBORBITAL
+    assert math.isnan(ends[284.0].m_f_kg)
+
+
+def test_the_target_may_be_dear_at_the_very_end(made):
+    for point in made.points:
+        if point.exact is not None:
+            assert point.at_s > made.nominal.time_s - LATE_S
+            assert point.told is point.optimum
+        assert point.within_told or not point.near
 
 
 def test_a_fall_has_a_place():

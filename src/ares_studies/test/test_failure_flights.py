@@ -60,8 +60,9 @@ def test_with_an_engine_lost_little_is_lost_against_knowing_it_all_along(name, a
     arrives(mission, flight)
     assert best_kg * 0.995 < flight.plant["mass"] < best_kg
     found = flight.guidance["found"]
-    assert found["kind"] == FOUND_ENGINE_LOST
-    assert at < found["time"] <= at + 2.0
+    # the last stage of the second mission has one engine, which cannot lose one
+    assert found["kind"] == (FOUND_ENGINE_LOST if at < 550.0 else FOUND_THRUST_LOW)
+    assert at < found["first_time"] <= at + 2.0
 
 
 @pytest.mark.parametrize(
@@ -103,6 +104,65 @@ def test_it_is_found_within_two_seconds_and_flown_to_the_target(name, failure, k
     if within:
         assert within[0] < found["time"] <= within[1]
     arrives(mission, flight)
+
+
+# masses of the optimum that is told of it then, kg
+@pytest.mark.parametrize(
+    ("name", "at", "ratio", "best_kg"),
+    [
+        ("ares_v", 160.0, 0.9, 139_372.0),
+        ("ares_v", 240.0, 0.7, 114_419.0),
+        ("ares_v", 240.4, 0.7, 114_700.0),
+        ("saturn_v_as506", 240.0, 0.7, 73_550.0),
+    ],
+)
+def test_no_whole_number_of_engines_is_lost_so_the_clock_ends_the_burn(name, at, ratio, best_kg):
+    mission = load_mission(name)
+    weak = Failure(FailureKind.THRUST_LOW, at, thrust_ratio=ratio, flow_ratio=ratio)
+    flight = fly_compiled(mission, CAMPAIGN, failure=weak)
+    arrives(mission, flight)
+    assert flight.plant["mass"] > 0.995 * best_kg
+    assert flight.guidance["found"]["kind"] == FOUND_THRUST_LOW
+
+
+def test_a_burn_that_the_clock_does_not_end_goes_on_as_one_that_has_lost_engines():
+    mission = load_mission("ares_v")
+    lost = Failure(FailureKind.ENGINE_OUT, 300.0, thrust_ratio=0.7)
+    flight = fly_compiled(mission, CAMPAIGN, failure=lost)
+    arrives(mission, flight)
+    assert flight.guidance["found"]["kind"] == FOUND_ENGINE_LOST
+
+
+def test_a_weak_engine_behind_a_throttle_takes_more_propellant():
+    mission = load_mission("space_shuttle_sts121")
+    weak = Failure(FailureKind.THRUST_LOW, 480.3, thrust_ratio=0.95, flow_ratio=1.0)
+    flight = fly_compiled(mission, CAMPAIGN, failure=weak)
+    # a tank that has nothing to spare
+    assert flight.guidance["lowered"] > 0.0
+    found = flight.guidance["found"]
+    assert found["kind"] == FOUND_THRUST_LOW
+    assert 480.3 < found["time"] <= 482.3
+    assert found["ratio"] == pytest.approx(0.95, abs=2e-3)
+
+
+@pytest.mark.parametrize(("at", "best_kg"), [(736.0, 174_147.0), (752.0, 174_177.0)])
+def test_at_the_very_end_the_radius_is_let_go_rather_than_the_mass(at, best_kg):
+    mission = load_mission("ares_v")
+    weak = Failure(FailureKind.THRUST_LOW, at, thrust_ratio=0.7, flow_ratio=0.7)
+    plant = fly_compiled(mission, CAMPAIGN, failure=weak).plant
+    assert plant["mass"] > 0.995 * best_kg
+    flown = Insertion.from_state(plant["position"], plant["velocity"])
+    target = mission.arrays().target[0]
+    assert 100.0 < flown.radius - target["radius"] < 3_000.0
+    assert flown.flight_path_angle == pytest.approx(
+        target["flight_path_angle"], abs=math.radians(1e-3)
+    )
+    mu = mission.environment.mu_m3_s2
+    energies = [
+        0.5 * s**2 - mu / r
+        for s, r in ((flown.speed, flown.radius), (target["speed"], target["radius"]))
+    ]
+    assert (energies[0] - energies[1]) / target["speed"] == pytest.approx(0.0, abs=0.1)
 
 
 def test_a_fairing_that_does_not_go_is_planned_with_its_mass():

@@ -20,6 +20,9 @@ LAW = LAW_PEG
 #: held: nothing comes after to make up for what it leaves.
 LAST_SHARE = 0.01
 LAST_PASSES = 20
+#: rad; the same as `small_turn_limit` once something has failed. What is left of the vehicle may
+#: fly long and weakly, where the expansion about the mean costs mass.
+SMALL_AFTER_FAILURE = 0.2
 
 
 @kernel
@@ -91,6 +94,8 @@ def seek(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bo
     """
     state = onboard.state
     limit = onboard.settings.small_turn_limit
+    if state.found.count > 0 and math.isfinite(limit):
+        limit = min(limit, SMALL_AFTER_FAILURE)
     small_does = False
     if state.solution.primer.gradient == 0.0:
         state.law = LAW

@@ -8,6 +8,7 @@ import math
 
 from ares_guidance.arrays import (
     AIM_BELOW,
+    AIM_NEAR,
     AIM_SAFE,
     AIM_TARGET,
     ERROR_NONE,
@@ -21,6 +22,7 @@ from ares_guidance.arrays import (
     PHASE_HOLD,
     PHASE_TRACKING,
     SOLVED,
+    STEEPEST,
     UNSOLVED,
     Onboard,
 )
@@ -28,6 +30,14 @@ from ares_guidance.kernels.convergence import begin_again, seek
 from ares_guidance.kernels.engines import present_engine, watch_engines
 from ares_guidance.kernels.failures import look_for_failures, vehicle_left
 from ares_guidance.kernels.jettison import predict_jettisons
+from ares_guidance.kernels.near import (
+    CHEAP_TURN,
+    NEAR_ROUNDS,
+    begin_near,
+    is_dear,
+    may_let_go,
+    move_radius,
+)
 from ares_guidance.kernels.prediction import LinearTangent
 from ares_guidance.kernels.segments import acceleration_at, plan_segments, thrust_integrals
 from ares_guidance.kernels.shortfall import (
@@ -198,6 +208,60 @@ def seek_lowered(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple
 
 
 @kernel
+def seek_near(mission: MissionRecords, onboard: Onboard) -> tuple[int, bool]:
+    """As :func:`seek`, for the target but for its radius.
+
+    Args: as in :func:`seek_lowered`.
+
+    Returns: as there.
+    """
+    state = onboard.state
+    aimed = aimed_lower(mission, state)
+    begin_near(mission, onboard)
+    error, reachable = seek(aimed, onboard, False)
+    for _ in range(NEAR_ROUNDS):
+        if error != ERROR_NONE:
+            break
+        radius = norm(load(state.predicted_position))
+        move_radius(state.target, mission.target, mission.environment.mu, radius)
+        error, reachable = seek(aimed, onboard, False)
+    return error, reachable
+
+
+@kernel
+def seek_late(mission: MissionRecords, onboard: Onboard) -> tuple[int, bool]:
+    """The target if it costs next to nothing more than the end near it; else that.
+
+    Args: as in :func:`seek_lowered`.
+
+    Returns: as there.
+    """
+    state = onboard.state
+    error, reachable = ERROR_NONE, True
+    sought = state.aim == AIM_TARGET
+    if sought:
+        error, reachable = seek_lowered(mission, onboard, False)
+        if state.lowered > 0.0:
+            return error, reachable
+        small = state.solution.primer.gradient == 0.0
+        # a turn that is held to the steepest misses the position
+        missed = small and state.solution.turn >= STEEPEST
+        sought = error == ERROR_NONE and reachable and not missed
+        cheap = state.found.fresh == SOLVED or (small and state.solution.turn <= CHEAP_TURN)
+        if sought and cheap:
+            return error, reachable
+    state.exact = state.solution
+    near_error, near_reachable = seek_near(mission, onboard)
+    if state.found.fresh == JUST_FOUND:
+        state.found.fresh = UNSOLVED
+    if sought and (near_error != ERROR_NONE or not is_dear(state)):
+        state.solution = state.exact
+        aim_anew(mission, state, AIM_TARGET)
+        return error, reachable
+    return near_error, near_reachable
+
+
+@kernel
 def seek_within_reach(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bool]:
     """The target; else the target lowered, if that is safe; else a safe orbit; else the former.
 
@@ -209,8 +273,10 @@ def seek_within_reach(mission: MissionRecords, onboard: Onboard, cold: bool) -> 
     mu = mission.environment.mu
     if state.cycle == 1 or state.found.fresh == JUST_FOUND:
         aim_anew(mission, state, AIM_TARGET)
-    elif state.lowered == 0.0:
+    elif state.lowered == 0.0 and state.aim != AIM_NEAR:
         aim_anew(mission, state, state.aim)
+    if may_let_go(mission, onboard, cold):
+        return seek_late(mission, onboard)
     error, reachable = seek_lowered(mission, onboard, cold)
     to_gain = norm(load(state.saved.velocity_to_go))
     unsolved = error != ERROR_NONE and state.found.fresh != SOLVED

@@ -44,15 +44,18 @@ LATEST = 3.0
 #: In the start: as steady from look to look, and as much of the thrust, is no ramp.
 PLATEAU = 0.005
 LEAST_PLATEAU = 0.2
-#: Acceleration above its limit that no throttle leaves.
-OVER = 0.004
+#: Acceleration above its limit that no throttle leaves: one that is stuck just before a look
+#: passes it by the next but one, at 3 g by 0.0033.
+OVER = 0.003
 #: An arc that ends earlier by so much, s and as a part of it, has not ended by itself.
 EARLY = 2.0
 EARLY_SHARE = 0.02
 #: s that a jettison may be late.
 LATE = 0.75
-#: Of the mass flow, by which an engine that is lost takes less.
-LESS_FLOW = 0.01
+#: By which a share of the thrust may be off that of a whole number of engines: measured against
+#: the same engines before, and at a stage's first look, three sigma of the standard dispersions.
+SAME_SHARE = 0.005
+SAME_SHARE_AT_FIRST = 0.03
 
 
 @inlined
@@ -102,9 +105,53 @@ def begin_left(mission: MissionRecords, state: Record) -> bool:
         left.count = mission.arcs.shape[0]
         for k in range(left.count):
             left.arcs[k] = mission.arcs[k]
+            left.by_clock[k] = left.by_propellant[k] = mission.arcs[k].duration
         for j in range(mission.jettisons.shape[0]):
             left.jettisons[j] = mission.jettisons[j]
     return True
+
+
+@kernel
+def engines_are_lost(arc: Record, found: Record) -> bool:
+    """Whether what the stage has lost is a whole number of its alike engines.
+
+    The engines that are left then burn all propellant. Whatever else makes thrust and mass flow
+    fall, the clock ends the burn.
+    """
+    left = found.total * arc.engines
+    count = math.floor(left + 0.5)
+    whole = 1 <= count < arc.engines and abs(left - count) <= found.spread * arc.engines
+    return whole and abs(found.total - found.total_flow) < CHANGE
+
+
+@kernel
+def end_by(left: Record, stage: int, propellant: bool) -> None:
+    """Let the propellant end what a stage has left to burn, or the clock."""
+    for k in range(left.count):
+        if left.arcs[k].stage == stage:
+            left.arcs[k].duration = left.by_propellant[k] if propellant else left.by_clock[k]
+
+
+@kernel
+def weaken_left(
+    left: Record, k: int, into: float, ratios: tuple[float, float], propellant: bool
+) -> None:
+    """Weaken what a stage has left to burn; both lengths are kept, since a look may show more.
+
+    Args:
+        left: record LEFT. Changed.
+        k: the present arc.
+        into: s since its begin.
+        ratios: thrust and mass flow after over before.
+        propellant: ends the burn; else the clock.
+    """
+    stage = left.arcs[k].stage
+    end_by(left, stage, True)
+    weaken_stage(left.arcs[: left.count], k, into, ratios, True)
+    for i in range(left.count):
+        if left.arcs[i].stage == stage:
+            left.by_propellant[i] = left.arcs[i].duration
+    end_by(left, stage, propellant)
 
 
 @kernel
@@ -160,6 +207,15 @@ def check_throttle(mission: MissionRecords, onboard: Onboard, gain: float, flow:
     ratio = gain / ((nav.time - found.seen) * arc.max_acceleration)
     if kind == LEAST or earlier == LEAST:
         return True
+    exhaust = gain / math.log(found.mass / nav.mass) / engine[0]
+    odd = abs(exhaust - 1.0) > (CHANGE if found.thrust > 0.0 else FOREIGN)
+    if odd and begin_left(mission, onboard.state):
+        # the thrust is what it should be, and takes more propellant
+        into = nav.time - nav.arc_start_time
+        weaken_left(onboard.state.left, nav.arc, into, (exhaust, 1.0), False)
+        found.total *= exhaust
+        report(onboard, FOUND_THRUST_LOW, nav.arc, found.total)
+        return True
     if ratio > 1.0 + OVER:
         if begin_left(mission, onboard.state):
             stuck = onboard.state.left.arcs[nav.arc]
@@ -199,19 +255,34 @@ def check_thrust(mission: MissionRecords, onboard: Onboard) -> None:
     ratio = thrust / found.thrust if known else thrust
     flows = consumed / found.flow if known else consumed
     if abs(ratio - 1.0) > (CHANGE if known else FOREIGN):
-        lost = flows < 1.0 - LESS_FLOW
+        if found.total == 1.0:
+            found.spread = SAME_SHARE if known else SAME_SHARE_AT_FIRST
+        found.total *= ratio
+        found.total_flow *= flows
+        lost = engines_are_lost(arc, found)
         if begin_left(mission, state):
-            into = nav.time - nav.arc_start_time
-            weaken_stage(state.left.arcs[: state.left.count], nav.arc, into, (ratio, flows), lost)
+            weaken_left(state.left, nav.arc, nav.time - nav.arc_start_time, (ratio, flows), lost)
             if not known:
                 found.thrust = found.flow = 1.0
         else:
             found.thrust, found.flow = thrust, consumed
-        found.total *= ratio
-        same = lost and abs(ratio - flows) < CHANGE
-        report(onboard, FOUND_ENGINE_LOST if same else FOUND_THRUST_LOW, nav.arc, found.total)
+        report(onboard, FOUND_ENGINE_LOST if lost else FOUND_THRUST_LOW, nav.arc, found.total)
     else:
         found.thrust, found.flow = thrust, consumed
+    check_clock(onboard)
+
+
+@kernel
+def check_clock(onboard: Onboard) -> None:
+    """A weak burn that the clock should have ended, and has not: the propellant will."""
+    nav = onboard.navigation
+    state = onboard.state
+    left = state.left
+    if left.count == 0 or not left.by_propellant[nav.arc] > left.arcs[nav.arc].duration:
+        return
+    if nav.time > nav.arc_start_time + left.arcs[nav.arc].duration + LATE:
+        end_by(left, left.arcs[nav.arc].stage, True)
+        report(onboard, FOUND_ENGINE_LOST, nav.arc, state.found.total)
 
 
 @kernel
@@ -291,7 +362,7 @@ def look(mission: MissionRecords, onboard: Onboard) -> None:
     if found.mass > 0.0:
         if arcs[nav.arc].stage != arcs[found.arc].stage:
             found.thrust = found.flow = 0.0
-            found.total = 1.0
+            found.total = found.total_flow = 1.0
         if refused != found.refused:
             # what was seen last may have been wrong already
             found.before = 0.0
@@ -303,7 +374,7 @@ def look(mission: MissionRecords, onboard: Onboard) -> None:
                 check_end(mission, onboard)
                 found.before = 0.0
     else:
-        found.total = 1.0
+        found.total = found.total_flow = 1.0
         for j in range(found.overdue.shape[0]):
             found.overdue[j] = math.inf
     found.refused = refused

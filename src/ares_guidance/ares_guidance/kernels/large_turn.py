@@ -57,8 +57,8 @@ from ares_models.kernels.vectors import (
     unit,
 )
 
-#: rad; in a flight by a plan, whose burns may go far round the planet, the coast that shadows the
-#: thrusted path is begun anew after so much of it.
+#: rad; in a flight by a plan, or after a failure, whose burns may go far round the planet, the
+#: coast that shadows the thrusted path is begun anew after so much of it.
 PIECE = 0.5
 MOST_PIECES = 8
 #: rad round the planet in one burn, without a plan to start from: what is found beyond is a detour
@@ -120,7 +120,7 @@ def predict_end(mission: MissionRecords, onboard: Onboard) -> End:
     horizon = t_go + state.solution.tail_drift
     steering = steering_of(turn)
     pieces = 1
-    if state.leg.count > 0:
+    if state.leg.count > 0 or state.found.count > 0:
         angle = state.solution.primer.gradient * horizon
         pieces = min(MOST_PIECES, 1 + int(max(0.0, angle) / PIECE))
     span = horizon / pieces

@@ -26,6 +26,11 @@ from ares_vehicle_sim.simulator import Simulator
 ACCURACY = 5e-3
 #: By so much a flight may end heavier than the optimum: its target is met within tolerances.
 _ROUNDING = 1e-4
+#: s before the cut-off, in which engines that give less come to the target's speed at another
+#: radius; to mend it then, the thrust turns far aside or burns on for a minute.
+LATE_S = 60.0
+#: m/s by which the energy of an end near the target is off.
+_NEAR_M_S = 1.0
 #: Points of a part of a row that one thread works through.
 PART = 50
 
@@ -38,9 +43,12 @@ class Point:
         at_s: when it happens.
         failure: what fails.
         optimum: the best end, of the optimizer that knew all along.
-        told: the same, of one that was told when it happened: no guidance does better.
+        told: the same, of one that was told when it happened: no guidance does better. Where the
+            target's radius is dear, a bound: the one that knew.
         flown: the end that guidance came to.
         error: why there is no end; empty if there is one.
+        exact: what the target takes from who is told in the last LATE_S, if that is more than
+            ACCURACY of the mass; None elsewhere.
     """
 
     at_s: float
@@ -49,6 +57,7 @@ class Point:
     told: Reached
     flown: Reached
     error: str = ""
+    exact: Reached | None = None
 
     @property
     def share(self) -> float:
@@ -62,8 +71,21 @@ class Point:
 
     @property
     def within_told(self) -> bool:
-        """The same beside the optimizer that was told when it happened."""
-        return _as_good(self.flown, self.told)
+        """The same beside the optimizer that was told when it happened.
+
+        An end near the target counts where the target itself is dear.
+        """
+        return _as_good(self.flown, self.told) or self.near
+
+    @property
+    def near(self) -> bool:
+        """Whether the radius was let go, which was dear, and next to nothing else."""
+        return (
+            self.exact is not None
+            and self.flown.end is End.LOWERED
+            and abs(self.flown.lacking_m_s) <= _NEAR_M_S
+            and abs(self.share) <= ACCURACY
+        )
 
     @property
     def wrong(self) -> str:
@@ -177,6 +199,7 @@ class AbortMap:
             "wrong": len(self.wrong),
             "within": {name: vars(share) for name, share in self.shares().items()},
             "within_told": {name: vars(share) for name, share in self.shares(told=True).items()},
+            "near": sum(point.near for point in self.points),
             "rows": [_row(row) for row in self.rows],
         }
 
@@ -189,6 +212,7 @@ def _row(row: MapRow) -> dict[str, Any]:
         "flown": _counts(point.flown for point in row.points),
         "within": sum(point.within for point in row.points),
         "within_told": sum(point.within_told for point in row.points),
+        "near": sum(point.near for point in row.points),
         "points": [
             {
                 "at_s": round(point.at_s, 3),
@@ -198,6 +222,7 @@ def _row(row: MapRow) -> dict[str, Any]:
                 "short_percent": _number(100.0 * point.share, 4),
                 "within": point.within,
                 "within_told": point.within_told,
+                **({"exact": _told(point.exact), "near": point.near} if point.exact else {}),
                 **({"wrong": point.wrong} if point.wrong else {}),
             }
             for point in row.points
@@ -335,8 +360,8 @@ class MapMaker:
         failure, at_s = row.failures[k], row.at_s[k]
         try:
             optimum = optimizer.knew(failure)
-            told = optimizer.told(failure, self._state_before(failure, at_s), optimum)
-            return Point(at_s, failure, optimum, told, self._fly(failure))
+            told = optimizer.told(failure, self._state_before(failure, at_s))
+            return self._whether_dear(Point(at_s, failure, optimum, told, self._fly(failure)))
         except ValueError as problem:
             error = " ".join(str(problem).split())
             return Point(at_s, failure, NOWHERE, NOWHERE, NOWHERE, error)
@@ -347,8 +372,20 @@ class MapMaker:
             return point
         failure = point.failure
         optimum = better(point.optimum, optimizer.knew(failure))
-        told = optimizer.told(failure, self._state_before(failure, point.at_s), optimum)
-        return replace(point, optimum=optimum, told=better(point.told, told))
+        told = optimizer.told(failure, self._state_before(failure, point.at_s))
+        told = better(point.exact or point.told, told)
+        return self._whether_dear(replace(point, optimum=optimum, told=told, exact=None))
+
+    def _whether_dear(self, point: Point) -> Point:
+        """Of the last minute, the bound in place of a target that is dear."""
+        late = point.at_s > self._nominal.time_s - LATE_S
+        burns = point.told.time_s > point.at_s + SAME_TIME
+        if not (late and burns and point.optimum.end is End.TARGET):
+            return point
+        cheap = point.told.m_f_kg >= (1.0 - ACCURACY) * point.optimum.m_f_kg
+        if point.told.end is End.TARGET and cheap:
+            return point
+        return replace(point, told=point.optimum, exact=point.told)
 
     def _state_before(self, failure: Failure, at_s: float) -> NDArray[np.void]:
         """The last navigation state before a failure, shape (1,); none in which it has dropped."""

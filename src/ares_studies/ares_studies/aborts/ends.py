@@ -161,6 +161,10 @@ class Judge:
             else NOWHERE.impact_deg,
         )
 
+    def meets_ground(self, time_s: Array, position: Array) -> bool:
+        """Whether a way, shape (n,) and (n, 3), goes below the ground: the plant ends there."""
+        return bool(geodetic(time_s, position, self._earth).height_m.min() < 0.0)
+
     def _is_lowered(self, result: Any) -> bool:
         """Whether radius and angle are the target's; of an orbit by elements, its perigee is."""
         if self._target["kind"] in (TARGET_ELEMENTS, TARGET_KEPLERIAN):

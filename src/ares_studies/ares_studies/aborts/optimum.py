@@ -48,8 +48,8 @@ _LONGEST_STEP = 300.0
 _HALVINGS = 4
 #: m/s, by which a target is lowered less than asked where it cannot be any more.
 _TAKEN_WHOLE = 1e-3
-#: s before the cut-off, from which on an exact target is met by a detour or not at all.
-_TOO_LATE_S = 30.0
+#: s between the places of a way that are held against the ground.
+_LOOK_S = 5.0
 #: So many points in a row without an optimum, and no more is sought from nothing.
 _PATIENCE = 3
 
@@ -151,14 +151,12 @@ class Optimizer:
         known = foreknown(self._arrays, self._start, failure)
         return self._best(known, self._start, self._knew)
 
-    def told(self, failure: Failure, state: NDArray[np.void], knew: Reached) -> Reached:
+    def told(self, failure: Failure, state: NDArray[np.void]) -> Reached:
         """The best end with a failure that is known from a state on.
 
         Args:
             failure: near the one before it.
             state: where it is told, just before it happens: shape (1,), dtype NAVIGATION.
-            knew: the best end of who knew all along: at the very end it is a bound that is as
-                close as a target can be met without a detour.
 
         Raises:
             OptimizerError: as for :meth:`knew`.
@@ -170,8 +168,6 @@ class Optimizer:
             return self._judge.judge(
                 row["position"], row["velocity"], float(row["mass"]), float(row["time"])
             )
-        if row["time"] > self.cutoff_s - _TOO_LATE_S:
-            return knew
         family = self._told_late
         for track in (family.lowered, family.safe):
             if track.unknowns is None:
@@ -190,17 +186,31 @@ class Optimizer:
         return unknowns
 
     def _best(self, known: Foreknown, start: NDArray[np.void], family: _Family) -> Reached:
-        lowered = self._lower(known, start, family.lowered)
+        lowered = self._above_ground(known, start, self._lower(known, start, family.lowered))
         reached = NOWHERE if lowered is None else self._told(lowered)
         if lowered is not None and reached.end is not End.SAFE_ORBIT:
             family.safe.unknowns = lowered.unknowns
         if reached.end in (End.TARGET, End.LOWERED):
             return reached
         circle = known.arrays._replace(target=self._safe_target())
-        safe = self._attempt(known._replace(arrays=circle), start, family.safe)
+        known = known._replace(arrays=circle)
+        safe = self._above_ground(known, start, self._attempt(known, start, family.safe))
         if safe is not None and safe.over_s <= _SAME_END_S:
             return self._told(safe)
         return reached
+
+    def _above_ground(
+        self, known: Foreknown, start: NDArray[np.void], flown: _Flown | None
+    ) -> _Flown | None:
+        """An extremal that nobody flies into the ground, else None.
+
+        The two-point problem knows of no ground.
+        """
+        if flown is None:
+            return None
+        way = TwoPointSolver(known.arrays).sample(start, flown.unknowns, _LOOK_S)
+        places = way[:, sample.POSITION : sample.POSITION + 3]
+        return None if self._judge.meets_ground(way[:, sample.TIME], places) else flown
 
     def _told(self, flown: _Flown) -> Reached:
         return self._judge.judge(flown.position, flown.velocity, flown.m_f_kg, flown.end_s)

@@ -8,7 +8,6 @@ import numpy as np
 from ares_models.arrays import BURN
 from ares_models.failures import Failure, FailureKind
 from ares_models.mission import Mission
-from ares_models.mission_parts import BurnArc
 from ares_optimizer.foreknown import begin_times, burning_at
 
 #: Of their thrust, that engines still give.
@@ -30,18 +29,6 @@ class FailureRow:
     at_s: tuple[float, ...]
 
 
-def _engines(mission: Mission) -> list[int]:
-    """How many engines each arc has; 0: a coast."""
-    counts = []
-    for stage in mission.stages:
-        for arc in stage.flight_arcs:
-            burn = isinstance(arc, BurnArc)
-            counts.append(arc.engines if isinstance(arc, BurnArc) else 0)
-            if burn and isinstance(arc, BurnArc) and arc.engine_out:
-                counts.append(arc.engine_out.engines - arc.engine_out.lost)
-    return counts
-
-
 def failure_rows(
     mission: Mission, cutoff_s: float, drops_s: tuple[float, ...], step_s: float
 ) -> tuple[FailureRow, ...]:
@@ -58,7 +45,7 @@ def failure_rows(
     """
     arrays = mission.arrays()
     start_s = mission.start().time_s
-    engines = _engines(mission)
+    engines = [int(count) for count in arrays.arcs["engines"]]
     first = math.floor(start_s / step_s) + 1
     last = math.ceil(cutoff_s / step_s) - 1
     burning = [
