@@ -62,7 +62,7 @@ def places():
     figure = f"+a={earth.equatorial_radius_m} +b={earth.polar_radius_m} +no_defs"
     to_place = Transformer.from_crs(f"+proj=geocent {figure}", f"+proj=longlat {figure}")
     x, y, z = truth["position"].T
-    angle = earth.rotation_rate_rad_s * truth["time"]
+    angle = math.radians(earth.zero_longitude_deg) + earth.rotation_rate_rad_s * truth["time"]
     cosine, sine = np.cos(angle), np.sin(angle)
     return to_place.transform(cosine * x + sine * y, cosine * y - sine * x, z)
 

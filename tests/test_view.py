@@ -163,6 +163,7 @@ def test_a_flight_in_standard_messages(flown, graph):
     # the Earth turns at its rate, x of the vehicle is its thrust
     for transform in tree[ECEF]:
         angle = EARTH.rotation_rate_rad_s * ns_from_stamp(transform.header.stamp) / 1e9
+        angle += math.radians(EARTH.zero_longitude_deg)
         east = rotated(np.array([1.0, 0.0, 0.0]), transform.transform.rotation)
         assert east == pytest.approx([math.cos(angle), math.sin(angle), 0.0], abs=1e-12)
     for transform in tree[VEHICLE]:

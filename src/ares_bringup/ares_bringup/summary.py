@@ -39,6 +39,7 @@ from ares_vehicle_sim.arrays import (
 )
 
 if TYPE_CHECKING:
+    from ares_models.impacts import Impact
     from ares_models.mission import Mission
 
 #: Words of marks that are nearer than this share of the flight stand together, at the last of them.
@@ -118,6 +119,8 @@ class MissionFacts:
         fairing: first jettison that waits for the heating to fall; None if none does.
         equatorial_radius: m.
         safe_perigee_altitude: of an orbit that is safe, m over it; None: the mission names none.
+        environment: record of dtype ENVIRONMENT; None: where longitude zero is, is not known.
+        areas: names of those that impacts are kept out of.
     """
 
     name: str
@@ -130,6 +133,8 @@ class MissionFacts:
     fairing: int | None = None
     equatorial_radius: float = math.nan
     safe_perigee_altitude: float | None = None
+    environment: Any = None
+    areas: Sequence[str] = ()
 
 
 def facts_of(mission: "Mission") -> MissionFacts:
@@ -148,6 +153,10 @@ def facts_of(mission: "Mission") -> MissionFacts:
         fairing=heating.index(True) if True in heating else None,
         equatorial_radius=mission.environment.earth.equatorial_radius_m,
         safe_perigee_altitude=mission.abort.safe_perigee_altitude_m if mission.abort else None,
+        environment=None
+        if mission.environment.earth.zero_longitude_deg is None
+        else mission.environment_array()[0],
+        areas=mission.area_names,
     )
 
 
@@ -512,6 +521,19 @@ class FlightSummary:
         return insertion_error(self.facts, self.end.position, self.end.velocity)
 
     @property
+    def impact(self) -> "Impact | None":
+        """Where the vehicle falls, without air.
+
+        None before the end, where it stays above the ground, and where longitudes are not known.
+        """
+        if self.end is None or self.facts.environment is None:
+            return None
+        from ares_models.impacts import find_impact
+
+        end, facts = self.end, self.facts
+        return find_impact(end.position, end.velocity, end.time, facts.environment, facts.areas)
+
+    @property
     def first_convergence_iterations(self) -> int | None:
         """Iterations until the first accepted solution; None if it was not seen."""
         status = self.first_converged
@@ -566,6 +588,8 @@ class FlightSummary:
             Outcome.INCOMPLETE: ["the flight did not come to its end"],
             Outcome.INTERRUPTED: ["interrupted"],
         }[self.outcome]
+        if lines and (impact := self.impact) is not None:
+            lines = [*lines, self._fallen(impact)]
         if self.outcome in (Outcome.TARGET, Outcome.TARGET_MISSED):
             lines = lines + [
                 f"{name} was not jettisoned"
@@ -575,6 +599,19 @@ class FlightSummary:
         if self.first(GUIDANCE_LOST):
             lines = [*lines, f"flown without an answer from guidance for {self.unguided_s:.1f} s"]
         return lines + self.problems
+
+    def _fallen(self, impact: "Impact") -> str:
+        """Where it falls, and in which area."""
+        count = len(self.facts.areas)
+        if impact.area is not None:
+            where = f", in {impact.area}"
+        elif count:
+            where = (
+                f", outside all {count} areas" if count > 1 else f", outside {self.facts.areas[0]}"
+            )
+        else:
+            where = ""
+        return f"falls at {impact.place}{where}"
 
     def _missed(self) -> list[str]:
         """How the target was missed, and which end was reached in its place, if one was."""
@@ -662,6 +699,7 @@ class FlightSummary:
             "unguided_s": self.unguided_s,
             "outcome": self.outcome.value,
             "exit_status": self.exit_code,
+            "impact": _impact(self.impact),
             "shortcomings": self.shortcomings(),
             "first_convergence_iterations": self.first_convergence_iterations,
             "max_stale_cycles": self.max_stale_cycles,
@@ -688,6 +726,18 @@ class FlightSummary:
             ],
         }
         return {key: _json_value(value) for key, value in result.items()}
+
+
+def _impact(impact: "Impact | None") -> dict[str, Any] | None:
+    if impact is None:
+        return None
+    return {
+        "t_s": impact.time_s,
+        "latitude_deg": impact.latitude_deg,
+        "longitude_deg": impact.longitude_deg,
+        "area": impact.area,
+        "outside_m": impact.outside_m,
+    }
 
 
 def _json_value(value: Any) -> Any:

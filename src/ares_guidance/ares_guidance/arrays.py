@@ -214,6 +214,65 @@ LEFT = np.dtype(
     align=True,
 )
 
+#: What is done with the impact point, where no orbit is in reach: nothing, since one is; nothing,
+#: since it stays outside the areas by itself; turned away; cut off before it enters one; or all in
+#: vain, and as little inside as can be.
+AVOID_NOTHING = 0
+AVOID_CLEAR = 1
+AVOID_STEER = 2
+AVOID_CUT = 3
+AVOID_LOST = 4
+
+#: Where a flight ahead has come to.
+WAY = np.dtype(
+    [
+        ("time", np.float64),
+        ("position", np.float64, (3,)),
+        ("velocity", np.float64, (3,)),
+        ("mass", np.float64),
+        ("arc", np.int64),
+        ("begin", np.float64),  # s, of the arc
+        ("end", np.float64),  # s, by the clock; inf: none
+        ("lit", np.float64),  # s, from when it gives thrust; inf: never
+        ("empty", np.float64),  # kg, where its propellant is gone
+        ("over", np.int64),  # 1: no thrust any more
+    ],
+    align=True,
+)
+
+#: What becomes of the impact point on a flight ahead.
+OUTLOOK = np.dtype(
+    [
+        ("outside", np.float64),  # m from the areas in the end; inf: it falls nowhere
+        ("inside", np.float64),  # s that it is within one
+        ("area", np.int64),  # which it enters first, or else ends nearest to; -1: none
+        ("cut_time", np.float64),  # s, before it enters one; inf: it does not, or cannot be
+        ("cut_inside", np.float64),  # s within one until then
+        ("end_time", np.float64),  # s, of the thrust
+    ],
+    align=True,
+)
+
+AVOID = np.dtype(
+    [
+        ("mode", np.int64),  # AVOID_*
+        ("next_time", np.float64),  # s, of the next look
+        ("area", np.int64),  # that the flight would end in, or enter; -1: none
+        ("direction", np.float64, (3,)),  # to which the thrust is turned
+        ("cutoff_time", np.float64),  # s; nan: the law's own
+        ("end_time", np.float64),  # s, of the thrust as the law steers
+        ("score", np.float64),  # of what is done
+        ("outside", np.float64),  # m, in the end
+        ("own", STEERING),  # the law's last answer
+        ("flown", STEERING),  # the last answer
+        ("outlook", OUTLOOK),
+        ("way", WAY),
+        ("mark", WAY),
+        ("kept", WAY),
+    ],
+    align=True,
+)
+
 THESIS_MEMORY = np.dtype(
     [
         # the plan: the jettison, and how it is flown to
@@ -431,6 +490,7 @@ GUIDANCE_STATE = np.dtype(
         ("thesis", THESIS_MEMORY),
         ("plan", PLAN),
         ("leg", LEG),
+        ("avoid", AVOID),
     ],
     align=True,
 )

@@ -4,6 +4,10 @@ from typing import Any
 
 from ares_guidance.arrays import (
     AIM_SAFE,
+    AVOID_CLEAR,
+    AVOID_CUT,
+    AVOID_LOST,
+    AVOID_STEER,
     FOUND_EARLY_END,
     FOUND_ENGINE_LOST,
     FOUND_NO_IGNITION,
@@ -23,6 +27,13 @@ _WORDS = {
 }
 #: Where the target is given up for the safe orbit.
 SAFE_ORBIT = "the target is out of reach: flying to the safe orbit"
+#: What is done with the impact point, where no orbit is in reach.
+_AVOIDING = {
+    AVOID_CLEAR: "the impact point stays outside all areas",
+    AVOID_STEER: "the impact point is steered away from {name}",
+    AVOID_CUT: "cut-off at {time:.1f} s, before the impact point enters {name}",
+    AVOID_LOST: "the impact point cannot be kept out of {name}",
+}
 
 
 def describe(found: Any, arcs: tuple[str, ...], jettisons: tuple[str, ...]) -> str:
@@ -36,6 +47,20 @@ def describe(found: Any, arcs: tuple[str, ...], jettisons: tuple[str, ...]) -> s
     kind, index = int(found["kind"]), int(found["index"])
     names = jettisons if kind == FOUND_STUCK_JETTISON else arcs
     return _WORDS[kind].format(name=names[index], ratio=float(found["ratio"]))
+
+
+def describe_avoiding(avoid: Any, areas: tuple[str, ...]) -> str:
+    """What is done with the impact point, one line; empty: nothing has to be.
+
+    Args:
+        avoid: record AVOID.
+        areas: a name for each area.
+    """
+    words = _AVOIDING.get(int(avoid["mode"]))
+    if words is None:
+        return ""
+    name, time = areas[int(avoid["area"])], float(avoid["cutoff_time"])
+    return "no safe orbit is in reach: " + words.format(name=name, time=time)
 
 
 def aims_at_safe_orbit(state: Any) -> bool:

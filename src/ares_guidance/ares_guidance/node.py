@@ -26,7 +26,12 @@ from ares_guidance.arrays import (
     REFUSED_TIME,
     REFUSED_VELOCITY,
 )
-from ares_guidance.findings import SAFE_ORBIT, aims_at_safe_orbit, describe
+from ares_guidance.findings import (
+    SAFE_ORBIT,
+    aims_at_safe_orbit,
+    describe,
+    describe_avoiding,
+)
 from ares_guidance.law import HEATING_SOURCES, LawSettings
 from ares_guidance.laws import check_law, rehearse
 from ares_guidance.messages import ANALYTIC, ANSWER_TAKEN, ASKED_AT_NS, Answers
@@ -144,6 +149,7 @@ class GuidanceNode(FlightNode):
         values = self.values
         mission = load_mission(values["mission"])
         self._names = mission.arc_names, mission.jettison_names
+        self._areas = mission.area_names
         self._mission_name = mission.name
         with ExitStack() as failed:
             self._membership = Membership(self, Role.GUIDANCE, mission.name, values["flight_id"])
@@ -208,6 +214,7 @@ class GuidanceNode(FlightNode):
         self._reported = int(GuidanceStatus.NONE)
         self._findings = 0
         self._told_safe = False
+        self._avoiding = 0
         self._without_jettison = False
         self._fallen_back = False
         self._late = 0
@@ -483,3 +490,7 @@ class GuidanceNode(FlightNode):
         if safe and not self._told_safe:
             self.diagnostics.report(Level.WARN, SAFE_ORBIT, now)
         self._told_safe = safe
+        mode = int(state["avoid"]["mode"])
+        if mode != self._avoiding and (text := describe_avoiding(state["avoid"], self._areas)):
+            self.diagnostics.report(Level.WARN, text, now)
+        self._avoiding = mode

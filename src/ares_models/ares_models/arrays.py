@@ -16,6 +16,9 @@ Record = Any
 MAX_ARCS = 24
 MAX_JETTISONS = 8
 MAX_KNOTS = 8
+#: Areas that impacts are kept out of, and corners of one.
+MAX_AREAS = 12
+MAX_VERTICES = 24
 
 #: s; what lasts longer is no ascent: no kernel steps beyond, whatever its numbers are.
 LONGEST_FLIGHT = 86_400.0
@@ -49,6 +52,22 @@ NAMES_ASCENDING_NODE = 512
 NAMES_ARGUMENT_OF_PERIGEE = 1024
 NAMES_TRUE_ANOMALY = 2048
 
+AREA_CIRCLE = 0
+AREA_POLYGON = 1
+
+#: A part of the ground, by geocentric directions that turn with the body: unit vectors, x through
+#: longitude zero, z through the north pole.
+AREA = np.dtype(
+    [
+        ("kind", np.int64),  # AREA_*
+        ("centre", np.float64, (3,)),  # of the circle; of a polygon the mean of its corners
+        ("radius", np.float64),  # rad, of the circle; of a polygon to its farthest corner
+        ("count", np.int64),  # of corners
+        ("vertices", np.float64, (MAX_VERTICES, 3)),  # in turn, joined by great circles
+    ],
+    align=True,
+)
+
 ENVIRONMENT = np.dtype(
     [
         ("mu", np.float64),  # m3/s2
@@ -59,6 +78,9 @@ ENVIRONMENT = np.dtype(
         ("j2", np.float64),  # zero: inverse-square gravity, Eq. 2.13
         ("density_factor", np.float64),  # multiplies the tabulated density
         ("altitude_model", np.int64),  # ALTITUDE_*
+        ("zero_longitude", np.float64),  # rad, right ascension of longitude zero at time 0
+        ("area_count", np.int64),  # of areas that impacts are kept out of
+        ("areas", AREA, (MAX_AREAS,)),
     ],
     align=True,
 )

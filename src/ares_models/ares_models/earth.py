@@ -61,11 +61,13 @@ class Earth:
         equatorial_radius: m.
         polar_radius: m.
         rotation_rate: rad/s.
+        angle_at_zero: right ascension of zero longitude at time 0, rad.
     """
 
     equatorial_radius: float
     polar_radius: float
     rotation_rate: float
+    angle_at_zero: float = 0.0
 
     @property
     def flattening(self) -> float:
@@ -92,20 +94,21 @@ class Earth:
         return math.atan2(ratio * math.sin(geodetic_latitude), math.cos(geodetic_latitude))
 
     def latitude_longitude(
-        self, position: ArrayLike, time: float, angle_at_zero: float = 0.0
+        self, position: ArrayLike, time: float, angle_at_zero: float | None = None
     ) -> tuple[float, float]:
         """Geocentric latitude and longitude under an inertial position.
 
         Args:
             position: inertial, m, shape (3,).
             time: mission elapsed time, s.
-            angle_at_zero: right ascension of zero longitude at time 0, rad.
+            angle_at_zero: right ascension of zero longitude at time 0, rad; None: the body's own.
 
         Returns:
             Latitude in -pi/2..pi/2 and longitude in -pi..pi, rad, east positive.
         """
         x, y, z = (float(c) for c in np.asarray(position, dtype=np.float64))
-        longitude = math.atan2(y, x) - angle_at_zero - self.rotation_rate * time
+        at_zero = self.angle_at_zero if angle_at_zero is None else angle_at_zero
+        longitude = math.atan2(y, x) - at_zero - self.rotation_rate * time
         return math.atan2(z, math.hypot(x, y)), math.remainder(longitude, 2.0 * math.pi)
 
     def position(
@@ -114,7 +117,7 @@ class Earth:
         longitude: float,
         radius: float,
         time: float,
-        angle_at_zero: float = 0.0,
+        angle_at_zero: float | None = None,
     ) -> NDArray[np.float64]:
         """Inertial position over a place at a time, m, shape (3,); Eq. 2.14 times radius.
 
@@ -123,8 +126,9 @@ class Earth:
             longitude: east positive, rad.
             radius: m.
             time: mission elapsed time, s.
-            angle_at_zero: right ascension of zero longitude at time 0, rad.
+            angle_at_zero: right ascension of zero longitude at time 0, rad; None: the body's own.
         """
-        right_ascension = longitude + angle_at_zero + self.rotation_rate * time
+        at_zero = self.angle_at_zero if angle_at_zero is None else angle_at_zero
+        right_ascension = longitude + at_zero + self.rotation_rate * time
         _, _, up = states.east_north_up(latitude, right_ascension)
         return radius * np.array(up)

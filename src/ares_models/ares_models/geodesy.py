@@ -34,15 +34,18 @@ class Places:
 def earth_fixed(time: Array, position: Array, earth: Earth) -> Array:
     """Earth-fixed positions of inertial ones, shape (n, 3), m.
 
-    The inertial x axis points to longitude zero at mission time 0, as in the thesis.
+    Where the mission does not say otherwise, the inertial x axis points to longitude zero at
+    mission time 0, as in the thesis.
 
     Args:
         time: mission elapsed time, shape (n,), s.
         position: inertial, shape (n, 3), m.
         earth: its rotation.
     """
-    rate = earth.rotation_rate
-    turned = [earth_fixed_from_inertial(t, rate) @ r for t, r in zip(time, position, strict=True)]
+    rate, at_zero = earth.rotation_rate, earth.angle_at_zero
+    turned = [
+        earth_fixed_from_inertial(t, rate, at_zero) @ r for t, r in zip(time, position, strict=True)
+    ]
     return np.array(turned).reshape(-1, 3)
 
 

@@ -18,6 +18,7 @@ from ares_models import mission_parts as parts
 from ares_models.arrays import NAVIGATION, MissionArrays
 from ares_models.atmosphere import FIXED_MODELS, Atmosphere, AtmosphereError, nrlmsis
 from ares_models.input_file import InputError, InputKind, KeyPath, explain, read_input
+from ares_models.mission_areas import write_areas
 from ares_models.mission_checks import MAX_STAGES, check_mission
 from ares_models.mission_parts import (
     AbortPart,
@@ -142,6 +143,11 @@ class Mission(Part):
         return tuple(names)
 
     @property
+    def area_names(self) -> tuple[str, ...]:
+        """Names of the areas that impacts are kept out of; their index in the kernels' arrays."""
+        return tuple(area.name for area in self.abort.avoid) if self.abort else ()
+
+    @property
     def plans_arcs(self) -> bool:
         """Whether guidance decides the end of more than the last arc."""
         arcs = [arc for stage in self.stages for arc in stage.flight_arcs]
@@ -240,10 +246,13 @@ class Mission(Part):
         record["polar_radius"] = part.earth.polar_radius_m
         record["rotation_rate"] = part.earth.rotation_rate_rad_s
         record["j2"] = part.j2
+        record["zero_longitude"] = part.earth.earth().angle_at_zero
         record["density_factor"] = part.atmosphere.density_factor
         record["altitude_model"] = (
             layout.ALTITUDE_ELLIPSOID if part.altitude == "ellipsoid" else layout.ALTITUDE_SPHERICAL
         )
+        if self.abort is not None:
+            write_areas(self, record)
         return record
 
     def describe(self) -> dict[str, str]:
@@ -389,4 +398,5 @@ _MODELS: dict[str, type[Part]] = {
     "jettisons": parts.Jettison,
     "engine_out": parts.EngineOut,
     "abort": parts.AbortPart,
+    "avoid": parts.AreaPart,
 }

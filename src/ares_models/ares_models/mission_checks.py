@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ares_models.arrays import MAX_ARCS, MAX_JETTISONS
+from ares_models.mission_areas import check_areas
 from ares_models.mission_parts import BurnArc, CoastArc, Stage, fail, shortest
 from ares_models.mission_physics import check_body, check_engines, check_flight_time
 from ares_models.mission_target import check_target
@@ -40,6 +41,7 @@ def check_mission(mission: "Mission") -> None:
     _check_heating_limits(mission)
     _check_initial_state(mission)
     check_target(mission)
+    check_areas(mission)
 
 
 def _check_names(mission: "Mission") -> None:

@@ -25,7 +25,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from ares_models.arrays import MAX_ARCS, MAX_KNOTS
+from ares_models.arrays import MAX_ARCS, MAX_AREAS, MAX_KNOTS, MAX_VERTICES
 from ares_models.earth import Earth, LaunchAngles
 from ares_models.orbits import Elements
 from ares_models.ranges import Range
@@ -95,12 +95,15 @@ KnotTime = Annotated[float, Range(0.0, 3600.0)]
 Acceleration = Annotated[float, Range(1e-3, 1e4)]
 Fraction = Annotated[float, Range(0.0, 1.0)]
 SafeAltitude = Annotated[float, Range(0.0, 1e8)]
+AreaRadius = Annotated[float, Range(1e3, 1e7)]
 EngineCount = Annotated[int, Range(1, 100)]
 HeatingRate = Annotated[float, Range(1e-6, 1e12)]
 
 Name = Annotated[str, Field(strict=True, min_length=1, max_length=80), AfterValidator(_printable)]
 Text = Annotated[str, Field(strict=True, min_length=1)]
 Knot = tuple[KnotTime, Fraction]
+Vertex = tuple[Latitude, Turn]
+Vertices = Annotated[tuple[Vertex, ...], Field(min_length=3, max_length=MAX_VERTICES)]
 Curve = Annotated[tuple[Knot, ...], Field(min_length=2, max_length=MAX_KNOTS)]
 
 
@@ -182,6 +185,11 @@ class EarthPart(Part):
     equatorial_radius_m: BodyRadius = Field(description="of the ellipsoid, Eq. 2.16")
     polar_radius_m: BodyRadius = Field(description="of the ellipsoid, Eq. 2.16")
     rotation_rate_rad_s: RotationRate = Field(description="about z")
+    zero_longitude_deg: Turn | None = Field(
+        default=None,
+        exclude_if=lambda angle: angle is None,
+        description="right ascension of longitude zero at mission time 0, from the inertial x axis",
+    )
 
     @model_validator(mode="after")
     def _oblate(self) -> "EarthPart":
@@ -195,7 +203,12 @@ class EarthPart(Part):
 
     def earth(self) -> Earth:
         """The same for computing."""
-        return Earth(self.equatorial_radius_m, self.polar_radius_m, self.rotation_rate_rad_s)
+        return Earth(
+            self.equatorial_radius_m,
+            self.polar_radius_m,
+            self.rotation_rate_rad_s,
+            math.radians(self.zero_longitude_deg or 0.0),
+        )
 
 
 _INDICES = ("f107", "f107a", "ap", "latitude_deg", "longitude_deg")
@@ -376,11 +389,49 @@ class EngineOut(Part):
         return (self.engines - self.lost) / self.engines
 
 
+_CIRCLE = ("latitude_deg", "longitude_deg", "radius_m")
+
+
+class AreaPart(Part):
+    """A part of the ground that nothing is to fall on: a circle, or a polygon."""
+
+    model_config = ConfigDict(json_schema_extra=one_of(_CIRCLE, ("vertices_deg",)))
+
+    name: Name = Field(description="unique; at most 80 characters")
+    latitude_deg: Latitude | None = Field(
+        default=None, description="of the centre of a circle, geodetic"
+    )
+    longitude_deg: Turn | None = Field(
+        default=None, description="of the centre of a circle, positive to the east"
+    )
+    radius_m: AreaRadius | None = Field(default=None, description="of a circle, over the ground")
+    vertices_deg: Vertices | None = Field(
+        default=None, description="corners of a polygon in turn, [latitude, longitude] each"
+    )
+
+    @model_validator(mode="after")
+    def _one_form(self) -> "AreaPart":
+        given = [key for key in _CIRCLE if getattr(self, key) is not None]
+        if self.vertices_deg is not None and given:
+            fail((given[0],), getattr(self, given[0]), "no such key beside vertices_deg")
+        if self.vertices_deg is None:
+            for key in _CIRCLE:
+                if key not in given:
+                    others = "the centre and radius of a circle, or a list of vertices_deg"
+                    fail((key,), None, others if not given else "a number, for a circle")
+        return self
+
+
 class AbortPart(Part):
     """What is flown to where the target is out of reach."""
 
     safe_perigee_altitude_m: SafeAltitude = Field(
         description="least perigee of an orbit that is safe, above the equatorial radius"
+    )
+    avoid: Annotated[tuple[AreaPart, ...], Field(max_length=MAX_AREAS)] = Field(
+        default=(),
+        exclude_if=lambda areas: not areas,
+        description="areas that the impact point is kept out of where no orbit is in reach",
     )
 
 

@@ -1,5 +1,8 @@
 """Geodetic places, against PROJ."""
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pyproj import Transformer
@@ -13,7 +16,7 @@ EARTHS = {
     "sphere": Earth(6378137.0, 6378137.0, 7.292115e-5),
     # as flat as a mission may have it
     "flat": Earth(6.4e6, 3.2e6, 1e-4),
-    "ares_v": load_mission("ares_v").environment.earth.earth(),
+    "ares_v": replace(load_mission("ares_v").environment.earth.earth(), angle_at_zero=0.0),
 }
 
 
@@ -68,6 +71,18 @@ def test_the_earth_turns_below():
         assert place.longitude_deg[row] == pytest.approx(np.degrees(longitude))
     fixed = earth_fixed(time, position, earth)
     assert np.linalg.norm(fixed, axis=1) == pytest.approx(earth.equatorial_radius + 1e5)
+
+
+def test_longitude_zero_is_where_the_mission_says():
+    time = np.array([0.0, 100.0, 5e4])
+    position = spread(7e6)[:3]
+    turned = replace(EARTHS["wgs84"], angle_at_zero=math.radians(50.0))
+    here, there = (geodetic(time, position, earth) for earth in (turned, EARTHS["wgs84"]))
+    less = (there.longitude_deg - here.longitude_deg) % 360.0
+    assert less == pytest.approx(50.0)
+    assert here.latitude_deg == pytest.approx(there.latitude_deg)
+    _, longitude = turned.latitude_longitude(position[1], 100.0)
+    assert here.longitude_deg[1] == pytest.approx(math.degrees(longitude))
 
 
 @pytest.mark.parametrize("earth", EARTHS.values(), ids=EARTHS)

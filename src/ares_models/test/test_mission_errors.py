@@ -33,6 +33,87 @@ def edited(tmp_path, old, new, text=TEXT):
 
 # (what stands in ares_v.yaml, what takes its place, key path, rest of the message)
 BROKEN = {
+    "area of neither form": (
+        (
+            "    - name: Bermuda\n      latitude_deg: 32.3\n      longitude_deg: -64.8\n"
+            "      radius_m: 60000.0\n"
+        ),
+        "    - name: Bermuda\n",
+        "abort.avoid[2].latitude_deg",
+        "expected the centre and radius of a circle, or a list of vertices_deg",
+    ),
+    "circle without a radius": (
+        "      radius_m: 60000.0\n",
+        "",
+        "abort.avoid[2].radius_m",
+        "is missing; expected a number, for a circle",
+    ),
+    "area of both forms": (
+        "      radius_m: 60000.0\n",
+        "      radius_m: 60000.0\n      vertices_deg: [[0, 0], [0, 1], [1, 0]]\n",
+        "abort.avoid[2].latitude_deg",
+        "is 32.3; expected no such key beside vertices_deg",
+    ),
+    "radius in km": (
+        "radius_m: 60000.0",
+        "radius_m: 60.0",
+        "abort.avoid[2].radius_m",
+        "is 60.0; expected a number from 1000 to 1e7 in m",
+    ),
+    "circle around the globe": (
+        "radius_m: 60000.0",
+        "radius_m: 9.5e6",
+        "abort.avoid[2].radius_m",
+        "expected at most 8,905,563 m on this body",
+    ),
+    "latitude and longitude exchanged": (
+        "latitude_deg: 32.3",
+        "latitude_deg: -124.8",
+        "abort.avoid[2].latitude_deg",
+        "expected a number from -90 to 90 in deg",
+    ),
+    "two areas of a name": (
+        "name: Bermuda",
+        "name: Bahamas",
+        "abort.avoid[2].name",
+        "is 'Bahamas'; expected a name that abort.avoid[1] has not",
+    ),
+    "two corners": (
+        (
+            "[[27.5, -79.1], [27.0, -76.8], [24.0, -74.0], [20.8, -72.5], [20.8, -74.0], "
+            "[22.0, -76.5], [24.0, -79.0], [26.4, -79.4]]"
+        ),
+        "[[27.5, -79.1], [27.0, -76.8]]",
+        "abort.avoid[1].vertices_deg",
+        "expected a list of at least 3",
+    ),
+    "polygon that is closed": (
+        "[26.4, -79.4]]",
+        "[27.5, -79.1]]",
+        "abort.avoid[1].vertices_deg[0]",
+        "expected a corner at least 0.01 deg from the one before it; the polygon closes by itself",
+    ),
+    "polygon that crosses itself": (
+        "[27.5, -79.1], [27.0, -76.8]",
+        "[27.5, -76.8], [27.0, -79.1]",
+        "abort.avoid[1].vertices_deg[7]",
+        "expected a corner whose edge does not cross that of corner",
+    ),
+    "polygon around the globe": (
+        (
+            "[[27.5, -79.1], [27.0, -76.8], [24.0, -74.0], [20.8, -72.5], [20.8, -74.0], "
+            "[22.0, -76.5], [24.0, -79.0], [26.4, -79.4]]"
+        ),
+        "[[0, 0], [0, 120], [0, 240]]",
+        "abort.avoid[1].vertices_deg",
+        "expected corners within 80 deg of their middle",
+    ),
+    "areas where no place is known": (
+        "    zero_longitude_deg",
+        "    # zero_longitude_deg",
+        "environment.earth.zero_longitude_deg",
+        "is missing; expected a number, because abort.avoid names places",
+    ),
     "unknown key": (
         "thrust_n: 17437041.0",
         "trust_n: 17437041.0",

@@ -157,6 +157,12 @@ def _print(made: AbortMap, out: Console) -> None:
         row_of = (name, f"{share.of:,}", "", "", _percent(share), _percent(told[name]))
         table.add_row(*row_of, style="bold")
     out.print(table)
+    if made.areas and made.outside.of:
+        fall = made.outside
+        out.print(
+            f"of {fall.of:,} flights to no orbit {fall.count:,} fall outside all "
+            f"{len(made.areas)} areas, {_percent(fall)}"
+        )
     for point in made.wrong[:20]:
         out.print(f"failed: {point.failure.kind} at {point.at_s:g} s: {point.wrong}")
 

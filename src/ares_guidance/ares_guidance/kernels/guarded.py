@@ -9,6 +9,8 @@ from ares_guidance.arrays import (
     PHASE_IDLE,
     Onboard,
 )
+from ares_guidance.kernels.failures import vehicle_left
+from ares_guidance.kernels.impact import hand_back, keep_out
 from ares_guidance.kernels.legs import step_by_legs as guidance_step
 from ares_guidance.kernels.monitors import watch_answer
 from ares_guidance.kernels.navigation_gate import ACCEPTED, REFUSED, admit
@@ -32,6 +34,8 @@ def begin_anew(state: Record) -> None:
     state.thesis.mode = 0
     state.thesis.fallback = 0
     state.leg.count = 0
+    state.avoid.mode = 0
+    state.avoid.next_time = 0.0
 
 
 @kernel
@@ -52,5 +56,12 @@ def guarded_step(mission: MissionRecords, onboard: Onboard) -> None:
         state.error = ERROR_NONE
     if watch.acquired != acquired and watch.accepted == 1:
         begin_anew(state)
+    if mission.environment.area_count > 0:
+        hand_back(onboard)
     guidance_step(mission, onboard)
+    if mission.environment.area_count > 0:
+        if state.left.count == 0:
+            keep_out(mission, onboard)
+        else:
+            keep_out(vehicle_left(mission, state), onboard)
     watch_answer(mission, onboard)

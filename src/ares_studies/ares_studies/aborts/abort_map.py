@@ -3,7 +3,7 @@
 import math
 import threading
 from collections import Counter
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 
 from ares_models.arrays import NAVIGATION
 from ares_models.failures import Failure, FailureKind
+from ares_models.impacts import Outline, outlines
 from ares_models.kernels.sequence import SAME_TIME
 from ares_models.mission import Mission
 from ares_studies.aborts.ends import NOWHERE, End, Judge, Reached, better
 from ares_studies.aborts.optimum import Optimizer
 from ares_studies.aborts.rows import FailureRow, failure_rows
 from ares_studies.closed_loop import fly_compiled, ready_law
+from ares_studies.flight_page.globe import land_on
 from ares_studies.montecarlo.engines import cores
 from ares_vehicle_sim.simulator import Simulator
 
@@ -144,6 +146,9 @@ class AbortMap:
         safe_perigee_altitude_m: of an orbit that lasts.
         nominal: the optimum in which nothing fails.
         rows: one per failure.
+        areas: outlines of those that impacts are kept out of, by name: latitude and longitude in
+            deg, the first corner again at the end.
+        land: whether the body is the Earth, and its longitudes are known.
     """
 
     mission: str
@@ -153,6 +158,8 @@ class AbortMap:
     safe_perigee_altitude_m: float
     nominal: Reached
     rows: tuple[MapRow, ...]
+    areas: Mapping[str, Outline]
+    land: bool
 
     @property
     def points(self) -> list[Point]:
@@ -163,6 +170,12 @@ class AbortMap:
     def wrong(self) -> list[Point]:
         """Points that are not to be believed."""
         return [point for point in self.points if point.wrong]
+
+    @property
+    def outside(self) -> Share:
+        """Flights that reach no orbit and fall, and how many of them outside all areas."""
+        fallen = [point for point in self.points if point.flown.falls]
+        return Share(sum(not point.flown.area for point in fallen), len(fallen))
 
     def shares(self, *, told: bool = False) -> dict[str, Share]:
         """Points within ACCURACY, by what was in reach.
@@ -200,6 +213,8 @@ class AbortMap:
             "within": {name: vars(share) for name, share in self.shares().items()},
             "within_told": {name: vars(share) for name, share in self.shares(told=True).items()},
             "near": sum(point.near for point in self.points),
+            "areas": list(self.areas),
+            "outside": vars(self.outside),
             "rows": [_row(row) for row in self.rows],
         }
 
@@ -243,8 +258,9 @@ def _told(reached: Reached) -> dict[str, Any]:
         "lacking_m_s": _number(reached.lacking_m_s, 2),
         "perigee_altitude_m": _number(reached.perigee_altitude_m, 0),
     }
-    if math.isfinite(reached.impact_deg[0]):
+    if reached.falls:
         told["impact_deg"] = [round(angle, 2) for angle in reached.impact_deg]
+        told["area"] = reached.area or None
     return told
 
 
@@ -418,4 +434,7 @@ class MapMaker:
             self._judge.safe_perigee_altitude_m,
             self._nominal,
             rows,
+            outlines(self._mission),
+            self._mission.environment.earth.zero_longitude_deg is not None
+            and bool(land_on(self._mission.environment.earth.equatorial_radius_m)),
         )

@@ -10,11 +10,9 @@ from numpy.typing import NDArray
 
 from ares_guidance.kernels.shortfall import perigee_radius
 from ares_models.arrays import TARGET_ELEMENTS, TARGET_KEPLERIAN
-from ares_models.geodesy import geodetic
-from ares_models.kernels.kepler import kepler
+from ares_models.impacts import find_impact
 from ares_models.mission import Mission
 from ares_models.orbits import Elements
-from ares_studies.flight_page.geometry import impact_time
 from ares_studies.montecarlo.arrays import RESULT
 from ares_studies.montecarlo.kernels import judge_insertion, on_target
 
@@ -61,6 +59,7 @@ class Reached:
         perigee_altitude_m: over the equatorial radius.
         apogee_altitude_m: the same; inf for an escape.
         impact_deg: latitude and longitude where it would fall without air; nan: it would not.
+        area: that it falls in; empty: outside of all, or it does not fall.
     """
 
     end: End
@@ -70,6 +69,12 @@ class Reached:
     perigee_altitude_m: float
     apogee_altitude_m: float
     impact_deg: tuple[float, float] = (math.nan, math.nan)
+    area: str = ""
+
+    @property
+    def falls(self) -> bool:
+        """Whether there is a place where it falls."""
+        return math.isfinite(self.impact_deg[0])
 
 
 #: No flight was found.
@@ -104,6 +109,7 @@ class Judge:
 
     Attributes:
         safe_perigee_altitude_m: of an orbit that lasts.
+        areas: names of those that impacts are kept out of.
     """
 
     def __init__(self, mission: Mission):
@@ -112,9 +118,9 @@ class Judge:
         self.safe_perigee_altitude_m = SAFE_PERIGEE_M
         if mission.abort is not None:
             self.safe_perigee_altitude_m = mission.abort.safe_perigee_altitude_m
+        self.areas = mission.area_names
         self._target = arrays.target[0]
         self._environment = arrays.environment[0]
-        self._earth = mission.environment.earth.earth()
         self._mu = float(self._environment["mu"])
         energy, self._radius = energy_and_radius(self._target, self._mu)
         self._speed = self._speed_of(energy)
@@ -156,9 +162,7 @@ class Judge:
             self._speed - self._speed_of(energy),
             perigee,
             orbit.apogee_radius - ground,
-            self._impact(position, velocity, time_s)
-            if end is End.SUBORBITAL
-            else NOWHERE.impact_deg,
+            *(self._impact(position, velocity, time_s) if end is End.SUBORBITAL else ()),
         )
 
     def meets_ground(self, time_s: Array, position: Array) -> bool:
@@ -174,10 +178,12 @@ class Judge:
             and abs(float(result["flight_path_angle_error"])) <= _SAME_ANGLE
         )
 
-    def _impact(self, position: Array, velocity: Array, time_s: float) -> tuple[float, float]:
-        fall = impact_time(position, velocity, self._environment)
-        if not math.isfinite(fall):
-            return NOWHERE.impact_deg
-        r, _ = kepler(tuple(position.tolist()), tuple(velocity.tolist()), fall, self._mu)
-        place = geodetic(np.array([time_s + fall]), np.array([r]), self._earth)
-        return float(place.latitude_deg[0]), float(place.longitude_deg[0])
+    def _impact(
+        self, position: Array, velocity: Array, time_s: float
+    ) -> tuple[tuple[float, float], str]:
+        found = find_impact(
+            position.tolist(), velocity.tolist(), time_s, self._environment, self.areas
+        )
+        if found is None:
+            return NOWHERE.impact_deg, ""
+        return (found.latitude_deg, found.longitude_deg), found.area or ""

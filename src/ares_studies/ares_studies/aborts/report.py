@@ -2,13 +2,16 @@
 
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from itertools import groupby
 from typing import Any
 
+from ares_models.impacts import Outline
 from ares_studies.aborts.abort_map import ACCURACY, AbortMap, MapRow, Point
 from ares_studies.aborts.ends import End, Reached
+from ares_studies.flight_page.globe import read_land
 from ares_studies.pages.parts import (
     Axis,
     Cell,
@@ -45,6 +48,8 @@ WHO: tuple[tuple[str, str, Role], ...] = (
 _LEAST_WIDTH = 0.8
 #: Ticks below the map.
 _TICKS = 6
+#: deg beside the impact points that are farthest out.
+_BESIDE_DEG = 8.0
 
 
 @dataclass(frozen=True)
@@ -130,7 +135,7 @@ def make_report(made: AbortMap, facts: Mapping[str, str]) -> MapReport:
     """
     masses = [row for row in made.rows if math.isfinite(row.points[0].failure.time_s)]
     figures = [_mass_figure(row) for row in masses]
-    chapters = (
+    chapters: tuple[Chapter, ...] = (
         Chapter(
             1,
             "Final mass",
@@ -154,6 +159,8 @@ def make_report(made: AbortMap, facts: Mapping[str, str]) -> MapReport:
             _named("table", 1, [_ends_table(made), _beyond_table(made)]),
         ),
     )
+    if made.outside.of:
+        chapters += (_falls_chapter(made, 1 + len(figures) + len(chapters[1].items)),)
     return MapReport(
         made.title,
         facts,
@@ -370,6 +377,81 @@ def _lacking_figures(rows: list[MapRow]) -> list[Item]:
         figure = Figure(_TIME, Axis("speed that is lacking", "m/s"), series)
         items.append(Item("", "figure", "", f"{_title(row.name)}: speed lacking", "", figure))
     return items
+
+
+# ---- where it falls
+
+
+def _falls_chapter(made: AbortMap, figure: int) -> Chapter:
+    text = (
+        "Where flights that reach no orbit would fall, without air. Longitudes are as on the "
+        "globe of a flight."
+    )
+    if made.areas:
+        share = made.outside
+        text += (
+            f" Outside all {len(made.areas)} areas of the mission fall {share.count:,} of "
+            f"{share.of:,}, {share.percent:.2f} %."
+        )
+    items = (*_named("figure", figure, [_falls_figure(made)]), *_named("table", 3, [_falls(made)]))
+    return Chapter(4, "Where it falls", text, items)
+
+
+def _falls_figure(made: AbortMap) -> Item:
+    fallen = [point.flown for point in made.points if point.flown.falls]
+    series = []
+    if made.land:
+        rings = [tuple(zip(ring[1::2], ring[::2], strict=True)) for ring in read_land()]
+        series.append(_outlines("land", "otis", rings))
+    if made.areas:
+        series.append(_outlines("areas", "other", made.areas.values()))
+    kinds: tuple[tuple[str, Role, bool], ...] = (
+        ("flown, outside the areas" if made.areas else "flown", "here", False),
+        ("flown, inside one", "thesis", True),
+    )
+    for name, role, inside in kinds:
+        spots = [reached.impact_deg for reached in fallen if bool(reached.area) is inside]
+        if spots:
+            x = tuple(round(longitude, 2) for _, longitude in spots)
+            y = tuple(round(latitude, 2) for latitude, _ in spots)
+            series.append(Series(name, role, "cloud", x, y))
+    longitudes = [reached.impact_deg[1] for reached in fallen]
+    latitudes = [reached.impact_deg[0] for reached in fallen]
+    figure = Figure(
+        Axis("longitude", "deg", span=_around(longitudes, 180.0)),
+        Axis("latitude", "deg", span=_around(latitudes, 90.0)),
+        tuple(series),
+    )
+    return Item("", "figure", "", "Impact points", "", figure, wide=True)
+
+
+def _around(values: list[float], most: float) -> tuple[float, float]:
+    return max(-most, min(values) - _BESIDE_DEG), min(most, max(values) + _BESIDE_DEG)
+
+
+def _outlines(name: str, role: Role, rings: Iterable[Outline]) -> Series:
+    """Closed lines as one, broken between them and where they pass 180 deg."""
+    x: list[float | None] = []
+    y: list[float | None] = []
+    for ring in rings:
+        before = ring[0][1]
+        for latitude, longitude in ring:
+            if abs(longitude - before) > 180.0:
+                x.append(None)
+                y.append(None)
+            x.append(round(longitude, 2))
+            y.append(round(latitude, 2))
+            before = longitude
+        x.append(None)
+        y.append(None)
+    return Series(name, role, "line", tuple(x), tuple(y))
+
+
+def _falls(made: AbortMap) -> Item:
+    fallen = Counter(point.flown.area for point in made.points if point.flown.falls)
+    names = {"": "outside all areas", **{name: name for name in made.areas}}
+    rows = [Row(text, (Cell(f"{fallen[name]:,}", fallen[name]),)) for name, text in names.items()]
+    return Item("", "table", "", "Flights that fall", "", Table((Column("flown"),), tuple(rows)))
 
 
 def _title(name: str) -> str:

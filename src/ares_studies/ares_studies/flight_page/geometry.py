@@ -8,14 +8,9 @@ from numpy.typing import NDArray
 
 from ares_models.arrays import Record
 from ares_models.earth import Earth
-from ares_models.kernels.environment import altitude
-from ares_models.kernels.kepler import kepler
-from ares_models.orbits import Elements
+from ares_models.kernels.impact import fall
 
 Array = NDArray[np.float64]
-
-#: Time of an impact is found to this, s.
-_IMPACT_TIME = 1e-3
 
 
 @dataclass(frozen=True)
@@ -54,7 +49,8 @@ def thrust_angles(position: Array, velocity: Array, direction: Array) -> tuple[A
 def ground_track(time: Array, position: Array, earth: Earth) -> Track:
     """The places under a flight, on the Earth that turns.
 
-    The inertial x axis points to longitude zero at mission time 0, as in the thesis.
+    Where the mission does not say otherwise, the inertial x axis points to longitude zero at
+    mission time 0, as in the thesis.
 
     Args:
         time: mission elapsed time, shape (n,), s.
@@ -93,39 +89,8 @@ def impact_time(position: Array, velocity: Array, environment: Record) -> float:
         nan where it would not: the perigee lies above the ground, or the way leads outwards
         for ever.
     """
-    r, v, mu = tuple(position.tolist()), tuple(velocity.tolist()), float(environment["mu"])
-    try:
-        orbit = Elements.from_state(position, velocity, mu)
-    except ValueError:
-        return math.nan
-    e = orbit.eccentricity
-    if not e < 1.0:
-        return math.nan
-    # Kepler's equation, from the true anomaly
-    eccentric = 2.0 * math.atan2(
-        math.sqrt(1.0 - e) * math.sin(0.5 * orbit.true_anomaly),
-        math.sqrt(1.0 + e) * math.cos(0.5 * orbit.true_anomaly),
-    )
-    mean = (eccentric - e * math.sin(eccentric)) % (2.0 * math.pi)
-    motion = math.sqrt(mu / orbit.semi_major_axis**3)
-    # the altitude falls all the way from the apogee to the perigee
-    low = max(0.0, (math.pi - mean) / motion)
-    high = (2.0 * math.pi - mean) / motion
-
-    def height(time: float) -> float:
-        return altitude(kepler(r, v, time, mu)[0], environment)
-
-    if not height(high) < 0.0:
-        return math.nan
-    if height(low) <= 0.0:
-        return low
-    while high - low > _IMPACT_TIME:
-        middle = 0.5 * (low + high)
-        if height(middle) > 0.0:
-            low = middle
-        else:
-            high = middle
-    return low
+    span, _ = fall(tuple(position.tolist()), tuple(velocity.tolist()), environment)
+    return float(span)
 
 
 def impact_track(
@@ -143,14 +108,12 @@ def impact_track(
     Returns:
         n places; nan where nothing falls.
     """
-    mu = float(environment["mu"])
     places = []
     for t, r, v in zip(time, position, velocity, strict=True):
-        fall = impact_time(r, v, environment)
-        if math.isnan(fall):
+        span, down = fall(tuple(r.tolist()), tuple(v.tolist()), environment)
+        if math.isnan(span):
             places.append((math.nan, math.nan))
             continue
-        down, _ = kepler(tuple(r.tolist()), tuple(v.tolist()), fall, mu)
-        places.append(earth.latitude_longitude(down, float(t) + fall))
+        places.append(earth.latitude_longitude(down, float(t) + span))
     degrees = np.degrees(np.array(places).reshape(-1, 2))
     return Track(degrees[:, 0], degrees[:, 1])

@@ -81,7 +81,9 @@ def moving_frames(stamp_ns: int, state: Any, earth: Earth) -> TFMessage:
         state: record with the fields of VehicleState.
         earth: of the mission.
     """
-    turned = earth_fixed_from_inertial(stamp_ns / NANOSECONDS, earth.rotation_rate)
+    turned = earth_fixed_from_inertial(
+        stamp_ns / NANOSECONDS, earth.rotation_rate, earth.angle_at_zero
+    )
     axes = vehicle_axes(state["position"], state["velocity"], state["thrust_direction"])
     return TFMessage(
         transforms=[

@@ -1,0 +1,163 @@
+"""Areas that impacts are kept out of: on the mission's own body, checked, as kernels take them."""
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models import arrays as layout
+from ares_models.mission_parts import AreaPart, fail
+
+if TYPE_CHECKING:
+    from ares_models.mission import Mission
+
+Array = NDArray[np.float64]
+
+#: An area lies within this angle of its centre, deg: of a larger one it could not be told which
+#: side is meant.
+MOST_ACROSS_DEG = 80.0
+#: Neighbouring corners are so far apart, deg.
+LEAST_EDGE_DEG = 0.01
+
+
+def write_areas(mission: "Mission", record: NDArray[np.void]) -> None:
+    """Write the areas of a mission with a section ``abort`` into its environment.
+
+    Args:
+        mission: whose areas.
+        record: shape (1,), dtype ENVIRONMENT. Changed.
+    """
+    assert mission.abort is not None
+    record["area_count"] = len(mission.abort.avoid)
+    for area, row in zip(mission.abort.avoid, record["areas"][0], strict=False):
+        if area.vertices_deg is None:
+            row["kind"] = layout.AREA_CIRCLE
+            row["centre"] = _direction(mission, area.latitude_deg, area.longitude_deg)
+            row["radius"] = _angle(mission, area)
+            continue
+        corners = np.array([_direction(mission, *corner) for corner in area.vertices_deg])
+        row["kind"] = layout.AREA_POLYGON
+        row["count"] = len(corners)
+        row["vertices"][: len(corners)] = corners
+        row["centre"] = _middle(corners)
+        row["radius"] = np.arccos(np.clip(corners @ row["centre"], -1.0, 1.0)).max()
+
+
+def check_areas(mission: "Mission") -> None:
+    """Report areas that cannot be told from one another, have no place, or no inside."""
+    if mission.abort is None or not mission.abort.avoid:
+        return
+    if mission.environment.earth.zero_longitude_deg is None:
+        fail(
+            ("environment", "earth", "zero_longitude_deg"),
+            None,
+            "a number, because abort.avoid names places",
+        )
+    names = mission.area_names
+    for k, area in enumerate(mission.abort.avoid):
+        path = ("abort", "avoid", k)
+        if area.name in names[:k]:
+            at = names.index(area.name)
+            fail((*path, "name"), area.name, f"a name that abort.avoid[{at}] has not")
+        if area.vertices_deg is not None:
+            _check_polygon(mission, area.vertices_deg, (*path, "vertices_deg"))
+        elif math.degrees(_angle(mission, area)) > MOST_ACROSS_DEG:
+            most = math.radians(MOST_ACROSS_DEG) * _radius(mission)
+            fail((*path, "radius_m"), area.radius_m, f"at most {most:,.0f} m on this body")
+
+
+def _check_polygon(
+    mission: "Mission", vertices: tuple[tuple[float, float], ...], path: tuple[str | int, ...]
+) -> None:
+    corners = np.array([_direction(mission, *corner) for corner in vertices])
+    following = np.roll(corners, -1, axis=0)
+    for k, (one, other) in enumerate(zip(corners, following, strict=True)):
+        if _between(one, other) < math.radians(LEAST_EDGE_DEG):
+            fail(
+                (*path, (k + 1) % len(vertices)),
+                list(vertices[(k + 1) % len(vertices)]),
+                f"a corner at least {LEAST_EDGE_DEG:g} deg from the one before it; the polygon "
+                "closes by itself",
+            )
+    middle = _middle(corners)
+    away = corners @ middle
+    if not away.min() > math.cos(math.radians(MOST_ACROSS_DEG)):
+        fail(
+            path,
+            [list(corner) for corner in vertices],
+            f"corners within {MOST_ACROSS_DEG:g} deg of their middle",
+        )
+    # seen from the centre of the body great circles are straight lines: on the plane that touches
+    # the sphere at the middle the polygon is a flat one
+    flat = (corners / away[:, None]) @ _plane(middle).T
+    crossing = _crossing(flat)
+    if crossing is not None:
+        one, other = crossing
+        fail(
+            (*path, other),
+            list(vertices[other]),
+            f"a corner whose edge does not cross that of corner {one}",
+        )
+
+
+def _crossing(flat: Array) -> tuple[int, int] | None:
+    """Two edges of a flat polygon, by their first corners, that meet; None if none do.
+
+    Args:
+        flat: corners in turn, shape (n, 2).
+    """
+    n = len(flat)
+
+    def side(a: Array, b: Array, c: Array) -> float:
+        return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+
+    for i in range(n):
+        a, b = flat[i], flat[(i + 1) % n]
+        for k in range(i + 2, n):
+            if (k + 1) % n == i:
+                continue
+            c, d = flat[k], flat[(k + 1) % n]
+            if side(a, b, c) * side(a, b, d) <= 0.0 and side(c, d, a) * side(c, d, b) <= 0.0:
+                return i, k
+    return None
+
+
+def _direction(mission: "Mission", latitude_deg: Any, longitude_deg: Any) -> Array:
+    """Unit vector from the centre to a place on the ground, in axes that turn with the body."""
+    latitude, longitude = math.radians(latitude_deg), math.radians(longitude_deg)
+    if mission.environment.altitude == "ellipsoid":
+        latitude = mission.environment.earth.earth().geocentric_latitude(latitude)
+    across = math.cos(latitude)
+    return np.array(
+        [across * math.cos(longitude), across * math.sin(longitude), math.sin(latitude)]
+    )
+
+
+def _radius(mission: "Mission") -> float:
+    return mission.environment.earth.equatorial_radius_m
+
+
+def _angle(mission: "Mission", area: AreaPart) -> float:
+    """Radius of a circle, rad."""
+    assert area.radius_m is not None
+    return area.radius_m / _radius(mission)
+
+
+def _middle(corners: Array) -> Array:
+    mean = corners.mean(axis=0)
+    length = float(np.linalg.norm(mean))
+    # corners all around the globe have none: any direction shows it
+    middle: Array = mean / length if length > 1e-9 else np.array([0.0, 0.0, 1.0])
+    return middle
+
+
+def _between(one: Array, other: Array) -> float:
+    return math.atan2(float(np.linalg.norm(np.cross(one, other))), float(one @ other))
+
+
+def _plane(normal: Array) -> Array:
+    """Two unit vectors normal to another and to each other, shape (2, 3)."""
+    first = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
+    first /= np.linalg.norm(first)
+    return np.array([first, np.cross(normal, first)])
