@@ -237,6 +237,22 @@ def test_an_interrupted_flight_keeps_its_bag_and_leaves_nothing(domain, bags, tm
     assert open_bag(bag).message_count > 0
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_flight_in_one_process_does_not_fly_on(domain, bags, tmp_path, number):
+    """The recorder takes what it has been sent, for which it has time for the whole flight."""
+    bag = tmp_path / "bag"
+    argv = ("fly", "--json", "--in-process", "--pace", "200", "--bag", str(bag))
+    process = subprocess.Popen(
+        command(*argv), env=environment(domain, bags), stdout=subprocess.PIPE, text=True
+    )
+    wait_for_flight(bag)
+    process.send_signal(number)
+    out, _ = process.communicate(timeout=TIMEOUT)
+    assert process.returncode == 130
+    assert json.loads(out)["outcome"] == "interrupted"
+    assert open_bag(bag).message_count > 0
+
+
 @pytest.mark.parametrize("option", ["--in-process", "--json"])
 def test_a_flight_shows_itself_on_a_terminal_and_nowhere_else(domain, tmp_path, option):
     """Standard error is a terminal: results on standard output are as ever."""

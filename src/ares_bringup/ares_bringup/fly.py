@@ -590,6 +590,9 @@ def _fly_in_process(
             for node in _in_order_of_end(nodes):
                 if not node.done:
                     node.drain(executor)
+                if stop.requested:
+                    # else they fly on while the recorder takes what it has been sent
+                    node.stop()
         finally:
             for node in _in_order_of_end(nodes):
                 executor.remove_node(node)

@@ -6,6 +6,7 @@ itself within GRACE, the thread ends the process. Whatever is being computed the
 only: files are written between kernels, and each whole or not at all.
 """
 
+import atexit
 import os
 import signal
 import sys
@@ -28,6 +29,29 @@ def end_at_once() -> None:
     """Until the command line is there: a signal ends the process, and nothing is printed."""
     for number in _SIGNALS:
         signal.signal(number, lambda number, _: os._exit(exit_status(number)))
+
+
+def leave_the_end_alone() -> None:
+    """From when Python has waited for its threads on, a signal does nothing: the command has ended.
+
+    Python would give up its handlers then, and the signal end the process by itself.
+    """
+    # what is registered first is called last
+    atexit.register(_ignore)
+
+
+def _ignore() -> None:
+    for number in _SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+
+
+class Interrupted(KeyboardInterrupt):
+    """A signal asks for the end.
+
+    A KeyboardInterrupt of Python's own that passes through a text that is executed, as dataclasses
+    are made, is remembered: Python ends itself by SIGINT later, whoever has caught it and whichever
+    signal it was.
+    """
 
 
 class Interrupts:
@@ -82,7 +106,7 @@ class Interrupts:
         # the next signal ends the process, in which Python's own clean-up may still run
         end_at_once()
         self._number = number
-        raise KeyboardInterrupt
+        raise Interrupted
 
     def _listen(self) -> None:
         number = 0
