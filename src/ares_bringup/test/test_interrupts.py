@@ -103,6 +103,36 @@ with Interrupts() as interrupts:
 sys.exit(interrupts.status(0))
 """
 
+#: As in a callback of compiled code.
+WHERE_NOTHING_CAN_BE_RAISED = """
+import sys
+import time
+
+from ares_bringup.commands.interrupts import Interrupts
+
+
+class Lasting:
+    def __del__(self):
+        print("ready", flush=True)
+        time.sleep(600.0)
+
+
+with Interrupts() as interrupts:
+    Lasting()
+    time.sleep(600.0)
+"""
+
+#: At the edge of a verb.
+AROUND_A_VERB = """
+import sys
+import time
+
+from ares_bringup.commands import cli
+
+cli._run = lambda _argv: print("ready", flush=True) or time.sleep(600.0)
+sys.exit(cli.main())
+"""
+
 #: A command whose interpreter takes long to end.
 AT_THE_VERY_END = """
 import atexit
@@ -177,6 +207,17 @@ def test_in_a_text_that_is_executed(tmp_path, number):
     """Python, run as a module, would end itself by SIGINT in the end, whatever the status."""
     status, out, err = interrupted(tmp_path, IN_AN_EXECUTED_TEXT, number)
     assert (status, out, err) == (128 + number, "in order\n", "")
+
+
+@pytest.mark.parametrize("number", BOTH)
+def test_where_nothing_can_be_raised(tmp_path, number):
+    status, out, err = interrupted(tmp_path, WHERE_NOTHING_CAN_BE_RAISED, number)
+    assert (status, out, err) == (128 + number, "", "ares: interrupted\n")
+
+
+@pytest.mark.parametrize("number", BOTH)
+def test_before_a_verb_begins_or_after_it(tmp_path, number):
+    assert interrupted(tmp_path, AROUND_A_VERB, number) == (128 + number, "", "")
 
 
 @pytest.mark.parametrize("number", BOTH)

@@ -57,7 +57,8 @@ class Interrupted(KeyboardInterrupt):
 class Interrupts:
     """Both signals as KeyboardInterrupt, and an end that comes for sure.
 
-    Must be entered in the main thread. A verb with signals of its own, such as a flight, may
+    Must be entered in the main thread; the interrupt may come as soon as it is, and until it is
+    left: outside the block is the place to catch it. A verb with signals of its own, such as a flight, may
     take them meanwhile and give them back.
     """
 
@@ -70,9 +71,13 @@ class Interrupts:
         self._readable, self._writable = os.pipe()
         os.set_blocking(self._writable, False)
         self._former_fd = signal.set_wakeup_fd(self._writable, warn_on_full_buffer=False)
-        self._former = {number: signal.signal(number, self._interrupt) for number in _SIGNALS}
+        self._former_hook = sys.unraisablehook
+        sys.unraisablehook = self._on_unraisable
         self._thread = threading.Thread(target=self._listen, name="interrupts", daemon=True)
         self._thread.start()
+        self._former = {number: signal.getsignal(number) for number in _SIGNALS}
+        for number in _SIGNALS:
+            signal.signal(number, self._interrupt)
         return self
 
     def __exit__(
@@ -92,6 +97,7 @@ class Interrupts:
             return kind is not None and issubclass(kind, Exception)
         for number, handler in self._former.items():
             signal.signal(number, handler)
+        sys.unraisablehook = self._former_hook
         os.write(self._writable, b"\0")
         self._thread.join()
         os.close(self._readable)
@@ -107,6 +113,12 @@ class Interrupts:
         end_at_once()
         self._number = number
         raise Interrupted
+
+    def _on_unraisable(self, unraisable: "sys.UnraisableHookArgs") -> None:
+        # raised where nobody can take it, or of an object that the interrupt has left half made:
+        # the command ends all the same
+        if not self._number:
+            self._former_hook(unraisable)
 
     def _listen(self) -> None:
         number = 0
