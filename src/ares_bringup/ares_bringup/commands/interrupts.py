@@ -58,8 +58,8 @@ class Interrupts:
     """Both signals as KeyboardInterrupt, and an end that comes for sure.
 
     Must be entered in the main thread; the interrupt may come as soon as it is, and until it is
-    left: outside the block is the place to catch it. A verb with signals of its own, such as a flight, may
-    take them meanwhile and give them back.
+    left: outside the block is the place to catch it. A verb with signals of its own, such as a
+    flight, may take them meanwhile and give them back.
     """
 
     def __init__(self) -> None:
