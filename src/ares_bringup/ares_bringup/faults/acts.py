@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -147,26 +148,31 @@ def remove_folder(scene: Scene, rng: Generator) -> None:
         shutil.rmtree(scene.bag)
 
 
-def what_fits_is_whole(scene: Scene, _flown: Flown) -> str:
-    """The bag can be read as it is: chunks make room for its end, and the recorder says so."""
+def what_was_flushed_is_there(scene: Scene, _flown: Flown) -> str:
+    """The bag is whole as it is and holds each navigation state from before the fault."""
+    return _what_is_missing(scene, scene.bag)
+
+
+def what_was_flushed_is_saved(scene: Scene, _flown: Flown) -> str:
+    """The same of the repaired bag, if the bag is not whole."""
     try:
-        return "; ".join(map(str, verify(scene.bag).findings))
+        if not verify(scene.bag).findings:
+            return _what_is_missing(scene, scene.bag)
+        return _what_is_missing(scene, repair(scene.bag, scene.folder / "saved").path)
     except BagError as error:
         return str(error)
 
 
-def what_was_flushed_is_saved(scene: Scene, _flown: Flown) -> str:
-    """The repaired bag is whole and holds each navigation state from before the fault."""
-    bag = scene.bag
+def _what_is_missing(scene: Scene, bag: Path) -> str:
     try:
-        if verify(bag).findings:
-            bag = repair(bag, scene.folder / "saved").path
         findings = verify(bag).findings
         states = open_bag(bag).topics[f"/ares/{NAV_STATE}"].count
     except (BagError, KeyError) as error:
         return f"{type(error).__name__}: {error}"
     if states < scene.facts["flushed"]:
-        return f"{states} navigation states saved of {scene.facts['flushed']} that were flushed"
+        return (
+            f"{states} navigation states in the bag of {scene.facts['flushed']} that were flushed"
+        )
     return "; ".join(map(str, findings))
 
 

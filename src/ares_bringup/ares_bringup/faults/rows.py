@@ -174,12 +174,12 @@ ROWS = (
     ),
     Row(
         "disk full",
-        f"{UNAFFECTED}; what leaves room for the bag's end is a whole bag, said, status 1",
+        f"{UNAFFECTED}; what was flushed is a whole bag, said, status 1",
         acts.fill_disk,
         ("recorder", "messages are in it"),
         unaffected=True,
         options=RECORDED,
-        after=acts.what_fits_is_whole,
+        after=acts.what_was_flushed_is_there,
     ),
     Row(
         "bag's folder removed",
