@@ -13,7 +13,9 @@ import pytest
 import yaml
 
 from ares_bags.compare import differences
+from ares_bags.files import find_file
 from ares_bags.reader import open_bag
+from ares_bags.verify import Examination
 from ares_bringup.testing import short_burn
 from ares_node.testing import claimed_domain, own_words
 
@@ -65,10 +67,15 @@ def children_of(pid):
     return found
 
 
+def messages_in(bag):
+    """How many there are in a bag that is being recorded."""
+    return sum(Examination(bag, find_file(bag), decode=False).message_counts.values())
+
+
 def wait_for_flight(bag):
     """Until messages are in the bag."""
     deadline = time.monotonic() + TIMEOUT
-    while sum(path.stat().st_size for path in bag.glob("*.mcap")) < 10_000:
+    while not (list(bag.glob("*.mcap")) and messages_in(bag)):
         assert time.monotonic() < deadline
         time.sleep(0.05)
 
@@ -234,6 +241,22 @@ def test_an_interrupted_flight_keeps_its_bag_and_leaves_nothing(domain, bags, tm
     assert parent.returncode == 130
     assert json.loads(out)["outcome"] == "interrupted"
     assert not [pid for pid in children if Path(f"/proc/{pid}").exists()]
+    assert open_bag(bag).message_count > 0
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_flight_in_one_process_does_not_fly_on(domain, bags, tmp_path, number):
+    """The recorder takes what it has been sent, for which it has time for the whole flight."""
+    bag = tmp_path / "bag"
+    argv = ("fly", "--json", "--in-process", "--pace", "200", "--bag", str(bag))
+    process = subprocess.Popen(
+        command(*argv), env=environment(domain, bags), stdout=subprocess.PIPE, text=True
+    )
+    wait_for_flight(bag)
+    process.send_signal(number)
+    out, _ = process.communicate(timeout=TIMEOUT)
+    assert process.returncode == 130
+    assert json.loads(out)["outcome"] == "interrupted"
     assert open_bag(bag).message_count > 0
 
 

@@ -10,10 +10,15 @@ import pytest
 from ares_bringup.commands.cli import main
 from ares_bringup.faults import tampering
 from ares_bringup.faults.campaign import as_object, chosen, spread
+from ares_bringup.faults.control import Control
 from ares_bringup.faults.rows import ROWS
 from ares_bringup.faults.scene import Flown
-from ares_bringup.faults.trial import UNDISTURBED_KG, Class, Trial, judge, run
+from ares_bringup.faults.signals import slowed
+from ares_bringup.faults.trial import Class, Trial, judge, run
 from ares_bringup.keeper import Keeper
+from ares_bringup.options import CannotStart
+
+CONTROL = Control(begin_s=155.9, jettison_s=434.0, cutoff_s=767.1, mass_kg=174117.5)
 
 
 @pytest.mark.parametrize(
@@ -63,13 +68,51 @@ SAID = f"flown without an answer from guidance for 3.0 s\n{Keeper().ended('guida
     ],
 )
 def test_a_flight_under_a_fault_is_judged(result, expected):
-    assert judge(row("guidance killed"), result)[0] is expected
+    assert judge(row("guidance killed"), result, CONTROL)[0] is expected
 
 
-@pytest.mark.parametrize(("mass", "expected"), [(UNDISTURBED_KG, "survived"), (174117.0, "wrong")])
+@pytest.mark.parametrize(("mass", "expected"), [(CONTROL.mass_kg, "survived"), (174117.0, "wrong")])
 def test_a_fault_that_touched_nothing_leaves_no_trace(mass, expected):
     result = flown("", status=0, touched=0, m_f_kg=mass)
-    assert judge(row("commands lost, to 10 %"), result)[0].value == expected
+    assert judge(row("commands lost, to 10 %"), result, CONTROL)[0].value == expected
+
+
+def test_what_cannot_be_told_need_not_be_said():
+    result = flown("", status=0)
+    drift = row("navigation drifts slowly")
+    assert judge(drift, result, CONTROL)[0] is Class.WRONG
+    result.facts["can_be_told"] = False
+    assert judge(drift, result, CONTROL)[0] is Class.SURVIVED
+
+
+def test_the_flight_without_a_fault_reaches_the_target():
+    summary = {
+        "outcome": "target",
+        "shortcomings": [],
+        "events": [{"t_s": CONTROL.begin_s}],
+        "t_plf_s": CONTROL.jettison_s,
+        "t_meco_s": CONTROL.cutoff_s,
+        "m_f_kg": CONTROL.mass_kg,
+    }
+    assert Control.of(summary) == CONTROL
+    for bad in ({}, summary | {"outcome": "impact"}, summary | {"shortcomings": ["late"]}):
+        with pytest.raises(CannotStart, match="without a fault is not as it should be"):
+            Control.of(bad)
+
+
+@pytest.mark.parametrize(
+    ("own", "others", "cores", "factor"),
+    [
+        (1, 0, 2, 1.0),
+        (5, 0, 2, 1.0),
+        (1, 1, 2, 1.0),
+        (1, 3, 2, 2.0),
+        (4, 4, 2, 2.0),
+        (0, 9, 2, 1.0),
+    ],
+)
+def test_time_as_the_machine_gives_it(own, others, cores, factor):
+    assert slowed(own, others, cores) == factor
 
 
 def test_tampering_is_drawn():

@@ -25,6 +25,19 @@ _OPCODE = int(Opcode.MESSAGE)
 #: Bytes of a record before its length counts.
 _PREFIX = 9
 
+#: Of a file that is measured before it has any.
+_NO_CHUNK = ChunkIndex(
+    message_start_time=0,
+    message_end_time=0,
+    chunk_start_offset=0,
+    chunk_length=0,
+    message_index_offsets={},
+    message_index_length=0,
+    compression="",
+    compressed_size=0,
+    uncompressed_size=0,
+)
+
 
 class Stream(Protocol):
     """What a file is written to."""
@@ -54,6 +67,8 @@ class ChunkedFile:
         self._checksum = 0
         self._contents = Contents()
         self._chunks: list[ChunkEntry] = []
+        #: bytes that the end of the file will need for the index of the chunks so far
+        self.index_size = 0
         self._builder = RecordBuilder()
         self._put(MCAP0_MAGIC)
         Header("ros2", f"{library} {LIBRARY_IDENTIFIER}").write(self._builder)
@@ -126,7 +141,19 @@ class ChunkedFile:
         counts = {channel: len(entries) // 2 for channel, entries in self._entries.items()}
         self._chunks.append(ChunkEntry(index, counts))
         self._put(self._builder.end())
+        index.write(self._builder)
+        self.index_size += len(self._builder.end())
         self._begin_chunk()
+
+    def size_of_end(self, data: Mapping[str, str]) -> int:
+        """Bytes of the end of the file as it would be now, but for the index of the chunks.
+
+        Args:
+            data: content of the last metadata record.
+        """
+        counted = ChunkEntry(_NO_CHUNK, dict.fromkeys(self._contents.channels, 0))
+        begin = self._stream.tell()
+        return len(ending(begin, self._contents, [counted], self._metadata, data, self._checksum))
 
     def end(self, data: Mapping[str, str]) -> None:
         """Write the last chunk and the end of the file.

@@ -1,7 +1,8 @@
 """A new end for an MCAP file whose writer could not go on.
 
 A full disk leaves complete chunks without the index that readers ask for. The index is
-made here from the chunks; if there is no room for it either, the last chunks make room.
+made here from the chunks, in the room that the writer has held for it behind them; where that could
+not be held, the last chunks make room.
 """
 
 # mypy: allow-untyped-calls
@@ -102,11 +103,12 @@ def _checksum(path: Path, end: int) -> int:
 
 def _rewrite_end(path: Path, begin: int, end: bytes) -> None:
     with path.open("r+b", buffering=0) as stream:
-        os.ftruncate(stream.fileno(), begin)
         stream.seek(begin)
         view = memoryview(end)
         while view:
             view = view[stream.write(view) :]
+        # not before: what is given back is anybody's
+        os.ftruncate(stream.fileno(), begin + len(end))
 
 
 def seal(path: Path, custom_data: dict[str, str]) -> dict[str, Any]:

@@ -378,8 +378,17 @@ def survey(data: memoryview) -> Survey | None:
         return None
     spans = list(walk(data, MAGIC, end, known))
     if summary is None:
-        spans = _data_section(spans)
+        spans = _data_section(_written(data, spans))
     return Survey(data, summary, problem, spans)
+
+
+def _written(data: memoryview, spans: list[Span]) -> list[Span]:
+    """All but the room that a recorder has held behind what it has written."""
+    if not spans or spans[-1].opcode is not None:
+        return spans
+    begin = spans[-1].begin
+    size = len(bytes(data[begin : spans[-1].end]).rstrip(b"\0"))
+    return [*spans[:-1], Span(begin, begin + size, None)] if size else spans[:-1]
 
 
 def _data_section(spans: list[Span]) -> list[Span]:

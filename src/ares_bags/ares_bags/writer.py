@@ -1,9 +1,11 @@
 """Writing a bag: a folder with one MCAP file and `metadata.yaml`, as rosbag2 has it.
 
 The file reaches the disk in complete chunks, at a bounded interval of time and of bytes, so
-that a killed process loses at most that interval and a full disk leaves a readable bag.
+that a killed process loses at most that interval. Room for the end of the file is held before each
+chunk is written, so that a full disk costs no message that has reached the file.
 """
 
+import errno
 import os
 import time
 from collections.abc import Mapping
@@ -29,13 +31,21 @@ GUIDANCE_KEY = "guidance "
 LIBRARY = "ares_bags"
 
 
+#: Bytes held for what is not known before the end: why there is no room, what guidance says last,
+#: larger counts, and two blocks that are not full.
+TO_SPARE = 16 * 1024
+#: What a file system says that cannot hold room for a file.
+_CANNOT_HOLD = (errno.EINVAL, errno.EOPNOTSUPP, errno.ENOSYS)
+
+
 class _WholeChunks:
-    """Output stream whose bytes reach the file at `flush` only: all of them or none."""
+    """Output stream whose bytes reach the file at `flush` only, with room held behind them."""
 
     def __init__(self, path: Path) -> None:
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
         self._pending = bytearray()
         self._written = 0
+        self._held = 0
 
     def write(self, data: bytes) -> int:
         self._pending += data
@@ -44,19 +54,34 @@ class _WholeChunks:
     def tell(self) -> int:
         return self._written + len(self._pending)
 
+    def hold(self, room: int) -> None:
+        """See that the file can grow to what waits to be written and so many bytes more.
+
+        Raises:
+            OSError: it cannot.
+        """
+        end = self.tell() + room
+        if end <= self._held or not hasattr(os, "posix_fallocate"):
+            return
+        try:
+            os.posix_fallocate(self._descriptor, self._held, end - self._held)
+        except OSError as error:
+            if error.errno not in _CANNOT_HOLD:
+                raise
+        self._held = end
+
     def flush(self) -> None:
+        # of a chunk that is torn nothing counts: `seal` overwrites it
         data = bytes(self._pending)
         done = 0
-        try:
-            while done < len(data):
-                done += os.write(self._descriptor, data[done:])
-        except OSError:
-            # cut the torn chunk off; seal() does it again if this fails too
-            with suppress(OSError):
-                os.ftruncate(self._descriptor, self._written)
-            raise
+        while done < len(data):
+            done += os.write(self._descriptor, data[done:])
         self._written += done
         self._pending.clear()
+
+    def give_back(self) -> None:
+        """Let go of the room that is held."""
+        os.ftruncate(self._descriptor, self._written)
 
     def close(self) -> None:
         if self._descriptor >= 0:
@@ -67,7 +92,7 @@ class _WholeChunks:
 class BagWriter:
     """Writes one bag.
 
-    After a write error nothing more is taken: the bag is closed with what fits on the disk,
+    After a write error nothing more is taken: the bag is closed with all that was flushed before,
     `error` says why, and every further `write` raises it again.
 
     Attributes:
@@ -110,6 +135,8 @@ class BagWriter:
         self._unflushed = 0
         self._flushed_at = time.monotonic()
         self._open = False
+        self._measured: tuple[int, int] | None = None
+        self._fixed = 0
         self.file = self.path / f"{self.path.name}_0.mcap"
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -125,6 +152,9 @@ class BagWriter:
             # a killed recorder leaves at least what the bag is about
             self._chunks = ChunkedFile(self._output, LIBRARY, record_data(self._information()))
             self._output.flush()
+            with suppress(OSError):
+                # on a disk that is nearly full the bag will end soon
+                self._output.hold(self._room())
         except OSError as error:
             with suppress(OSError):
                 self.file.unlink(missing_ok=True)
@@ -205,6 +235,7 @@ class BagWriter:
         self._unflushed = 0
         try:
             self._chunks.end_chunk()
+            self._output.hold(self._room())
             self._output.flush()
         except OSError as error:
             raise self._fail(error) from error
@@ -222,6 +253,7 @@ class BagWriter:
         try:
             self._chunks.end(record_data(information))
             self._output.flush()
+            self._output.give_back()
             self._open = False
             self._output.close()
             write_metadata_file(self.path, information)
@@ -240,6 +272,16 @@ class BagWriter:
         span = None if self._first is None else (self._first, self._last)
         counts = [(topic, self.counts[topic.name]) for topic in self._topics.values()]
         return bag_information(self.file.name, counts, span, self.custom_data)
+
+    def _room(self) -> int:
+        """Bytes for the end of the file as it is now, and for `metadata.yaml`."""
+        known = (len(self._topics), sum(map(len, self.custom_data.values())))
+        if known != self._measured:
+            self._measured = known
+            data = record_data(self._information())
+            metadata = sum(len(text.encode()) for text in data.values())
+            self._fixed = self._chunks.size_of_end(data) + metadata + TO_SPARE
+        return self._fixed + self._chunks.index_size
 
     def _fail(self, error: OSError) -> BagError:
         self._open = False

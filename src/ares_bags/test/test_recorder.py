@@ -268,7 +268,7 @@ def test_full_disk_is_reported_once_and_the_flight_goes_on(
     assert recorder.start()
     source.wait_for_recorder()
     former = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, former[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, former[1]))
     try:
         for first in range(0, 2000, 50):
             source.publish(first, 50)

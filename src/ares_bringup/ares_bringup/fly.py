@@ -70,8 +70,9 @@ MODULES = {
 #: Wall time in s that guidance's start waits for the optimizer, which may compile first: more is
 #: waiting for one that hangs.
 OPTIMIZER_TIMEOUT = 120.0
-#: Wall time in s for simulator and guidance to end.
+#: Wall time in s for simulator and guidance to end, and where a signal asks for the end.
 NODE_STOP_TIMEOUT = 10.0
+INTERRUPTED_STOP_TIMEOUT = 1.0
 #: Wall time in s between the ends of the flying nodes and of the recorder.
 HEAD_START = 0.1
 #: Wall time in s for the recorder to write what it still has and to close the bag.
@@ -502,7 +503,8 @@ def _fly_in_processes(
             def listen() -> None:
                 executor.spin_once(timeout_sec=0.005)
 
-            _end_crew(crew, summary, say, listen)
+            within = INTERRUPTED_STOP_TIMEOUT if stop.requested else NODE_STOP_TIMEOUT
+            _end_crew(crew, summary, say, listen, within)
             audience.leave(monitor)
 
 
@@ -532,8 +534,10 @@ def _say_ended(name: str, line: str, summary: FlightSummary, say: Say) -> None:
     say(line)
 
 
-def _end_crew(crew: Crew, summary: FlightSummary, say: Say, listen: Callable[[], None]) -> None:
-    """End the flying nodes, then the recorder: it gets to write all that they sent."""
+def _end_crew(
+    crew: Crew, summary: FlightSummary, say: Say, listen: Callable[[], None], within: float
+) -> None:
+    """End the flying nodes within so many s, then the recorder: it writes all that they sent."""
     alive = crew.running()
     for name, status in crew.newly_ended():
         # between the last look and the end of the flight
@@ -547,8 +551,8 @@ def _end_crew(crew: Crew, summary: FlightSummary, say: Say, listen: Callable[[],
         while time.monotonic() - begun < HEAD_START and set(flying) & set(crew.running()):
             listen()
         crew.ask_to_stop([RECORDER])
-    for name in crew.stop(flying, NODE_STOP_TIMEOUT, listen):
-        problem = f"{name} did not end within {NODE_STOP_TIMEOUT:g} s: killed"
+    for name in crew.stop(flying, within, listen):
+        problem = f"{name} did not end within {within:g} s: killed"
         if name in SPARED:
             say(problem)
         else:
@@ -590,6 +594,9 @@ def _fly_in_process(
             for node in _in_order_of_end(nodes):
                 if not node.done:
                     node.drain(executor)
+                if stop.requested:
+                    # else they fly on while the recorder takes what it has been sent
+                    node.stop()
         finally:
             for node in _in_order_of_end(nodes):
                 executor.remove_node(node)

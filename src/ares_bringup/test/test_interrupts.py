@@ -87,6 +87,73 @@ with Interrupts() as interrupts:
 sys.exit(interrupts.status(0))
 """
 
+#: As where a dataclass is made.
+IN_AN_EXECUTED_TEXT = """
+import sys
+import time
+
+from ares_bringup.commands.interrupts import Interrupts
+
+with Interrupts() as interrupts:
+    try:
+        print("ready", flush=True)
+        exec("time.sleep(600.0)")
+    except KeyboardInterrupt:
+        print("in order", flush=True)
+sys.exit(interrupts.status(0))
+"""
+
+#: As in a callback of compiled code.
+WHERE_NOTHING_CAN_BE_RAISED = """
+import sys
+import time
+
+from ares_bringup.commands.interrupts import Interrupts
+
+
+class Lasting:
+    def __del__(self):
+        print("ready", flush=True)
+        time.sleep(600.0)
+
+
+with Interrupts() as interrupts:
+    Lasting()
+    time.sleep(600.0)
+"""
+
+#: At the edge of a verb.
+AROUND_A_VERB = """
+import sys
+import time
+
+from ares_bringup.commands import cli
+
+cli._run = lambda _argv: print("ready", flush=True) or time.sleep(600.0)
+sys.exit(cli.main())
+"""
+
+#: A command whose interpreter takes long to end.
+AT_THE_VERY_END = """
+import atexit
+import sys
+import time
+
+from ares_bringup.commands.interrupts import end_at_once, leave_the_end_alone
+
+
+class Lasting:
+    def __del__(self):
+        print("ready", flush=True)
+        time.sleep(0.5)
+
+
+end_at_once()
+leave_the_end_alone()
+lasting = Lasting()
+sys.exit(1)
+"""
+
 AT_ONCE = """
 import time
 
@@ -103,7 +170,8 @@ def interrupted(tmp_path, text, number, *arguments):
     script = tmp_path / "script.py"
     script.write_text(text)
     process = subprocess.Popen(
-        [sys.executable, str(script), *arguments],
+        [sys.executable, "-m", "script", *arguments],
+        cwd=tmp_path,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -132,6 +200,30 @@ def test_while_threads_are_in_kernels(tmp_path, number):
 def test_in_python(tmp_path, number):
     status, out, err = interrupted(tmp_path, IN_PYTHON, number)
     assert (status, out, err) == (128 + number, "in order\n", "")
+
+
+@pytest.mark.parametrize("number", BOTH)
+def test_in_a_text_that_is_executed(tmp_path, number):
+    """Python, run as a module, would end itself by SIGINT in the end, whatever the status."""
+    status, out, err = interrupted(tmp_path, IN_AN_EXECUTED_TEXT, number)
+    assert (status, out, err) == (128 + number, "in order\n", "")
+
+
+@pytest.mark.parametrize("number", BOTH)
+def test_where_nothing_can_be_raised(tmp_path, number):
+    status, out, err = interrupted(tmp_path, WHERE_NOTHING_CAN_BE_RAISED, number)
+    assert (status, out, err) == (128 + number, "", "ares: interrupted\n")
+
+
+@pytest.mark.parametrize("number", BOTH)
+def test_before_a_verb_begins_or_after_it(tmp_path, number):
+    assert interrupted(tmp_path, AROUND_A_VERB, number) == (128 + number, "", "")
+
+
+@pytest.mark.parametrize("number", BOTH)
+def test_when_the_interpreter_ends(tmp_path, number):
+    """The command is over, with its status."""
+    assert interrupted(tmp_path, AT_THE_VERY_END, number) == (1, "", "")
 
 
 @pytest.mark.parametrize("number", BOTH)

@@ -133,6 +133,17 @@ def test_a_node_that_hears_no_signal_is_killed(flight, monkeypatch):
     assert summary.shortcomings() == ["guidance did not end within 3 s: killed"]
 
 
+def test_an_interrupted_flight_does_not_wait_for_a_node_that_hears_no_signal(flight, tmp_path):
+    def interrupt():
+        while not (tmp_path / "guidance").exists():
+            time.sleep(0.02)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    summary, _ = flight(interrupt, vehicle_sim="slow", guidance="hang")
+    assert summary.exit_code == 130
+    assert "guidance did not end within 1 s: killed" in summary.shortcomings()
+
+
 def test_a_missed_target(flight):
     summary, _ = flight(vehicle_sim="miss")
     assert summary.outcome is Outcome.TARGET_MISSED

@@ -96,8 +96,9 @@ class StopSignals:
         former_hook = sys.unraisablehook
 
         def hook(unraisable: "sys.UnraisableHookArgs") -> None:
-            # raised in a callback of compiled code, which cannot pass it on: `requested` stays
-            if not isinstance(unraisable.exc_value, _Stopped):
+            # raised in a callback of compiled code, which cannot pass it on, or of an object that
+            # it has left half made: `requested` stays
+            if not self.requested:
                 former_hook(unraisable)
 
         sys.unraisablehook = hook

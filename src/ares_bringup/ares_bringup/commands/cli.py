@@ -3,6 +3,7 @@
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 
 from ares_bringup.commands.interrupts import Interrupts
 from ares_bringup.options import CannotStart
@@ -27,7 +28,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit status.
     """
     status = 0
-    with Interrupts() as interrupts:
+    interrupts = Interrupts()
+    # before the verb has begun, or when it is over
+    with suppress(KeyboardInterrupt), interrupts:
         status = _run(argv)
     return interrupts.status(status)
 

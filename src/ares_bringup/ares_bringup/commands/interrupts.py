@@ -6,6 +6,7 @@ itself within GRACE, the thread ends the process. Whatever is being computed the
 only: files are written between kernels, and each whole or not at all.
 """
 
+import atexit
 import os
 import signal
 import sys
@@ -30,11 +31,35 @@ def end_at_once() -> None:
         signal.signal(number, lambda number, _: os._exit(exit_status(number)))
 
 
+def leave_the_end_alone() -> None:
+    """From when Python has waited for its threads on, a signal does nothing: the command has ended.
+
+    Python would give up its handlers then, and the signal end the process by itself.
+    """
+    # what is registered first is called last
+    atexit.register(_ignore)
+
+
+def _ignore() -> None:
+    for number in _SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+
+
+class Interrupted(KeyboardInterrupt):
+    """A signal asks for the end.
+
+    A KeyboardInterrupt of Python's own that passes through a text that is executed, as dataclasses
+    are made, is remembered: Python ends itself by SIGINT later, whoever has caught it and whichever
+    signal it was.
+    """
+
+
 class Interrupts:
     """Both signals as KeyboardInterrupt, and an end that comes for sure.
 
-    Must be entered in the main thread. A verb with signals of its own, such as a flight, may
-    take them meanwhile and give them back.
+    Must be entered in the main thread; the interrupt may come as soon as it is, and until it is
+    left: outside the block is the place to catch it. A verb with signals of its own, such as a
+    flight, may take them meanwhile and give them back.
     """
 
     def __init__(self) -> None:
@@ -46,9 +71,13 @@ class Interrupts:
         self._readable, self._writable = os.pipe()
         os.set_blocking(self._writable, False)
         self._former_fd = signal.set_wakeup_fd(self._writable, warn_on_full_buffer=False)
-        self._former = {number: signal.signal(number, self._interrupt) for number in _SIGNALS}
+        self._former_hook = sys.unraisablehook
+        sys.unraisablehook = self._on_unraisable
         self._thread = threading.Thread(target=self._listen, name="interrupts", daemon=True)
         self._thread.start()
+        self._former = {number: signal.getsignal(number) for number in _SIGNALS}
+        for number in _SIGNALS:
+            signal.signal(number, self._interrupt)
         return self
 
     def __exit__(
@@ -68,6 +97,7 @@ class Interrupts:
             return kind is not None and issubclass(kind, Exception)
         for number, handler in self._former.items():
             signal.signal(number, handler)
+        sys.unraisablehook = self._former_hook
         os.write(self._writable, b"\0")
         self._thread.join()
         os.close(self._readable)
@@ -82,7 +112,13 @@ class Interrupts:
         # the next signal ends the process, in which Python's own clean-up may still run
         end_at_once()
         self._number = number
-        raise KeyboardInterrupt
+        raise Interrupted
+
+    def _on_unraisable(self, unraisable: "sys.UnraisableHookArgs") -> None:
+        # raised where nobody can take it, or of an object that the interrupt has left half made:
+        # the command ends all the same
+        if not self._number:
+            self._former_hook(unraisable)
 
     def _listen(self) -> None:
         number = 0

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from ares_bags.reader import open_bag
 from ares_bags.repair import repair
 from ares_bags.verify import verify
 from ares_bringup.faults import tampering
+from ares_bringup.faults.control import Control
 from ares_bringup.faults.relay import Channel
 from ares_bringup.faults.scene import Flown, Scene
 from ares_bringup.keeper import GUIDANCE, OPTIMIZER, RECORDER, SIMULATOR
@@ -26,13 +28,14 @@ from ares_msgs.msg import ThrustCommand
 from ares_node.qos import CLOCK, CLOCK_QOS, FLIGHT, NAV_STATE, SOLVE_TRAJECTORY, THRUST_COMMAND
 from ares_node.time import ns_from_stamp, stamp_from_seconds
 
-Act = Callable[[Scene, Generator], None]
+#: What is done to a scene of a flight like the control, drawn by a generator.
+Act = Callable[[Scene, Control, Generator], None]
 
-#: Of the mission that is flown, s: its begin, its jettison and its cut-off as guidance flies it.
-BEGIN, JETTISON, CUTOFF = 155.9, 434.0, 767.1
 #: Flight time in s that the vehicle needs to recover, and that a fault lasts at most.
 TIME_TO_RECOVER = 30.0
 LONGEST = 20.0
+#: Of the messages of a bad link.
+SHARES = [0.01, 0.1, 0.5]
 #: Flight time in s that a bad link lasts.
 BAD_LINK = 100.0
 #: Pace at which a flight goes on without guidance: 20 s of it are over before another has started.
@@ -45,23 +48,23 @@ UNSAID = 1.0
 FLUSHED_AFTER = 1.2
 
 
-def _some_time(rng: Generator, latest: float = CUTOFF - 2.0) -> float:
-    return float(rng.uniform(BEGIN + 2.0, latest))
+def _some_time(control: Control, rng: Generator, before_cutoff_s: float = 2.0) -> float:
+    return float(rng.uniform(control.begin_s + 2.0, control.cutoff_s - before_cutoff_s))
 
 
-def _note_end(scene: Scene, end_s: float) -> None:
+def _note_end(scene: Scene, control: Control, end_s: float) -> None:
     """When the fault is over, and so whether the target must be reached."""
-    scene.facts["must_reach"] = CUTOFF - end_s >= TIME_TO_RECOVER
+    scene.facts["must_reach"] = control.cutoff_s - end_s >= TIME_TO_RECOVER
 
 
 # ---- processes
 
 
-def kill_guidance(scene: Scene, rng: Generator) -> None:
+def kill_guidance(scene: Scene, control: Control, rng: Generator) -> None:
     """Killed; its successor flies 0 to 20 s later, however long it takes to start."""
-    at = _some_time(rng)
+    at = _some_time(control, rng)
     without = float(rng.uniform(0.0, LONGEST))
-    _note_end(scene, at + without)
+    _note_end(scene, control, at + without)
     if not scene.fly_to(at):
         return
     former = scene.guidances()
@@ -73,11 +76,11 @@ def kill_guidance(scene: Scene, rng: Generator) -> None:
     scene.set_simulator(pace=0.0, paused=False)
 
 
-def stop_guidance(scene: Scene, rng: Generator) -> None:
+def stop_guidance(scene: Scene, control: Control, rng: Generator) -> None:
     """Stopped for 1 to 20 s; then it has all the states of that time before it."""
-    at = _some_time(rng)
+    at = _some_time(control, rng)
     without = float(rng.uniform(1.0, LONGEST))
-    _note_end(scene, at + without)
+    _note_end(scene, control, at + without)
     if not scene.fly_to(at):
         return
     scene.set_simulator(pace=PACE)
@@ -98,9 +101,9 @@ def _answered(command: ThrustCommand | None) -> float:
 def signal_optimizer(name: str) -> Act:
     """A signal to the optimizer: while it is asked, or in flight."""
 
-    def act(scene: Scene, rng: Generator) -> None:
+    def act(scene: Scene, control: Control, rng: Generator) -> None:
         early = rng.random() < 0.5
-        at = _some_time(rng)
+        at = _some_time(control, rng)
         if early:
             scene.spin(lambda: scene.node.count_services(SOLVE_TRAJECTORY) > 0)
         else:
@@ -110,63 +113,68 @@ def signal_optimizer(name: str) -> Act:
     return act
 
 
-def answer_falsely(scene: Scene, rng: Generator) -> None:
+def answer_falsely(scene: Scene, control: Control, rng: Generator) -> None:
     """Another answers in the optimizer's place, from the begin on."""
-    del scene, rng
+    del scene, control, rng
 
 
 # ---- the bag
 
 
-def _fly_to_flushed(scene: Scene, rng: Generator) -> bool:
+def _fly_to_flushed(scene: Scene, control: Control, rng: Generator) -> bool:
     """To some time; the recorder has time to flush what came before."""
-    if not scene.fly_to(_some_time(rng)):
+    if not scene.fly_to(_some_time(control, rng)):
         return False
-    scene.facts["flushed"] = int(scene.relay.now - BEGIN)
+    scene.facts["flushed"] = int(scene.relay.now - control.begin_s)
     scene.spin(lambda: False, FLUSHED_AFTER)
     return True
 
 
-def kill_recorder(scene: Scene, rng: Generator) -> None:
+def kill_recorder(scene: Scene, control: Control, rng: Generator) -> None:
     """At any time."""
-    if _fly_to_flushed(scene, rng):
+    if _fly_to_flushed(scene, control, rng):
         scene.signal(RECORDER, signal.SIGKILL)
 
 
-def fill_disk(scene: Scene, rng: Generator) -> None:
+def fill_disk(scene: Scene, control: Control, rng: Generator) -> None:
     """From some time on no file can grow."""
-    if _fly_to_flushed(scene, rng):
+    if _fly_to_flushed(scene, control, rng):
         size = max(path.stat().st_size for path in scene.bag.iterdir())
         limit = size + int(rng.integers(1, 4096))
         resource.prlimit(scene.pid(RECORDER), resource.RLIMIT_FSIZE, (limit, limit))
 
 
-def remove_folder(scene: Scene, rng: Generator) -> None:
+def remove_folder(scene: Scene, control: Control, rng: Generator) -> None:
     """The bag's folder is removed with all that is in it."""
-    if scene.fly_to(_some_time(rng)):
+    if scene.fly_to(_some_time(control, rng)):
         shutil.rmtree(scene.bag)
 
 
-def what_fits_is_whole(scene: Scene, _flown: Flown) -> str:
-    """The bag can be read as it is: chunks make room for its end, and the recorder says so."""
+def what_was_flushed_is_there(scene: Scene, _flown: Flown) -> str:
+    """The bag is whole as it is and holds each navigation state from before the fault."""
+    return _what_is_missing(scene, scene.bag)
+
+
+def what_was_flushed_is_saved(scene: Scene, _flown: Flown) -> str:
+    """The same of the repaired bag, if the bag is not whole."""
     try:
-        return "; ".join(map(str, verify(scene.bag).findings))
+        if not verify(scene.bag).findings:
+            return _what_is_missing(scene, scene.bag)
+        return _what_is_missing(scene, repair(scene.bag, scene.folder / "saved").path)
     except BagError as error:
         return str(error)
 
 
-def what_was_flushed_is_saved(scene: Scene, _flown: Flown) -> str:
-    """The repaired bag is whole and holds each navigation state from before the fault."""
-    bag = scene.bag
+def _what_is_missing(scene: Scene, bag: Path) -> str:
     try:
-        if verify(bag).findings:
-            bag = repair(bag, scene.folder / "saved").path
         findings = verify(bag).findings
         states = open_bag(bag).topics[f"/ares/{NAV_STATE}"].count
     except (BagError, KeyError) as error:
         return f"{type(error).__name__}: {error}"
     if states < scene.facts["flushed"]:
-        return f"{states} navigation states saved of {scene.facts['flushed']} that were flushed"
+        return (
+            f"{states} navigation states in the bag of {scene.facts['flushed']} that were flushed"
+        )
     return "; ".join(map(str, findings))
 
 
@@ -179,12 +187,13 @@ def tamper_link(channel: str, kind: str, worse: bool) -> Act:
     Args:
         channel: of the relay.
         kind: what happens to them.
-        worse: to half of them, not to a tenth at most.
+        worse: to half of them, not to a tenth at most; if they are late, by up to 3 s, not 1, and
+            to a half at most.
     """
 
-    def act(scene: Scene, rng: Generator) -> None:
-        share = 0.5 if worse else float(rng.choice([0.01, 0.1]))
-        at = _some_time(rng, CUTOFF - 10.0)
+    def act(scene: Scene, control: Control, rng: Generator) -> None:
+        share = float(rng.choice(SHARES[: 2 + worse] if kind == "delayed" or not worse else [0.5]))
+        at = _some_time(control, rng, 10.0)
         scene.facts["must_reach"] = not worse
         link: Channel = getattr(scene.relay, channel)
         link.begin, link.end = at, at + BAD_LINK
@@ -214,17 +223,24 @@ NAVIGATION_FAULTS: dict[str, Callable[[Any, Any, float, Generator], None]] = {
     "of another mission": tampering.of_another_mission,
     "drifts slowly": tampering.drifting,
 }
+#: Error of a drifting velocity, m/s, that is told when the drift ends, at the latest: somewhat more
+#: than what the gate of navigation allows for in a second.
+TOLD_FROM = 2.0
 
 
 def tamper_navigation(kind: str) -> Act:
     """Wrong for 1 to 20 s."""
 
-    def act(scene: Scene, rng: Generator) -> None:
-        at = _some_time(rng)
+    def act(scene: Scene, control: Control, rng: Generator) -> None:
+        at = _some_time(control, rng)
         end = at + float(rng.uniform(1.0, LONGEST))
-        _note_end(scene, end)
+        _note_end(scene, control, end)
         relay = scene.relay
         first: list[Any] = []
+        if kind == "drifts slowly":
+            # its last state is less than a second before the end; then comes a true one
+            told = tampering.DRIFT * (end - at - 1.0) > TOLD_FROM and end < control.cutoff_s - 2.0
+            scene.facts["can_be_told"] = told
 
         def wrong(now: float, data: bytes) -> bytes:
             def change(record: Any) -> None:
@@ -276,10 +292,11 @@ COMMAND_FAULTS: dict[str, Callable[[ThrustCommand, Generator], None]] = {
 def tamper_commands(kind: str) -> Act:
     """Wrong for 1 to 20 s; a jettison while it is far too hot for it."""
 
-    def act(scene: Scene, rng: Generator) -> None:
-        at = _some_time(rng, JETTISON - 100.0 if "jettison" in kind else CUTOFF - 2.0)
+    def act(scene: Scene, control: Control, rng: Generator) -> None:
+        too_late = control.cutoff_s - control.jettison_s + 100.0
+        at = _some_time(control, rng, too_late if "jettison" in kind else 2.0)
         end = at + float(rng.uniform(1.0, LONGEST))
-        _note_end(scene, end)
+        _note_end(scene, control, end)
 
         def wrong(_now: float, command: ThrustCommand) -> ThrustCommand:
             changed = copy.deepcopy(command)
@@ -292,9 +309,9 @@ def tamper_commands(kind: str) -> Act:
     return act
 
 
-def second_publisher(scene: Scene, rng: Generator) -> None:
+def second_publisher(scene: Scene, control: Control, rng: Generator) -> None:
     """Somebody else answers first: as another guidance, for another flight, late, as nobody."""
-    at = _some_time(rng)
+    at = _some_time(control, rng)
     end = at + float(rng.uniform(1.0, LONGEST))
     kind = rng.choice(["another guidance", "another flight", "late", "nobody"])
     out = scene.node.create_publisher(ThrustCommand, THRUST_COMMAND, FLIGHT)
@@ -321,11 +338,11 @@ def second_publisher(scene: Scene, rng: Generator) -> None:
 # ---- the clock
 
 
-def stand_still(scene: Scene, rng: Generator) -> None:
+def stand_still(scene: Scene, control: Control, rng: Generator) -> None:
     """The clock stands, and the answers that were given come again, turned round."""
     given: list[ThrustCommand] = []
     scene.relay.on_command = given.append
-    if not scene.fly_to(_some_time(rng)):
+    if not scene.fly_to(_some_time(control, rng)):
         return
     scene.set_simulator(paused=True)
     scene.relay.let_go()
@@ -341,11 +358,11 @@ def stand_still(scene: Scene, rng: Generator) -> None:
     scene.set_simulator(paused=False)
 
 
-def jump_back(scene: Scene, rng: Generator) -> None:
+def jump_back(scene: Scene, control: Control, rng: Generator) -> None:
     """Another clock says what was, and guidance gets the states of then once more."""
     back = float(rng.uniform(2.0, 100.0))
-    at = _some_time(rng, CUTOFF - 10.0)
-    _note_end(scene, at)
+    at = _some_time(control, rng, 10.0)
+    _note_end(scene, control, at)
     kept: list[bytes] = []
 
     def keep(now: float, data: bytes) -> list[tuple[float, bytes]]:
@@ -361,18 +378,18 @@ def jump_back(scene: Scene, rng: Generator) -> None:
         clock.publish(Clock(clock=stamp_from_seconds(at - back)))
 
 
-def restart_simulator(scene: Scene, rng: Generator) -> None:
+def restart_simulator(scene: Scene, control: Control, rng: Generator) -> None:
     """Killed at any time; who started it does so again."""
-    scene.fly_past(_some_time(rng, CUTOFF - 100.0))
+    scene.fly_past(_some_time(control, rng, 100.0))
     scene.signal(SIMULATOR, signal.SIGKILL)
 
 
 # ---- the machine
 
 
-def load_cores(scene: Scene, rng: Generator) -> None:
+def load_cores(scene: Scene, control: Control, rng: Generator) -> None:
     """Two processes that do nothing else; half of the flights keep a pace from some time on."""
-    at = _some_time(rng, CUTOFF - 400.0)
+    at = _some_time(control, rng, 400.0)
     paced = bool(rng.random() < 0.5)
     for _ in range(2):
         scene.keep(subprocess.Popen([sys.executable, "-c", "while True: pass"]))

@@ -15,6 +15,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from ares_bringup.faults.control import Control, undisturbed
 from ares_bringup.faults.rows import ROWS
 from ares_bringup.faults.trial import Class, Trial, run
 from ares_bringup.options import CannotStart
@@ -55,10 +56,18 @@ def end_with_parent() -> None:
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
-def in_worker(name: str, seed: int, number: int) -> Trial:
+def in_worker(name: str, seed: int, number: int, control: Control | None) -> Trial:
     """One trial of a worker; the pool would go on after the end that a signal has asked for."""
     try:
-        return run(name, seed, number)
+        return run(name, seed, number, control)
+    except SystemExit:
+        os._exit(1)
+
+
+def control_in_worker() -> Control:
+    """The flight without a fault, likewise."""
+    try:
+        return undisturbed()
     except SystemExit:
         os._exit(1)
 
@@ -76,14 +85,25 @@ def fly_all(
 
     Returns:
         In the order of the tasks.
+
+    Raises:
+        CannotStart: the flight without a fault does not reach the target; one line.
     """
+    flown = {row.name for row in ROWS if row.alone is None}
     context = multiprocessing.get_context("spawn")
     trials: dict[tuple[str, int], Trial] = {}
     with ProcessPoolExecutor(workers, mp_context=context, initializer=end_with_parent) as pool:
-        futures = {
-            pool.submit(in_worker, name, seed, number): (name, number) for name, number in tasks
-        }
         try:
+            control = None
+            if any(name in flown for name, _ in tasks):
+                try:
+                    control = pool.submit(control_in_worker).result()
+                except (OSError, RuntimeError, ValueError, BrokenProcessPool) as error:
+                    raise CannotStart(f"the flight without a fault: {error}") from error
+            futures = {
+                pool.submit(in_worker, name, seed, number, control): (name, number)
+                for name, number in tasks
+            }
             for future in as_completed(futures):
                 name, number = futures[future]
                 try:

@@ -14,7 +14,7 @@ from ares_node.parameters import Parameter
 from ares_node.run import run_node
 from ares_optimizer.node import OptimizerNode
 
-NONSENSE, ANOTHER_VEHICLE = KINDS = ("nonsense", "another vehicle")
+NONSENSE, WRONG_PLAN, ANOTHER_VEHICLE = KINDS = ("nonsense", "wrong plan", "another vehicle")
 #: Lists of an answer that guidance reads, none of which can be zero or huge.
 LISTS = ("arc_start_time", "arc_end_time", "arc_start_mass", "steering_direction")
 PARAMETERS = (
@@ -36,12 +36,13 @@ class FalseOptimizer(OptimizerNode):
             request.use_nav_state = False
             return super()._on_request(request, response)
         answer = super()._on_request(request, response)
-        spoil(answer, np.random.default_rng(self.values["seed"]))
+        change = spoil if self.values["kind"] == NONSENSE else distort
+        change(answer, np.random.default_rng(self.values["seed"]))
         return answer
 
 
 def spoil(answer: Any, rng: Generator) -> None:
-    """Make one list of an answer, or its cut-off, nonsense."""
+    """Make one list of an answer, or its cut-off, what cannot be any plan's."""
     name = str(rng.choice(LISTS))
     values = np.array(getattr(answer, name))
     kind = rng.integers(5)
@@ -56,6 +57,23 @@ def spoil(answer: Any, rng: Generator) -> None:
     else:
         answer.cutoff_time = float(rng.choice([-1.0, 0.0, -np.inf, np.nan]))
     setattr(answer, name, values.tolist())
+
+
+def distort(answer: Any, rng: Generator) -> None:
+    """Make one list of an answer, and its cut-off, that of a plan which is wrong by anything."""
+    name = str(rng.choice(LISTS))
+    values = np.array(getattr(answer, name))
+    kind = rng.integers(4)
+    if kind == 0:
+        values *= rng.uniform(0.3, 3.0)
+    elif kind == 1:
+        values = values[::-1]
+    elif kind == 2:
+        values = -values
+    else:
+        values += values * rng.normal(0.0, 0.3, values.shape)
+    setattr(answer, name, values.tolist())
+    answer.cutoff_time *= float(rng.uniform(0.5, 2.0))
 
 
 if __name__ == "__main__":

@@ -43,7 +43,7 @@ class Row:
 
     name: str
     expected: str
-    act: Callable[[Scene, Generator], None] = lambda _scene, _rng: None
+    act: acts.Act = lambda _scene, _control, _rng: None
     says: tuple[str, ...] = ()
     statuses: tuple[int, ...] = (1,)
     by_relay: bool = False
@@ -70,7 +70,8 @@ def _links() -> list[Row]:
     for what, channel in CHANNELS.items():
         for kind in ("lost", "doubled", "delayed", "re-ordered"):
             doubled = kind == "doubled"
-            for worse, share in ((False, "to 10 %"), (True, "50 %")):
+            for worse in (False, True):
+                share = ("to 50 %" if kind == "delayed" else "50 %") if worse else "to 10 %"
                 late = (", to 3 s" if worse else ", to 1 s") if kind == "delayed" else ""
                 rows.append(
                     Row(
@@ -93,8 +94,7 @@ def _navigation() -> list[Row]:
             "refused where it can be told, counted, said; last good solution held; "
             "target reached if 30 s are left",
             acts.tamper_navigation(kind),
-            # a drift that agrees with itself cannot be told from flight
-            () if kind == "drifts slowly" else ("guidance: navigation",),
+            ("guidance: navigation",),
             (0, 1),
             by_relay=True,
         )
@@ -145,6 +145,17 @@ ROWS = (
         drawn=OPTIMIZER,
     ),
     Row(
+        "optimizer plans wrongly",
+        "refused where it can be told; target reached",
+        acts.answer_falsely,
+        (),
+        (0,),
+        options={"initial_guess": "analytic"},
+        arguments={OPTIMIZER: ("-p", "kind:=wrong plan")},
+        modules=FALSE_OPTIMIZER,
+        drawn=OPTIMIZER,
+    ),
+    Row(
         "optimizer plans another vehicle",
         "refused, said; target reached",
         acts.answer_falsely,
@@ -174,12 +185,12 @@ ROWS = (
     ),
     Row(
         "disk full",
-        f"{UNAFFECTED}; what leaves room for the bag's end is a whole bag, said, status 1",
+        f"{UNAFFECTED}; what was flushed is a whole bag, said, status 1",
         acts.fill_disk,
         ("recorder", "messages are in it"),
         unaffected=True,
         options=RECORDED,
-        after=acts.what_fits_is_whole,
+        after=acts.what_was_flushed_is_there,
     ),
     Row(
         "bag's folder removed",
@@ -211,10 +222,11 @@ ROWS = (
     ),
     Row(
         "clock jumps back",
-        "old states are not answered, said; target reached",
+        f"old states are not answered, said; {UNAFFECTED}",
         acts.jump_back,
         ("navigation state older than one before it: not answered",),
-        (0, 1),
+        (0,),
+        unaffected=True,
     ),
     Row(
         "simulator restarted",

@@ -9,6 +9,7 @@ import sys
 import tempfile
 import time
 import uuid
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
@@ -21,13 +22,14 @@ from ares_bags.verify import verify
 from ares_bringup.faults.scene import MARK, leftovers, marked
 from ares_node.domains import claimed_domain
 
-#: Wall time in s for a command to end after a signal. On a machine that does more than it has
-#: cores for it is longer in proportion.
+#: Time in s for a command to end after a signal, as the machine gives it; see `Given`.
 END_WITHIN = 2.0
 #: Wall time in s after which a command that does not end is killed.
 HUNG_AFTER = 60.0
-#: Wall time in s in which the signal comes, counted from when the command takes signals.
+#: Wall time in s in which the signal comes, counted from when the command takes signals; and of
+#: one that is over soon.
 MOMENTS = 5.0
+SOON = 1.0
 LOOK_PERIOD = 0.005
 SHARED_MEMORY = Path("/dev/shm")
 
@@ -37,13 +39,16 @@ class Verb:
     """A command line that runs for a while.
 
     Attributes:
-        words: after `ares`; {bag} is a bag to read, {new} a name in a new folder.
+        words: after `ares`; {bag} is a bag to read, {torn} one without an end, {new} a name in a
+            new folder.
         terminated: exit statuses after SIGTERM; a flight that has begun takes it for an
             interruption.
+        moments: wall time in s in which the signal comes.
     """
 
     words: tuple[str, ...]
     terminated: tuple[int, ...] = (143,)
+    moments: float = MOMENTS
 
 
 VERBS = {
@@ -60,10 +65,18 @@ VERBS = {
     "replay": Verb(("replay", "{bag}", "--pace", "100")),
     "replay --check": Verb(("replay", "{bag}", "--check")),
     "report": Verb(("report", "{bag}", "--out", "{new}.html")),
+    "export": Verb(("export", "{bag}", "--format", "csv", "--out", "{new}.csv"), moments=SOON),
     "plot": Verb(("plot", "{bag}", "--out", "{new}.png")),
     "live": Verb(("live", "--no-browser")),
     "faults": Verb(("faults", "-n", "3", "--rows", "guidance")),
-    "bag verify": Verb(("bag", "verify", "{bag}")),
+    "aborts": Verb(("aborts", "--step-s", "20", "--out", "{new}.html")),
+    "node": Verb(("node", "sim", "--ros-args", "-p", "pace:=1.0"), terminated=(0,)),
+    "bag verify": Verb(("bag", "verify", "{bag}"), moments=SOON),
+    "bag info": Verb(("bag", "info", "{bag}"), moments=SOON),
+    "bag repair": Verb(("bag", "repair", "{torn}", "--into", "{new}"), moments=SOON),
+    "missions": Verb(("missions",), moments=SOON),
+    "missions new": Verb(("missions", "new", "{new}.yaml"), moments=SOON),
+    "dispersions": Verb(("dispersions",), moments=SOON),
 }
 
 
@@ -78,6 +91,72 @@ def _a_bag() -> Path:
         [sys.executable, "-m", "ares_bringup", *words], check=True, capture_output=True, timeout=300
     )
     return bag
+
+
+def _a_torn_bag() -> Path:
+    """A bag that breaks off."""
+    torn = _a_bag().with_name("torn")
+    if not torn.exists():
+        shutil.copytree(_a_bag(), torn)
+        file = next(torn.glob("*.mcap"))
+        os.truncate(file, file.stat().st_size * 2 // 3)
+    return torn
+
+
+class Given:
+    """Time as the machine gives it to some processes: slower, while others keep its cores.
+
+    With n threads of them and m of others that can run on c cores, each gets c / (n + m) of a core
+    where it would get c / n alone, or all of one. A machine where no other thread can run gives
+    wall time.
+
+    Attributes:
+        time_s: so far.
+    """
+
+    def __init__(self, pids: Sequence[int]) -> None:
+        """Begin.
+
+        Args:
+            pids: of the processes.
+        """
+        self.time_s = 0.0
+        self._pids = pids
+        self._cores = len(os.sched_getaffinity(0))
+        self._now = time.monotonic()
+
+    def look(self) -> None:
+        """Count the time since the last look."""
+        now = time.monotonic()
+        own = _runnable(self._pids)
+        # all of the machine, this thread among them
+        others = int(Path("/proc/loadavg").read_text().split()[3].partition("/")[0]) - 1 - own
+        self.time_s += (now - self._now) / slowed(own, max(others, 0), self._cores)
+        self._now = now
+
+
+def slowed(own: int, others: int, cores: int) -> float:
+    """How many times longer threads take for others that can run too.
+
+    Args:
+        own: of them that can run.
+        others: that can run.
+        cores: that they share.
+    """
+    if not own:
+        return 1.0
+    return max(1.0, (own + others) / cores) / max(1.0, own / cores)
+
+
+def _runnable(pids: Sequence[int]) -> int:
+    """Threads of some processes that run or could."""
+    count = 0
+    for pid in pids:
+        for task in Path(f"/proc/{pid}/task").glob("[0-9]*"):
+            # it may have ended meanwhile
+            with suppress(OSError):
+                count += (task / "stat").read_text().rpartition(")")[2].split()[0] == "R"
+    return count
 
 
 def shared_memory(pids: list[int]) -> set[str]:
@@ -103,13 +182,15 @@ def interrupt(name: str, rng: Generator) -> str:
     """
     verb = VERBS[name]
     number = signal.SIGINT if rng.random() < 0.5 else signal.SIGTERM
-    moment = float(rng.uniform(0.0, MOMENTS))
+    moment = float(rng.uniform(0.0, verb.moments))
     mark = uuid.uuid4().hex
     with claimed_domain() as domain, tempfile.TemporaryDirectory(prefix="ares-fault-") as text:
         folder = Path(text)
         names = {"{bag}": "", "{new}": str(folder / "new")}
-        if any("{bag}" in word for word in verb.words):
+        if "{bag}" in verb.words:
             names["{bag}"] = str(_a_bag())
+        if "{torn}" in verb.words:
+            names["{torn}"] = str(_a_torn_bag())
         words = list(verb.words)
         for key, value in names.items():
             words = [word.replace(key, value) for word in words]
@@ -154,18 +235,21 @@ def _end(
     with suppress(subprocess.TimeoutExpired):
         process.wait(moment)
         return ""
+    pids = list(marked(mark))
     # what somebody else has left there is mapped too
-    ours = shared_memory(list(marked(mark))) - before
+    ours = shared_memory(pids) - before
+    what = f"after {signal.Signals(number).name} at {moment:.2f} s"
     begun = time.monotonic()
+    given = Given(pids)
     process.send_signal(number)
-    try:
-        process.wait(HUNG_AFTER)
-    except subprocess.TimeoutExpired:
-        return f"hung after {signal.Signals(number).name} at {moment:.2f} s"
-    took = time.monotonic() - begun
-    load = max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
-    if took > END_WITHIN * load:
-        return f"took {took:.1f} s to end after {signal.Signals(number).name} at {moment:.2f} s"
+    while process.poll() is None:
+        if time.monotonic() - begun > HUNG_AFTER:
+            return f"hung {what}"
+        time.sleep(LOOK_PERIOD)
+        given.look()
+    if given.time_s > END_WITHIN:
+        took = time.monotonic() - begun
+        return f"took {took:.1f} s to end, {given.time_s:.1f} s of them its own, {what}"
     kept = {path for path in ours if Path(path).exists()} - shared_memory(_all_pids())
     return f"left in shared memory: {', '.join(sorted(kept))}" if kept else ""
 

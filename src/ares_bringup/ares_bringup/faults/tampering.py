@@ -9,6 +9,9 @@ from numpy.random import Generator
 from ares_bringup.faults.relay import Tamper
 from ares_models.mission import load_mission
 
+#: Acceleration that is no true one, m/s2.
+DRIFT = 0.2
+
 
 def lose(rng: Generator, share: float) -> Tamper:
     """A share of the messages does not arrive."""
@@ -79,7 +82,7 @@ def of_another_mission(record: Any, _first: Any, _since: float, _rng: Generator)
 
 
 def drifting(record: Any, _first: Any, since: float, _rng: Generator) -> None:
-    """A velocity that is wrong by 0.2 m/s more each second, and the place that follows from it."""
+    """A velocity that is wrong by DRIFT more each second, and the place that follows from it."""
     along = record["velocity"] / np.linalg.norm(record["velocity"])
-    record["velocity"] += 0.2 * since * along
-    record["position"] += 0.1 * since**2 * along
+    record["velocity"] += DRIFT * since * along
+    record["position"] += 0.5 * DRIFT * since**2 * along

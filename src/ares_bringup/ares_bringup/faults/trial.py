@@ -7,11 +7,10 @@ from zlib import crc32
 
 import numpy as np
 
+from ares_bringup.faults.control import Control, undisturbed
 from ares_bringup.faults.rows import ROWS, Row
 from ares_bringup.faults.scene import Flown, Scene
 
-#: Final mass of the flight without any fault, kg; the graph flies it to the last bit.
-UNDISTURBED_KG = 174117.61845085656
 #: Ends of a flight that has diverged, or come to none.
 DIVERGED = ("impact", "incomplete", "interrupted", "time_limit")
 
@@ -47,13 +46,14 @@ class Trial:
         return asdict(self)
 
 
-def run(name: str, seed: int, number: int) -> Trial:
+def run(name: str, seed: int, number: int, control: Control | None = None) -> Trial:
     """Fly one trial.
 
     Args:
         name: of a row.
         seed: of the campaign.
         number: of the trial in its row.
+        control: the flight without a fault; None: it is flown first.
     """
     row = next(row for row in ROWS if row.name == name)
     # by its name: a row that is added changes no other
@@ -64,18 +64,19 @@ def run(name: str, seed: int, number: int) -> Trial:
     arguments = {name: list(words) for name, words in row.arguments.items()}
     if row.drawn:
         arguments[row.drawn] += ["-p", f"seed:={rng.integers(2**31)}"]
+    control = control or undisturbed()
     with Scene(row.options, arguments, row.modules, row.program) as scene:
-        row.act(scene, rng)
+        row.act(scene, control, rng)
         flown = scene.finish()
-        result, why = judge(row, flown)
+        result, why = judge(row, flown, control)
         if result is not Class.WRONG and (complaint := row.after(scene, flown)):
             result, why = Class.WRONG, complaint
     return Trial(name, seed, number, result.value, why)
 
 
-def judge(row: Row, flown: Flown) -> tuple[Class, str]:
+def judge(row: Row, flown: Flown, control: Control) -> tuple[Class, str]:
     """What a flight came to, and why it did not survive; by nothing that hangs on the machine."""
-    wrong = _unclean(flown) or _unsaid(row, flown)
+    wrong = _unclean(flown) or _unsaid(row, flown, control)
     if wrong:
         return Class.WRONG, wrong
     summary = flown.summary
@@ -101,20 +102,20 @@ def _unclean(flown: Flown) -> str:
     return ""
 
 
-def _unsaid(row: Row, flown: Flown) -> str:
+def _unsaid(row: Row, flown: Flown, control: Control) -> str:
     """What the flight should have said of the fault, and did not; empty if it did."""
     summary = flown.summary
     on_target = summary["outcome"] == "target"
     came_about = flown.touched or not row.by_relay
     exact = not came_about or row.unaffected
-    if exact and summary["m_f_kg"] != UNDISTURBED_KG:
-        return f"final mass {summary['m_f_kg']} kg, undisturbed {UNDISTURBED_KG} kg"
+    if exact and summary["m_f_kg"] != control.mass_kg:
+        return f"final mass {summary['m_f_kg']} kg, undisturbed {control.mass_kg} kg"
     allowed = row.statuses if came_about else (0,)
     if not on_target:
         allowed = (1,)
     if flown.status not in allowed:
         return f"exit status {flown.status}"
-    if not came_about:
+    if not came_about or not flown.facts.get("can_be_told", True):
         return ""
     told = [f"{line['node']}: {line['message']}" for line in summary["diagnostics"]]
     words = "\n".join([*told, *summary["shortcomings"], flown.said])
