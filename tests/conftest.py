@@ -3,6 +3,7 @@
 import importlib.util
 import os
 import shutil
+import socket
 import sys
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -121,6 +122,13 @@ def ros2() -> list[str]:
 def graph(ros_context):
     with ExitStack() as stack:
         yield Graph(ros_context, stack)
+
+
+@pytest.fixture
+def free_port() -> int:
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        return int(listener.getsockname()[1])
 
 
 def find_browser() -> str:

@@ -15,10 +15,10 @@ from unittest.mock import patch
 import typer.main
 
 from ares_bringup.commands.cli import app
-from ares_bringup.fuzz.bags import commanded
-from ares_bringup.fuzz.mutate import TEXTS, number, text
-from ares_bringup.fuzz.target import Target, check
 from ares_bringup.options import CannotStart
+from hostile.bags import commanded
+from hostile.mutate import TEXTS, number, text
+from hostile.target import Target, check
 
 #: What would fly, solve, serve or write for long once its words are found good.
 _WORK = (
@@ -45,7 +45,7 @@ class CommandLines(Target):
     """Command lines: every refusal is one line and exit status 2."""
 
     name = "command lines"
-    share = 0.08
+    share = 0.1
 
     def __init__(self) -> None:
         self._folder = Path()
