@@ -1,6 +1,6 @@
 """Hostile input for all that reads what others have written, by the million.
 
-    ./ares exec python benchmarks/fuzz.py [--inputs N] [--seed S] [--only WORD] [--keep]
+    ./ares exec python benchmarks/fuzz.py [--inputs N] [--seed S] [--only WORD ...] [--keep]
 
 Counts what came of the inputs of each target; what must not come (an exception, more than 5 s, a
 wrong success, a process that grows) is printed, and its input kept in build/fuzz for a test
@@ -38,13 +38,17 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--inputs", type=int, default=2_000_000)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", default="", help="targets whose name holds this")
+    parser.add_argument("--only", nargs="+", default=[""], help="targets with this in the name")
+    parser.add_argument("--without", nargs="+", default=[], help="and none with this")
     parser.add_argument("--keep", action="store_true", help="add to benchmarks/results/fuzz.json")
     options = parser.parse_args()
     apply_discovery_settings()
     path = RESULTS / "fuzz.json" if options.keep else KEPT / "fuzz.json"
     named = [
-        target for target in all_targets(ROOT / "bags" / "reference") if options.only in target.name
+        target
+        for target in all_targets(ROOT / "bags" / "reference")
+        if any(word in target.name for word in options.only)
+        and not any(word in target.name for word in options.without)
     ]
     again = kept.same_inputs(kept.load(path), options.seed, [target.name for target in named])
     if options.keep and again:

@@ -452,7 +452,7 @@ def test_the_terminal_outlives_a_state_that_is_none(graph) -> None:
         for raw in (b"\x00\x01", b"", bytes(40), serialize_message(VehicleState(flight_id=7))):
             view._input.callback(raw)
             view.show(monitor)
-    assert "Ares V" in out.getvalue()
+    assert "ares_v: core" in out.getvalue()
     monitor.leave()
 
 
