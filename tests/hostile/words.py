@@ -16,6 +16,9 @@ import typer.main
 
 from ares_bringup.commands.cli import app
 from ares_bringup.options import CannotStart
+from ares_guidance.laws import check_law, find_law
+from ares_guidance.registry import law_names
+from ares_models.mission import load_mission
 from hostile.bags import commanded
 from hostile.mutate import TEXTS, number, text
 from hostile.target import Target, check
@@ -28,6 +31,8 @@ _WORK = (
     "ares_bringup.commands.analytic.solve_analytic",
     "ares_bringup.commands.montecarlo.choose",
     "ares_bringup.commands.montecarlo._fly_alone",
+    "ares_bringup.commands.aborts.MapMaker",
+    "ares_bringup.faults.campaign.fly_all",
     "ares_bringup.audience.follow",
     "os.execv",
 )
@@ -59,6 +64,11 @@ class CommandLines(Target):
         self._held.enter_context(patch.dict(os.environ))
         for place in _WORK:
             self._held.enter_context(patch(place, _taken))
+        # compiled before it is timed
+        mission = load_mission("ares_v")
+        for law in law_names():
+            if not find_law(law).needs_trajectory:
+                check_law(law, mission.arrays(foreseen=True), mission.start().navigation(), None)
         group = typer.main.get_command(app)
         self._verbs = dict(_leaves(group, ()))
 
