@@ -22,6 +22,7 @@ from hostile.target import Broken, Target, check, one_line
 
 #: Laws that start from an answer.
 _LAWS = ("peg", "optimal", "peg_thesis")
+_METHODS = ("", "indirect", "closed_form", "analytic", "direct11", "jump")
 
 
 def flies(steering: Any) -> bool:
@@ -82,13 +83,24 @@ class Requests(Target):
     def begin(self) -> None:
         self._answers = Answers(MISSION, "indirect", 0.05)
         self._flight = Flight()
+        # compiled before it is timed
+        for method in _METHODS:
+            self._answers.answer(
+                SolveTrajectory.Request(
+                    mission=MISSION,
+                    use_nav_state=True,
+                    nav_state=self._flight.nav_state(),
+                    method=method,
+                    time_limit=60.0,
+                )
+            )
 
     def make(self, random: Random) -> bytes:
         request = SolveTrajectory.Request(
             mission=MISSION,
             use_nav_state=random.random() < 0.9,
             nav_state=self._flight.nav_state(),
-            method=random.choice(("", "indirect", "closed_form", "analytic", "direct11", "jump")),
+            method=random.choice(_METHODS),
             time_limit=0.05,
         )
         return hostile(request, random, ("mission", "method", "time_limit", "use_nav_state"))
