@@ -28,8 +28,10 @@ for module in (input_file, mission_checks, mission_parts):
         if isinstance(value, FunctionType) and value.__module__ == module.__name__:
             setattr(module, name, atheris.instrument_func(value))
 
-from ares_bringup.fuzz.run import pack  # noqa: E402
-from ares_bringup.fuzz.targets import all_targets  # noqa: E402
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
+
+from hostile.run import pack  # noqa: E402
+from hostile.targets import all_targets  # noqa: E402
 
 ROOT = Path(__file__).resolve().parent.parent
 CORPUS = ROOT / "build" / "atheris-corpus"

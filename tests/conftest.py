@@ -3,6 +3,7 @@
 import importlib.util
 import os
 import shutil
+import socket
 import sys
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -16,6 +17,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from ares_bringup.commands.cli import main
+from ares_bringup.commands.reproduce import PAGE
 from ares_bringup.discovery import discovery_settings
 from ares_msgs.msg import FlightEvent, FlightMember, NavState
 from ares_node.node import FlightNode
@@ -28,6 +30,7 @@ __all__ = ["graph", "ros_context", "ros_domain", "ros_environment"]
 DIAGNOSTICS = reliable(1000)
 
 ROOT = Path(__file__).parent.parent
+REFERENCE = ROOT / "bags" / "reference"
 BROWSER_FLAGS = [
     *("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
     *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
@@ -123,6 +126,13 @@ def graph(ros_context):
         yield Graph(ros_context, stack)
 
 
+@pytest.fixture
+def free_port() -> int:
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        return int(listener.getsockname()[1])
+
+
 def find_browser() -> str:
     spec = importlib.util.spec_from_file_location("workspace", ROOT / "tools" / "workspace.py")
     workspace = importlib.util.module_from_spec(spec)
@@ -198,3 +208,66 @@ def open_file(browser):
     for context in contexts:
         context.close()
     assert not complaints
+
+
+# ---- pages, each made once
+
+
+@pytest.fixture(scope="session")
+def page_of_one(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """`ares report` of the reference flight."""
+    out = tmp_path_factory.mktemp("one") / "flight.html"
+    assert main(["report", str(REFERENCE), "--out", str(out)]) == 0
+    return out
+
+
+@pytest.fixture(scope="session")
+def dispersed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The bag of a flight whose navigation errs."""
+    folder = tmp_path_factory.mktemp("flown")
+    bag, errors = folder / "dispersed", folder / "errors.yaml"
+    errors.write_text("thrust: 0.01\nnavigation:\n  position_bias_m: 30.0\n")
+    words = ["fly", "--in-process", "--nav-period", "1", "--dispersions", str(errors)]
+    assert main([*words, "--seed", "3", "--bag", str(bag)]) in (0, 1)
+    return bag
+
+
+@pytest.fixture(scope="session")
+def page_of_two(tmp_path_factory: pytest.TempPathFactory, dispersed: Path) -> Path:
+    """`ares report` of both."""
+    out = tmp_path_factory.mktemp("two") / "flights.html"
+    assert main(["report", str(REFERENCE), str(dispersed), "--out", str(out)]) == 0
+    return out
+
+
+@pytest.fixture(scope="session")
+def page_of_many(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Of a campaign of 120 flights; some fail: their fairing stays on, or they run dry."""
+    folder = tmp_path_factory.mktemp("campaign")
+    dispersions = folder / "weak.yaml"
+    dispersions.write_text("thrust: 0.03\nlog_density: {mean: 0.0, sigma: 1.5}\n")
+    words = ("-n", "120", "--dispersions", str(dispersions), "--out", str(folder / "c"))
+    assert main(("montecarlo", "--json", *words)) == 0
+    return folder / "c" / "report.html"
+
+
+@pytest.fixture(scope="session")
+def page_of_map(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Of an abort map."""
+    page = tmp_path_factory.mktemp("aborts") / "map.html"
+    assert main(("aborts", "--mission", "ares_v", "--step-s", "40", "--out", str(page))) == 0
+    return page
+
+
+@pytest.fixture(scope="session")
+def reproduction(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of `ares reproduce`."""
+    out = tmp_path_factory.mktemp("reproduction")
+    assert main(["reproduce", "--out", str(out)]) == 0
+    return out
+
+
+@pytest.fixture(scope="session")
+def page_of_thesis(reproduction: Path) -> Path:
+    """The page in it."""
+    return reproduction / PAGE

@@ -4,36 +4,6 @@ import json
 
 import pytest
 
-from ares_bringup.commands.cli import main
-from ares_studies.pages.testing import FIGURES, SIZES, TEXTS, THEMES
-
-
-@pytest.fixture(scope="module")
-def page_of_map(tmp_path_factory):
-    page = tmp_path_factory.mktemp("aborts") / "map.html"
-    assert main(("aborts", "--mission", "ares_v", "--step-s", "40", "--out", str(page))) == 0
-    return page
-
-
-@pytest.mark.parametrize("theme", THEMES)
-@pytest.mark.parametrize("size", SIZES)
-def test_the_page_is_legible(open_file, page_of_map, size, theme):
-    page = open_file(page_of_map, size, theme)
-    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
-    for figure in page.evaluate(FIGURES):
-        assert figure["width"] > 0.75 * min(SIZES[size][0], 480), figure["key"]
-        assert figure["height"] > 250, figure["key"]
-        assert not figure["cropped"], figure["key"]
-        assert not figure["overlapping"], figure["key"]
-    texts = page.evaluate(TEXTS)
-    assert not [text for text in texts if text["contrast"] < 4.5]
-    assert not [text for text in texts if text["size"] < 12]
-    assert all(text for text in page.locator(".axis").all_inner_texts())
-
-
-def test_the_page_has_no_serious_fault(open_file, serious_faults, page_of_map):
-    assert serious_faults(open_file(page_of_map, "narrow", "dark")) == []
-
 
 def test_the_map_says_its_ends_in_words(open_file, page_of_map):
     page = open_file(page_of_map, "wide", "light")

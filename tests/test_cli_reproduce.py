@@ -52,7 +52,7 @@ def test_nothing_is_half_written(tmp_path, monkeypatch, capsys):
     def full(_path, _target):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(verb.os, "replace", full)
+    monkeypatch.setattr("os.replace", full)
     assert main(["reproduce", "--out", str(tmp_path / "out")]) == 2
     assert "No space left on device" in capsys.readouterr().err
     assert list((tmp_path / "out").iterdir()) == []

@@ -1,12 +1,17 @@
 """Hostile input, a little of each kind; the same every time. By the million: benchmarks/fuzz.py."""
 
+import io
 import json
 import os
+import time
 from pathlib import Path
 from random import Random
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.serialization import serialize_message
+from rich.console import Console
 
 from ares_bags.errors import BagError
 from ares_bags.files import find_file
@@ -16,19 +21,17 @@ from ares_bags.repair import repair
 from ares_bags.schema import load_yaml
 from ares_bags.testing import messages, write_bag
 from ares_bags.verify import surveyed, verify
-from ares_bringup.fuzz import run as fuzz_run
-from ares_bringup.fuzz.bags import DamagedBags, ForgedBags
-from ares_bringup.fuzz.files import MissionFiles
-from ares_bringup.fuzz.run import Run, pack, unpack
-from ares_bringup.fuzz.target import Broken, Target
-from ares_bringup.fuzz.targets import all_targets
+from ares_bringup.monitor import FlightMonitor
 from ares_bringup.params_file import node_values
+from ares_bringup.summary import FlightSummary, facts_of
+from ares_bringup.terminal import TerminalView
 from ares_models.arrays import STEERING
 from ares_models.mission import MISSION, MissionError, load_mission
-from ares_msgs.msg import FlightEvent, FlightMember, NavState
+from ares_msgs.msg import FlightEvent, FlightMember, NavState, ThrustCommand, VehicleState
 from ares_msgs.srv import SolveTrajectory
 from ares_node.diagnostics import NODE, PACE, PAUSED, Timing, hardware_id, number_of
 from ares_node.membership import MOST_HEARD, Membership, Role, State
+from ares_node.qos import DIAGNOSTIC, EVENTS, FLIGHT, MEMBERS
 from ares_node.states import StateMessage, Unreadable
 from ares_optimizer.messages import Answers
 from ares_vehicle_sim.dispersions import DispersionsError, load_dispersions
@@ -37,11 +40,19 @@ from ares_vehicle_sim.simulator import CommandRefused, Simulator
 from ares_view.live.node import LiveNode
 from ares_view.live.story import Seen
 from ares_view.standard.node import ViewNode
+from hostile import kept
+from hostile import run as fuzz_run
+from hostile.bags import DamagedBags, ForgedBags
+from hostile.files import MissionFiles
+from hostile.run import Run, pack, unpack
+from hostile.target import Broken, Target
+from hostile.targets import all_targets
 
 REFERENCE = Path(__file__).parent.parent / "bags" / "reference"
 #: Inputs of a target here: of its share of a million, as many as half a second takes.
 COUNTS = {"mission files": 25, "dispersion files": 40, "damaged bags": 25, "forged bags": 15}
 COUNTS |= {"commands on bags": 3, "optimizer": 12, "socket of the page": 120, "command lines": 25}
+COUNTS |= {"terminal": 150, "parameters": 400, "answers of an optimizer": 300}
 
 
 @pytest.mark.parametrize("target", all_targets(REFERENCE), ids=lambda target: target.name)
@@ -50,8 +61,8 @@ def test_nothing_comes_of_it_that_must_not(target: Target, tmp_path: Path) -> No
         run = Run([target], seed=20260101, folder=tmp_path)
         run.block(target, COUNTS.get(target.name, 1000))
     account = run.accounts[target.name]
-    kept = [path.read_text(errors="replace") for path in tmp_path.glob("*.txt")]
-    assert not account.failures, kept[:1]
+    texts = [path.read_text(errors="replace") for path in tmp_path.glob("*.txt")]
+    assert not account.failures, texts[:1]
     assert account.outcomes.total() == account.inputs
 
 
@@ -81,11 +92,11 @@ def test_a_fault_is_counted_and_its_inputs_are_kept(
     assert account.inputs == run.inputs == 100
     assert 5 < run.failures == account.failures["Broken in test_fuzz.py:run three"] < 50
     assert account.outcomes == {"good": 100 - run.failures, "broken": run.failures}
-    kept = sorted((tmp_path / "kept").glob("*.bin"))
-    assert len(kept) == fuzz_run.MOST_KEPT
-    history = list(unpack(kept[0].read_bytes()))
+    files = sorted((tmp_path / "kept").glob("*.bin"))
+    assert len(files) == fuzz_run.MOST_KEPT
+    history = list(unpack(files[0].read_bytes()))
     assert history[-1] == b"\x03"
-    assert pack(history) == kept[0].read_bytes()
+    assert pack(history) == files[0].read_bytes()
     # what came before it since the last failure, which a target with a memory needs
     numbered = [run.input(target, number) for number in range(100)]
     first = numbered.index(b"\x03")
@@ -96,12 +107,49 @@ def test_a_fault_is_counted_and_its_inputs_are_kept(
     monkeypatch.setattr(fuzz_run, "LONGEST", 0.0)
     run.block(target, 1)
     assert account.failures["took more than 0 s"] == 1
-    run.save(tmp_path / "some" / "fuzz.json", {"about": "a test"})
-    saved = json.loads((tmp_path / "some" / "fuzz.json").read_text())
-    figures = {row["what"]: row["value"] for row in saved["figures"]}
-    assert figures["inputs"] == figures["inputs for faulty"] == 101
-    assert run.failures in figures.values()
-    assert saved["targets"]["faulty"]["failures"] == dict(account.failures)
+    assert run.as_json()["targets"]["faulty"]["failures"] == dict(account.failures)
+
+
+def _sleep(_data: bytes) -> str:
+    time.sleep(0.05)
+    return "slept"
+
+
+def test_a_wait_is_a_hang_and_to_have_no_processor_is_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target = _Faulty()
+    run = Run([target], seed=1, folder=tmp_path)
+    monkeypatch.setattr(target, "run", _sleep)
+    monkeypatch.setattr(fuzz_run, "LONGEST", 0.04)
+    run.block(target, 1)
+    assert run.failures == 1
+    times = iter((0.0, 9.0))
+    monkeypatch.setattr(fuzz_run, "queued", lambda: next(times))
+    run.block(target, 1)
+    assert run.failures == 1
+
+
+def test_runs_are_summed_and_no_input_counts_twice(tmp_path: Path) -> None:
+    def ran(begun: str, code: str, seed: int, inputs: int, failed: int) -> dict[str, object]:
+        account = {"inputs": inputs, "slowest_s": inputs / 10}
+        run = {"seed": seed, "grown_mib": 1.5, "failed": failed, "targets": {"a": account}}
+        return {"begun": begun, "code": code} | run
+
+    path = tmp_path / "some" / "fuzz.json"
+    kept.keep(path, {"about": "a test"}, ran("1", "old", 1, 10, 0))
+    kept.keep(path, {"about": "a test"}, ran("2", "new", 2, 3, 0))
+    # the same run, further on
+    kept.keep(path, {"about": "a test"}, ran("2", "new", 2, 5, 1))
+    said = {row["what"]: row["value"] for row in json.loads(path.read_text())["figures"]}
+    assert said["inputs"] == said["inputs for a"] == 15
+    assert (said["inputs on code old"], said["inputs on code new"]) == (10, 5)
+    assert said["slowest input"] == 1.0
+    assert list(said.values())[1] == 1
+    assert [run["begun"] for run in kept.load(path)] == ["1", "2"]
+    assert kept.same_inputs(kept.load(path), 2, ["a", "b"]) == ["a"]
+    assert kept.same_inputs(kept.load(path), 3, ["a", "b"]) == []
+    assert not list(path.parent.glob("*.new"))
 
 
 def test_a_process_that_grows_is_a_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -112,7 +160,7 @@ def test_a_process_that_grows_is_a_failure(tmp_path: Path, monkeypatch: pytest.M
     with target:
         run = Run([target], seed=1, folder=tmp_path)
         held[0] *= 2
-        run.round(5000)
+        run.round(1000)
         assert (run.inputs, run.grown, run.failures) == (10, 0, 0)
         held[0] += fuzz_run.MOST_GROWTH
         assert run.failures == 0
@@ -136,6 +184,15 @@ def test_a_mission_of_very_many_values_is_refused(tmp_path: Path) -> None:
     path.write_text("a: [" + "1," * 100_000 + "]")
     with pytest.raises(MissionError, match="has more than 32768 values"):
         load_mission(path)
+
+
+@pytest.mark.parametrize("escape", ["\\U00110000", "\\UFFFFFFFF", "\\ud800", "\\xzz"])
+def test_a_character_that_is_none_is_refused(tmp_path: Path, escape: str) -> None:
+    path = tmp_path / "odd.yaml"
+    path.write_text(f'name: "{escape}"\n')
+    with pytest.raises(MissionError, match=r"not valid YAML|half of a character") as caught:
+        load_mission(path)
+    assert str(caught.value).isprintable()
 
 
 def test_a_key_that_looks_like_a_mark_of_the_checks_is_named(tmp_path: Path) -> None:
@@ -369,6 +426,52 @@ def test_a_message_that_cannot_be_read_is_reported_once(graph) -> None:
     assert view.unreadable == 3
     graph.wait_for_report("vehicle_state: a message that cannot be read: 0 bytes; expected")
     assert len([report for report in graph.reports if "cannot be read" in report]) == 1
+
+
+def test_what_cannot_be_sent_on_to_foxglove_ends_nothing(graph, free_port) -> None:
+    view = graph.start(ViewNode, foxglove_port=free_port)
+    view._begin(7)
+    status = StateMessage(NavState)
+    early = status.data(-(10**9), 7, 1, np.zeros(1, status._record.dtype)[0])
+    for one in view._inputs:
+        if one.topic_name.endswith("nav_state"):
+            one.callback(early)
+            for size in (0, 1, 13, 23):
+                one.callback(bytes(size))
+    assert view.unreadable == 4
+    graph.wait_for_report("nav_state: a message that cannot be read: 0 bytes, which name no")
+
+
+def test_the_terminal_outlives_a_state_that_is_none(graph) -> None:
+    summary = FlightSummary(facts_of(load_mission("ares_v")), "peg", None, 7)
+    monitor = FlightMonitor(graph.observer, summary, print)
+    monitor._on_event(FlightEvent(flight_id=7, type=FlightEvent.FLIGHT_STARTED))
+    out = io.StringIO()
+    with TerminalView(Console(file=out, force_terminal=True, width=80)) as view:
+        view.show(monitor)
+        for raw in (b"\x00\x01", b"", bytes(40), serialize_message(VehicleState(flight_id=7))):
+            view._input.callback(raw)
+            view.show(monitor)
+    assert "ares_v: core" in out.getvalue()
+    monitor.leave()
+
+
+@pytest.mark.parametrize("data", [b"", b"\x00", b"\x00\x01\x00\x00", b"\xff" * 40, bytes(9)])
+def test_bytes_that_are_no_message_end_no_node(graph, data: bytes) -> None:
+    """A target gives a callback none, unless it takes them raw: the middleware drops them."""
+    simulator = graph.start(VehicleSimNode, flight_id=7)
+    for kind, name, qos in (
+        (ThrustCommand, "thrust_command", FLIGHT),
+        (FlightMember, "flight_member", MEMBERS),
+        (DiagnosticArray, "/diagnostics", DIAGNOSTIC),
+        (FlightEvent, "flight_event", EVENTS),
+    ):
+        out = graph.observer.create_publisher(kind, name, qos)
+        graph.spin(lambda out=out: out.get_subscription_count() > 0)
+        out.publish(data)
+    out.publish(FlightEvent(type=9))
+    graph.spin(lambda: any(event.type == 9 for event in graph.events))
+    assert not simulator.done
 
 
 def test_a_cut_bag_is_never_called_whole() -> None:

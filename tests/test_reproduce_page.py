@@ -6,12 +6,9 @@ from functools import partial
 
 import pytest
 
-from ares_bringup.commands.cli import main
 from ares_bringup.commands.reproduce import DATA, PAGE
-from ares_studies.pages.testing import FIGURES, SIZES, TEXTS, THEMES
+from ares_studies.pages.testing import FIGURES, LEAST_CONTRAST, SIZES, TEXTS
 
-LEAST_CONTRAST = 4.5
-LEAST_FONT_PX = 12.0
 LEAST_TAP_PX = 44.0
 
 TABLES = """() => Object.fromEntries(
@@ -27,28 +24,18 @@ TABLES = """() => Object.fromEntries(
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    out = tmp_path_factory.mktemp("reproduction")
-    assert main(["reproduce", "--out", str(out)]) == 0
-    return out
-
-
-@pytest.fixture(scope="module")
-def report(folder):
-    return json.loads((folder / DATA).read_text(encoding="utf-8"))
+def report(reproduction):
+    return json.loads((reproduction / DATA).read_text(encoding="utf-8"))
 
 
 @pytest.fixture
-def open_page(open_file, folder):
-    return partial(open_file, folder / PAGE)
+def open_page(open_file, reproduction):
+    return partial(open_file, reproduction / PAGE)
 
 
-@pytest.mark.parametrize("theme", THEMES)
 @pytest.mark.parametrize("size", SIZES)
-def test_the_page_is_legible(open_page, report, size, theme):
-    page = open_page(size, theme)
-    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
-
+def test_the_figures_show_what_the_file_holds(open_page, report, size):
+    page = open_page(size, "light")
     figures = page.evaluate(FIGURES)
     expected = {
         item["key"]: item["content"]
@@ -59,22 +46,10 @@ def test_the_page_is_legible(open_page, report, size, theme):
     assert [figure["key"] for figure in figures] == list(expected)
     for figure in figures:
         series = expected[figure["key"]]["series"]
-        assert figure["width"] > 0.75 * min(SIZES[size][0], 480), figure["key"]
-        assert figure["height"] > 250, figure["key"]
         assert figure["traces"] == len(series), figure["key"]
         assert figure["words"] > 5, figure["key"]
-        assert not figure["cropped"], figure["key"]
-        assert not figure["overlapping"], figure["key"]
         assert figure["data"] == [[one["x"], one["y"]] for one in series], figure["key"]
-
-    texts = page.evaluate(TEXTS)
-    assert sum(text["chart"] for text in texts) > 5 * len(figures)
-    assert not [text for text in texts if text["contrast"] < LEAST_CONTRAST]
-    assert not [text for text in texts if text["size"] < LEAST_FONT_PX]
-
-
-def test_the_page_has_no_serious_fault(open_page, serious_faults):
-    assert serious_faults(open_page("narrow", "dark")) == []
+    assert sum(text["chart"] for text in page.evaluate(TEXTS)) > 5 * len(figures)
 
 
 def test_the_page_shows_what_the_file_holds_and_answers(open_page, report):
@@ -158,7 +133,7 @@ def test_the_contents_can_be_tapped(open_page):
     )
 
 
-def test_the_numbers_of_the_file_are_finite(folder):
+def test_the_numbers_of_the_file_are_finite(reproduction):
     def refuse(text):
         raise AssertionError(text)
 
@@ -172,4 +147,4 @@ def test_the_numbers_of_the_file_are_finite(folder):
         elif isinstance(value, float):
             assert math.isfinite(value)
 
-    walk(json.loads((folder / DATA).read_text(encoding="utf-8"), parse_constant=refuse))
+    walk(json.loads((reproduction / DATA).read_text(encoding="utf-8"), parse_constant=refuse))

@@ -364,13 +364,6 @@ class Client:
         assert enough(), {topic: len(told) for topic, told in self.heard.items()}
 
 
-@pytest.fixture
-def free_port():
-    with socket.socket() as listener:
-        listener.bind(("127.0.0.1", 0))
-        return listener.getsockname()[1]
-
-
 def test_foxglove_gets_a_flight_as_it_happens(graph, free_port):
     graph.start(ViewNode, foxglove_port=free_port)
     flight = Flight(graph, 7)

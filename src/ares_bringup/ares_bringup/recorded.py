@@ -16,6 +16,7 @@ from ares_bags.writer import INCOMPLETE_KEY
 from ares_bringup.options import CannotStart
 from ares_bringup.summary import Diagnostic, Event, FlightSummary, Status, facts_of
 from ares_models.mission import Mission, MissionError, load_mission
+from ares_models.units import NANOSECONDS
 
 Columns = Mapping[str, NDArray[Any]]
 
@@ -37,7 +38,6 @@ TOPICS = {
 DIAGNOSTICS = "/diagnostics"
 #: Of DiagnosticStatus; what is OK is no complaint.
 LEVELS = {1: "WARN", 2: "ERROR", 3: "STALE"}
-NANOSECONDS = 1e9
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,6 @@ from collections import deque
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
-from rclpy.serialization import deserialize_message
 from rich.console import Console
 from rich.live import Live
 from rich.table import Table
@@ -15,6 +14,7 @@ from ares_bringup.report import BLANK, number, small
 from ares_bringup.summary import FlightSummary, Status, insertion_error
 from ares_msgs.msg import VehicleState
 from ares_node.qos import LATEST, VEHICLE_STATE
+from ares_node.states import Unreadable, message_of
 from ares_node.time import seconds_from_stamp
 
 if TYPE_CHECKING:
@@ -82,7 +82,11 @@ class TerminalView:
             )
         if self._raw is None or not monitor.summary.started:
             return
-        state = deserialize_message(self._raw, VehicleState)
+        try:
+            state = message_of(self._raw, VehicleState)
+        except Unreadable:
+            # of another definition of the type, or of nobody's
+            return
         if state.flight_id != monitor.summary.flight_id:
             return
         if not self._live.is_started:

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+from collections.abc import Mapping
 from pathlib import Path
 
 from ares_bringup.options import CannotStart
@@ -13,14 +14,30 @@ def write_whole(out: Path, content: bytes) -> None:
     Raises:
         CannotStart: it cannot be written; one line.
     """
-    partial = out.with_name(f".{out.name}.partial")
+    _write(out, {out: content})
+
+
+def write_all(folder: Path, contents: Mapping[str, bytes]) -> None:
+    """Write files of the folder that `--out` names, by name: all at once, or none.
+
+    Raises:
+        CannotStart: one cannot be written; one line.
+    """
+    _write(folder, {folder / name: content for name, content in contents.items()})
+
+
+def _write(out: Path, contents: Mapping[Path, bytes]) -> None:
+    partial = {path.with_name(f".{path.name}.partial"): path for path in contents}
     try:
-        partial.write_bytes(content)
-        os.replace(partial, out)
+        for part, path in partial.items():
+            part.write_bytes(contents[path])
+        for part, path in partial.items():
+            os.replace(part, path)
     except OSError as error:
         raise CannotStart(
             f"--out is {str(out)!r}, which cannot be written: {error.strerror}"
         ) from error
     finally:
-        with contextlib.suppress(OSError):
-            partial.unlink()
+        for part in partial:
+            with contextlib.suppress(OSError):
+                part.unlink()

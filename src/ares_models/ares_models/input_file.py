@@ -234,6 +234,9 @@ def read_input(path: Path, kind: InputKind) -> tuple[dict[str, Any], dict[KeyPat
     except yaml.YAMLError as error:
         what = " ".join(str(error).split())
         raise kind.error(source, [f"not valid YAML: {what}"]) from error
+    except (ValueError, OverflowError) as error:
+        # an escape beyond the last character
+        raise kind.error(source, [f"not valid YAML: {error}"]) from error
     except _TooMuch as error:
         raise kind.error(source, [f"{error}; not a {kind.name} file"]) from error
     if node is None and kind.may_be_empty:

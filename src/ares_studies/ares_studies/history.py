@@ -13,6 +13,7 @@ from ares_models.arrays import MissionArrays
 from ares_models.kernels.environment import altitude
 from ares_models.kernels.states import insertion_quantities
 from ares_models.mission import Mission
+from ares_models.units import NANOSECONDS
 from ares_optimizer.solution import Solution
 from ares_studies.closed_loop import Flight
 from ares_vehicle_sim.simulator import Simulator, SimulatorOptions
@@ -144,7 +145,7 @@ def record_flight(mission: Mission, law: Law, options: SimulatorOptions | None =
             law.step(simulator.navigation)
             simulator.command(law.steering)
         command = law.steering[0]
-        time = simulator.time_ns / 1e9
+        time = simulator.time_ns / NANOSECONDS
         truth = simulator.truth()
         direction = command["direction"] + command["direction_rate"] * (
             time - command["reference_time"]

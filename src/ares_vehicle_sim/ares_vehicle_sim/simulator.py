@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ares_models.arrays import HEATING_LIMIT, NAVIGATION, MissionArrays
 from ares_models.failures import Failure, FailureKind, check_failure
 from ares_models.mission import Mission
+from ares_models.units import NANOSECONDS
 from ares_vehicle_sim.arrays import (
     EARLY_SHUTDOWN,
     ENGINE_OUT,
@@ -31,7 +32,6 @@ from ares_vehicle_sim.kernels.entry import advance, begin, command, describe
 from ares_vehicle_sim.kernels.plant import UNIT_TOLERANCE
 from ares_vehicle_sim.kernels.variation import vary
 
-NANOSECONDS = 1_000_000_000
 #: Fields of a navigation state without its time.
 MEASURED_FIELDS = tuple(name for name in NAVIGATION.fields or () if name != "time")
 SHORTEST_PERIOD_S = 1e-3

@@ -15,8 +15,8 @@ from ares_bags.repair import repair
 from ares_bags.verify import Verification, verify
 from ares_bringup.options import CannotStart, LiveOptions
 from ares_bringup.report import console, number
+from ares_models.units import NANOSECONDS
 
-NANOSECONDS = 1e9
 EXIT_DAMAGED = 1
 
 

@@ -1,9 +1,7 @@
 """What `ares reproduce` does and prints. No ROS."""
 
-import os
 import sys
 import tempfile
-from collections.abc import Mapping
 from pathlib import Path
 
 from rich.progress import (
@@ -17,6 +15,7 @@ from rich.progress import (
 
 from ares_bringup.options import CannotStart
 from ares_bringup.report import console, shown_path
+from ares_bringup.whole_file import write_all
 from ares_models.mission import MissionError
 from ares_optimizer.solution import OptimizerError
 from ares_studies.reproduce.page import dump, render
@@ -56,7 +55,7 @@ def reproduce(out: Path) -> None:
             raise CannotStart(f"a result is missing: {error}") from error
         progress.update(task, description="done", completed=len(names))
     data = dump(report)
-    _write(out, {PAGE: render(report, data, DATA), DATA: data})
+    write_all(out, {PAGE: render(report, data, DATA).encode(), DATA: data.encode()})
     for name in (PAGE, DATA):
         size = (out / name).stat().st_size / 1e6
         print(f"{shown_path(str(out / name))}  ({size:.1f} MB)")
@@ -74,20 +73,3 @@ def _check(out: Path) -> None:
         raise CannotStart(
             f"--out is {str(out)!r}, which cannot be written: {error.strerror}"
         ) from error
-
-
-def _write(out: Path, texts: Mapping[str, str]) -> None:
-    """Write all files at once, or none."""
-    partial = {name: out / f".{name}.partial" for name in texts}
-    try:
-        for name, text in texts.items():
-            partial[name].write_text(text, encoding="utf-8")
-        for name, path in partial.items():
-            os.replace(path, out / name)
-    except OSError as error:
-        raise CannotStart(
-            f"--out is {str(out)!r}, which cannot be written: {error.strerror}"
-        ) from error
-    finally:
-        for path in partial.values():
-            path.unlink(missing_ok=True)

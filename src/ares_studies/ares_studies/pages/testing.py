@@ -1,5 +1,7 @@
 """What tests of pages ask of a browser; nothing else uses this module."""
 
+from typing import Any
+
 #: As a person may see a page: its colours, and the width and height of the window in px.
 THEMES = ("light", "dark")
 SIZES = {"wide": (1280, 900), "narrow": (390, 844)}
@@ -76,3 +78,41 @@ FIGURES = """() => [...document.querySelectorAll(".plot")].map((plot) => {
     data: plot.data.map(({ x, y }) => [x, y]),
   };
 })"""
+
+#: Least contrast of a text with what is behind it, and its least size, px.
+LEAST_CONTRAST = 4.5
+LEAST_FONT_PX = 12.0
+#: Least share of the width that a figure takes, of this width in px at most.
+LEAST_SHARE, WIDEST = 0.75, 480
+
+
+def illegible(page: Any, size: str, widest: int = WIDEST) -> list[str]:
+    """What a reader could not read, or would have to scroll for.
+
+    Args:
+        page: of a browser.
+        size: of SIZES.
+        widest: a figure need not be wider, px.
+
+    Returns:
+        A line for each; empty if all is well.
+    """
+    found = []
+    if not page.evaluate("document.documentElement.scrollWidth <= innerWidth"):
+        found.append("the page is wider than its window")
+    for figure in page.evaluate(FIGURES):
+        if figure["width"] <= LEAST_SHARE * min(SIZES[size][0], widest):
+            found.append(f"{figure['key']} is {figure['width']} px wide")
+        found += [
+            f"{figure['key']}: {what}: {figure[what]}"
+            for what in ("cropped", "overlapping")
+            if figure[what]
+        ]
+    found += [
+        f"{text['text']!r}: contrast {text['contrast']}, {text['size']} px"
+        for text in page.evaluate(TEXTS)
+        if text["contrast"] < LEAST_CONTRAST or text["size"] < LEAST_FONT_PX
+    ]
+    if not all(page.locator(".axis").all_inner_texts()):
+        found.append("an axis has no name")
+    return found

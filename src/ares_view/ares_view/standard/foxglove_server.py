@@ -59,15 +59,16 @@ class FoxgloveServer(ServerListener):
 
         Args:
             topic: of a channel.
-            stamp_ns: flight time, ns.
+            stamp_ns: flight time, ns; a negative one counts as zero: there is no such log time.
             data: as a publisher or a bag has it.
         """
+        stamp_ns = max(stamp_ns, 0)
         self._kept[topic].append((stamp_ns, data))
         self._channels[topic].log(data, log_time=stamp_ns)
 
     def tell_time(self, stamp_ns: int) -> None:
-        """Tell the clients what time it is, ns."""
-        self._server.broadcast_time(stamp_ns)
+        """Tell the clients what time it is, ns; see `send`."""
+        self._server.broadcast_time(max(stamp_ns, 0))
 
     def begin_anew(self) -> None:
         """Another flight: clients forget the one before."""

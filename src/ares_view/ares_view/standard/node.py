@@ -1,6 +1,7 @@
 """View node: a flight in standard messages, for RViz, maps and whatever else knows them."""
 
 import math
+import struct
 import time
 from dataclasses import dataclass, field
 from functools import partial
@@ -47,7 +48,7 @@ from ares_node.qos import (
     reliable,
 )
 from ares_node.requirements import unmet
-from ares_node.states import StateMessage
+from ares_node.states import StateMessage, Unreadable
 from ares_node.time import NANOSECONDS, ns_from_stamp
 from ares_view.standard import messages
 from ares_view.standard.frames import Array, turn_rate
@@ -422,13 +423,17 @@ class ViewNode(FlightNode):
 
     def _on_more(self, topic: str, data: bytes) -> None:
         now = time.monotonic()
-        if flight_of_cdr(data)[0] != self.flight_id or not self.flight_id:
+        try:
+            flight_id, stamp_ns = flight_of_cdr(data)[0], stamp_of_cdr(data)
+        except struct.error as error:
+            raise Unreadable(f"{len(data)} bytes, which name no flight") from error
+        if flight_id != self.flight_id or not self.flight_id:
             return
         if topic in self._forwarded:
             if now - self._forwarded[topic] < self._period:
                 return
             self._forwarded[topic] = now
-        self._forward(topic, stamp_of_cdr(data), data)
+        self._forward(topic, stamp_ns, data)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         if not any(of_another_flight(status, self.flight_id) for status in message.status):

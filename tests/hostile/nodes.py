@@ -8,6 +8,7 @@ import io
 import json
 import math
 import shutil
+import socket
 import tempfile
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
@@ -23,15 +24,14 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.serialization import serialize_message
+from rich.console import Console
 
 from ares_bags.recorder import RecorderNode
 from ares_bags.verify import verify
-from ares_bringup.fuzz.messages import heard, hostile, hostile_raw
-from ares_bringup.fuzz.target import Broken, Target, check, one_line
 from ares_bringup.monitor import FlightMonitor
 from ares_bringup.report import console, print_summary
 from ares_bringup.summary import FlightSummary, facts_of
+from ares_bringup.terminal import TerminalView
 from ares_guidance.node import GuidanceNode
 from ares_models.mission import load_mission
 from ares_msgs.msg import (
@@ -42,7 +42,6 @@ from ares_msgs.msg import (
     ThrustCommand,
     VehicleState,
 )
-from ares_msgs.srv import SolveTrajectory
 from ares_node.diagnostics import (
     GOOD,
     LONGEST_CYCLE_MS,
@@ -57,13 +56,14 @@ from ares_node.diagnostics import (
 from ares_node.domains import claimed_domain
 from ares_node.node import FlightNode
 from ares_node.time import stamp_from_ns
-from ares_optimizer.messages import Answers, Response
 from ares_vehicle_sim.kernels.plant import UNIT_TOLERANCE
 from ares_vehicle_sim.node import VehicleSimNode
 from ares_vehicle_sim.simulator import CommandRefused, Simulator
 from ares_view.live.node import LiveNode
 from ares_view.live.story import Seen
 from ares_view.standard.node import ViewNode
+from hostile.messages import heard, hostile, hostile_raw
+from hostile.target import Broken, Target, check, one_line
 
 FLIGHT = 0x1234
 #: Members of the flight that are not the node that is fuzzed.
@@ -211,7 +211,7 @@ def _timing(random: Random) -> Timing:
     return Timing(name="vehicle_sim", hardware_id=hardware_id(FLIGHT), values=values)
 
 
-class _Flight:
+class Flight:
     """States and answers as of a real flight, one after the other."""
 
     def __init__(self) -> None:
@@ -268,6 +268,17 @@ class _Flight:
             predicted_velocity=[10.0, 7.8e3, 10.0],
         )
 
+    def command(self) -> ThrustCommand:
+        return ThrustCommand(
+            stamp=stamp_from_ns(200 * 10**9),
+            flight_id=FLIGHT,
+            guidance_id=GUIDANCE_ID,
+            nav_stamp=stamp_from_ns(200 * 10**9),
+            reference_time=200.0,
+            direction=[0.0, 1.0, 0.0],
+            cutoff_time=500.0,
+        )
+
     def timing(self) -> Timing:
         return _timing(self._random)
 
@@ -285,11 +296,11 @@ class SimulatorCallbacks(NodeTarget):
     """Commands and words of members to the simulator, before, in and after a flight."""
 
     name = "simulator"
-    share = 15.5
+    share = 15.0
 
     def set_up(self) -> Sequence[Call]:
         self._node = self.node(VehicleSimNode, flight_id=FLIGHT, mission=MISSION)
-        self._flight = _Flight()
+        self._flight = Flight()
         self._join()
         return (
             Call(
@@ -348,7 +359,7 @@ class GuidanceCallbacks(NodeTarget):
 
     def set_up(self) -> Sequence[Call]:
         self._node = self.node(GuidanceNode, mission=MISSION, flight_id=FLIGHT)
-        self._flight = _Flight()
+        self._flight = Flight()
         self._agree()
         return (
             Call(
@@ -393,11 +404,12 @@ class Recording(NodeTarget):
         self._held.enter_context(patch("ares_bags.recorder.DRAIN_LIMIT", 0.01))
         self._held.enter_context(patch("ares_bags.recorder.QUIET_TIME", 0.0))
         self._node = self.node(RecorderNode, bag=str(self._bag), flight_id=FLIGHT)
-        self._flight = _Flight()
+        self._flight = Flight()
         goods = {
             "nav_state": (NavState, self._flight.nav_state),
             "vehicle_state": (VehicleState, self._flight.vehicle_state),
             "guidance_status": (GuidanceStatus, self._flight.status),
+            "thrust_command": (ThrustCommand, self._flight.command),
             "flight_event": (FlightEvent, _event),
             "diagnostics": (DiagnosticArray, _diagnostics),
         }
@@ -440,7 +452,7 @@ class Judging(NodeTarget):
         self._summary = FlightSummary(self._facts, "peg", None, FLIGHT)
         monitor = FlightMonitor(node, self._summary, _must_be_a_line)
         self._held.callback(monitor.leave)
-        self._flight = _Flight()
+        self._flight = Flight()
         return (
             Call(FlightEvent, _event, monitor._on_event),
             Call(GuidanceStatus, self._flight.status, monitor._on_status),
@@ -465,22 +477,78 @@ class Viewing(NodeTarget):
     """States, events, members and diagnostics to the view."""
 
     name = "view"
-    share = 12.0
+    share = 10.0
 
     def set_up(self) -> Sequence[Call]:
-        self._node = self.node(ViewNode, mission=MISSION)
-        self._flight = _Flight()
-        on_state = self._node._inputs[2].callback
-        return (
-            Call(VehicleState, self._flight.vehicle_state, on_state, raw=True),
-            Call(FlightEvent, _event, self._node._on_event),
-            Call(FlightMember, self._flight.member, self._node._on_member),
-            Call(DiagnosticArray, _diagnostics, self._node._on_diagnostics),
-        )
+        self._node = self.view()
+        self._flight = flight = Flight()
+        goods = {
+            "vehicle_state": (VehicleState, flight.vehicle_state, True),
+            "nav_state": (NavState, flight.nav_state, True),
+            "thrust_command": (ThrustCommand, flight.command, True),
+            "guidance_status": (GuidanceStatus, flight.status, True),
+            "flight_event": (FlightEvent, _event, False),
+            "flight_member": (FlightMember, flight.member, False),
+            "diagnostics": (DiagnosticArray, _diagnostics, False),
+        }
+        calls = []
+        for subscription in self._node._inputs:
+            kind, good, raw = goods[subscription.topic_name.rsplit("/", maxsplit=1)[-1]]
+            calls.append(Call(kind, good, subscription.callback, raw=raw))
+        return calls
+
+    def view(self) -> Any:
+        """The node."""
+        return self.node(ViewNode, mission=MISSION)
 
     def look(self) -> None:
         self._node._last_shown = self._node._last_path = -math.inf
         self._node._on_timer()
+
+
+class Forwarding(Viewing):
+    """The same to a view that sends all of it on, and more, to Foxglove."""
+
+    name = "view for Foxglove"
+    share = 3.0
+
+    def view(self) -> Any:
+        with socket.socket() as made:
+            made.bind(("127.0.0.1", 0))
+            port = made.getsockname()[1]
+        return self.node(ViewNode, mission=MISSION, foxglove_port=port, rate_hz=50.0)
+
+
+class OnTerminal(NodeTarget):
+    """States to the picture on the terminal, and to the judge what else it shows."""
+
+    name = "terminal"
+    share = 0.8
+    look_every = 1
+
+    def set_up(self) -> Sequence[Call]:
+        self._node = node = Node("judge", namespace="ares", context=self.context)
+        self._held.callback(node.destroy_node)
+        self._summary = FlightSummary(facts_of(load_mission(MISSION)), "peg", None, FLIGHT)
+        self._monitor = monitor = FlightMonitor(node, self._summary, _must_be_a_line)
+        self._held.callback(monitor.leave)
+        out = Console(file=io.StringIO(), force_terminal=True, width=80)
+        view = self._held.enter_context(TerminalView(out))
+        view.show(monitor)
+        self._view = view
+        self._flight = Flight()
+        begun = _event()
+        begun.type = FlightEvent.FLIGHT_STARTED
+        monitor._on_event(begun)
+        assert view._input is not None
+        return (
+            Call(VehicleState, self._flight.vehicle_state, view._input.callback, raw=True),
+            Call(FlightEvent, _event, monitor._on_event),
+            Call(GuidanceStatus, self._flight.status, monitor._on_status),
+        )
+
+    def look(self) -> None:
+        self._view.show(self._monitor)
 
 
 class LivePage(NodeTarget):
@@ -492,7 +560,7 @@ class LivePage(NodeTarget):
     def set_up(self) -> Sequence[Call]:
         with contextlib.redirect_stderr(io.StringIO()):
             self._node = self.node(LiveNode)
-        self._flight = _Flight()
+        self._flight = Flight()
         node = self._node
         return (
             Call(VehicleState, self._flight.vehicle_state, node._on_state, raw=True),
@@ -507,44 +575,3 @@ class LivePage(NodeTarget):
         self._node._on_look()
         message, _ = self._node._story.news(Seen())
         json.dumps(message, allow_nan=False)
-
-
-class Requests(Target):
-    """Requests of the optimizer, answered in time or refused with a reason."""
-
-    name = "optimizer"
-    share = 0.08
-
-    def begin(self) -> None:
-        self._answers = Answers(MISSION, "indirect", 0.05)
-        self._flight = _Flight()
-
-    def make(self, random: Random) -> bytes:
-        request = SolveTrajectory.Request(
-            mission=MISSION,
-            use_nav_state=random.random() < 0.9,
-            nav_state=self._flight.nav_state(),
-            method=random.choice(("", "indirect", "closed_form", "analytic", "direct11", "jump")),
-            time_limit=0.05,
-        )
-        return hostile(request, random, ("mission", "method", "time_limit", "use_nav_state"))
-
-    def run(self, data: bytes) -> str:
-        request = heard(SolveTrajectory.Request, data)
-        if request is None:
-            return "no message"
-        request.time_limit = min(request.time_limit, 0.05)
-        said = io.StringIO()
-        with contextlib.redirect_stderr(said):
-            answer = self._answers.answer(request)
-        check(answer.error_code != Response.INTERNAL, f"internal: {said.getvalue()[-400:]!r}")
-        bytes(serialize_message(answer))
-        if answer.error_code != Response.NONE:
-            one_line(answer.message)
-            check(not answer.converged, "refused and converged")
-            return f"error {answer.error_code}"
-        numbers = (answer.cutoff_time, answer.final_mass, *answer.arc_start_time)
-        numbers += (*answer.arc_end_time, *answer.arc_end_mass)
-        check(all(map(math.isfinite, numbers)), f"success with {numbers}")
-        check(answer.final_mass > 0.0, f"success with {answer.final_mass} kg")
-        return "solved"

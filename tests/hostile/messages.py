@@ -7,7 +7,7 @@ from typing import Any
 
 from rclpy.serialization import deserialize_message, serialize_message
 
-from ares_bringup.fuzz.mutate import changed, number, text
+from hostile.mutate import changed, number, text
 
 _SIZES = {"int8": 8, "uint8": 8, "octet": 8, "int16": 16, "uint16": 16, "int32": 32, "uint32": 32}
 _SIZES |= {"int64": 64, "uint64": 64}
@@ -52,6 +52,13 @@ def _field(kind: str, random: Random, good: Any) -> Any:
             for item in items:
                 change(item, random)
             return (items * random.choice((0, 1, 1, 2, 9)))[:bound]
+        if len(good) and random.random() < 0.5:
+            values = list(good)
+            for at in random.sample(
+                range(len(values)), random.choice((1, 1, 2, len(values))) if len(values) > 1 else 1
+            ):
+                values[at] = _value(inner, random, values[at])
+            return values[:bound]
         return [_value(inner, random, 1.0) for _ in range(random.randint(0, bound))]
     if "/" in kind:
         change(good, random)

@@ -1,7 +1,6 @@
 """The loop: inputs by number from a seed, what came of them, and each failing one as a file."""
 
 import faulthandler
-import json
 import resource
 import time
 import traceback
@@ -12,10 +11,11 @@ from pathlib import Path
 from random import Random
 from struct import Struct
 
-from ares_bringup.fuzz.target import Target
+from hostile.target import Target
 
-#: CPU time in s that one input may take, however busy the machine is; inputs that take longer than
-#: DEAD, wall time in s, ends the process with a trace of where it is: nothing else could.
+#: Time in s that one input may take, CPU time and time in which it waits for something else than a
+#: processor, however busy the machine is; inputs that take longer than DEAD, wall time in s, end
+#: the process with a trace of where it is: nothing else could.
 LONGEST = 5.0
 DEAD = 120.0
 #: Inputs that may take so long together: to watch each would take as long as a fast one.
@@ -29,6 +29,11 @@ MOST_GROWTH = 100 * 2**20
 #: Failures of one kind that are kept as files.
 MOST_KEPT = 3
 _LENGTH = Struct("<I")
+
+
+def queued() -> float:
+    """Time in s for which this thread, could it have run, has had no processor."""
+    return int(Path("/proc/thread-self/schedstat").read_text().split()[1]) / 1e9
 
 
 def memory() -> int:
@@ -146,6 +151,7 @@ class Run:
         if target.stateful and number and number % FORGET_EVERY == 0:
             target.begin()
             self._before[target.name].clear()
+        waited = queued()
         begun = time.perf_counter()
         cpu = time.process_time()
         try:
@@ -160,10 +166,11 @@ class Run:
                 target.begin()
                 self._before[target.name].clear()
         took = time.process_time() - cpu
+        passed = time.perf_counter() - begun
         account.inputs += 1
-        account.seconds += time.perf_counter() - begun
+        account.seconds += passed
         account.slowest_s = max(account.slowest_s, took)
-        if took > LONGEST:
+        if took > LONGEST or (passed > LONGEST and passed - (queued() - waited) > LONGEST):
             self._failed(target, account, f"took more than {LONGEST:g} s")
 
     def _failed(self, target: Target, account: Account, text: str) -> None:
@@ -176,36 +183,22 @@ class Run:
         trace = traceback.format_exc()
         (self._folder / f"{name}.txt").write_text(f"{text}\n\n{trace}", encoding="utf-8")
 
-    def figures(self) -> list[dict[str, str | float]]:
-        """What has come of it so far, as benchmarks keep it."""
-        accounts = self.accounts.items()
-        rows: list[tuple[str, float, str]] = [
-            ("inputs", self.inputs, ""),
-            ("unexpected exceptions, hangs, wrong successes, growth", self.failures, ""),
-            ("slowest input, CPU time", max(one.slowest_s for _, one in accounts), "s"),
-            ("growth of the process", self.grown / 2**20, "MiB"),
-        ]
-        rows += [(f"inputs for {name}", account.inputs, "") for name, account in accounts]
-        return [{"what": what, "value": value, "unit": unit} for what, value, unit in rows]
-
-    def save(self, path: Path, about: dict[str, object]) -> None:
-        """Write what has come of it so far."""
-        more = {
-            "figures": self.figures(),
+    def as_json(self) -> dict[str, object]:
+        """What has come of it so far, for a file."""
+        return {
             "seed": self._seed,
-            "targets": {name: account.as_json() for name, account in self.accounts.items()},
+            "grown_mib": round(self.grown / 2**20, 1),
+            "failed": self.failures,
+            "targets": {name: one.as_json() for name, one in self.accounts.items()},
         }
-        text = json.dumps(about | more, indent=1)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part = path.with_suffix(".part")
-        part.write_text(text + "\n", encoding="utf-8")
-        part.replace(path)
 
 
 def _where(error: Exception) -> str:
     """An exception and the place in the project that raised it, without what differs each time."""
     steps = traceback.extract_tb(error.__traceback__)
-    ours = [step for step in steps if "/ares_" in step.filename and "/fuzz/" not in step.filename]
+    ours = [
+        step for step in steps if "/ares_" in step.filename and "/hostile/" not in step.filename
+    ]
     step = ours[-1] if ours else steps[-1]
     words = str(error) if type(error).__name__ == "Broken" else ""
     place = f"{Path(step.filename).name}:{step.name}"

@@ -2,20 +2,23 @@
 
 from pathlib import Path
 
-from ares_bringup.fuzz.bags import BagCommands, DamagedBags, ForgedBags
-from ares_bringup.fuzz.files import DispersionFiles, MissionFiles, Names, ParameterFiles
-from ares_bringup.fuzz.nodes import (
+from hostile.bags import BagCommands, DamagedBags, ForgedBags
+from hostile.files import DispersionFiles, MissionFiles, Names, ParameterFiles
+from hostile.nodes import (
+    Forwarding,
     GuidanceCallbacks,
     Judging,
     LivePage,
+    OnTerminal,
     Recording,
-    Requests,
     SimulatorCallbacks,
     Viewing,
 )
-from ares_bringup.fuzz.pages import Commands, Sockets
-from ares_bringup.fuzz.target import Target
-from ares_bringup.fuzz.words import CommandLines
+from hostile.pages import Commands, Sockets
+from hostile.settings import FailureTexts, Parameters
+from hostile.solving import OptimizerAnswers, Requests
+from hostile.target import Target
+from hostile.words import CommandLines
 
 
 def all_targets(bag: Path) -> list[Target]:
@@ -36,9 +39,14 @@ def all_targets(bag: Path) -> list[Target]:
         GuidanceCallbacks(),
         Recording(),
         Judging(),
+        OnTerminal(),
         Viewing(),
+        Forwarding(),
         LivePage(),
         Requests(),
+        OptimizerAnswers(),
+        Parameters(),
+        FailureTexts(),
         Commands(),
         Sockets(),
         CommandLines(),

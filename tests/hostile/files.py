@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 import yaml
 
-from ares_bringup.fuzz.mutate import TEXTS, text, yaml_structure, yaml_text
-from ares_bringup.fuzz.target import Target, check, one_line
 from ares_bringup.params_file import node_values
 from ares_models.input_file import InputError, InputKind
 from ares_models.mission import MISSION, Mission, load_mission
 from ares_studies.closed_loop import fly_compiled, ready_law
 from ares_vehicle_sim.dispersions import DISPERSIONS, load_dispersions
 from ares_vehicle_sim.simulator import CAMPAIGN, SimulatorOptions, true_vehicle
+from hostile.mutate import TEXTS, text, yaml_structure, yaml_text
+from hostile.target import Target, check, one_line
 
 REFUSED = "refused"
 TAKEN = "taken"
@@ -79,13 +79,17 @@ class MissionFiles(_File):
     """Missions: what is taken has numbers in all its arrays, and flies to an end that has."""
 
     name = "mission files"
-    share = 0.2
+    share = 1.0
     #: Of the missions that are taken, how many are flown.
     flown = 0.2
 
     def begin(self) -> None:
         super().begin()
         self.good = _of(MISSION)
+        # compiled before it is timed
+        for mission in map(load_mission, MISSION.shipped()):
+            if not mission.plans_arcs:
+                _flown(mission)
 
     def use(self) -> str:
         mission = load_mission(self.path)
@@ -120,7 +124,7 @@ class DispersionFiles(_File):
     """Dispersions: what is taken gives a vehicle of numbers."""
 
     name = "dispersion files"
-    share = 0.2
+    share = 1.0
 
     def begin(self) -> None:
         super().begin()
@@ -181,7 +185,7 @@ class Names(Target):
     """Names and paths of missions and dispersions: devices, pipes, folders, tricks."""
 
     name = "names of files"
-    share = 0.2
+    share = 0.3
 
     def __init__(self) -> None:
         self._folder = Path()

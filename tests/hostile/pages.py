@@ -4,14 +4,16 @@ import json
 import logging
 import socket
 import struct
+import time
+import zlib
 from collections.abc import Callable
 from random import Random
 
-from ares_bringup.fuzz.mutate import changed, number, text
-from ares_bringup.fuzz.target import Target, check, one_line
 from ares_view.live.address import LOOPBACK, listen
 from ares_view.live.server import LiveServer, read_command
 from ares_view.live.story import Story
+from hostile.mutate import changed, number, text
+from hostile.target import Target, check, one_line
 
 _KEY = "dGhlIHNhbXBsZSBub25jZQ=="
 #: Wall time in s that the server may take for anything.
@@ -88,7 +90,7 @@ class Commands(Target):
     """Texts that a page says: a command in its range, or one line why not."""
 
     name = "commands of a page"
-    share = 17.995
+    share = 11.0
 
     def make(self, random: Random) -> bytes:
         said = command(random).encode("utf-8", "surrogatepass")
@@ -166,7 +168,10 @@ class Sockets(Target):
             )
             data = _shake(host, origin)
             for _ in range(random.choice((0, 1, 1, 2, 5))):
-                data += _frame(command(random).encode("utf-8", "surrogatepass"), random)
+                said = command(random).encode("utf-8", "surrogatepass")
+                if random.random() < 0.05:
+                    said = random.choice((random.randbytes(200), said * 3000, bytes(200_000)))
+                data += _frame(said, random)
         return changed(data, random) if random.random() < 0.3 else data
 
     def run(self, data: bytes) -> str:
@@ -175,16 +180,30 @@ class Sockets(Target):
         refused_origin = b"Origin: http://evil.example\r\n" in data
         self._count += 1
         before = len(self._obeyed)
+        # by the input itself, so that it can be done again
+        manner = zlib.crc32(data) % 8
+        begun = time.monotonic()
         with socket.create_connection((LOOPBACK, self._server.door.port), _PATIENCE) as line:
             line.settimeout(_PATIENCE)
             try:
-                line.sendall(data)
+                half = len(data) // 2
+                line.sendall(data[:half])
+                if manner == 0:
+                    # gone in the middle, with a reset
+                    line.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+                    return "left"
+                if manner == 1:
+                    # what the server says is not waited for, and the rest comes later
+                    time.sleep(0.002)
+                line.sendall(data[half:])
                 line.shutdown(socket.SHUT_WR)
                 answer = b""
                 while part := line.recv(65536):
                     answer += part
                     check(len(answer) < 50_000_000, "an endless answer")
-            except (ConnectionError, BrokenPipeError):
+            except OSError:
+                # it has hung up, or says nothing
+                check(time.monotonic() - begun < _PATIENCE, "the server takes no end")
                 answer = b""
         check(not self._complaints.said, f"the server complains: {self._complaints.said[:1]}")
         if refused_origin and data.count(b"\r\n\r\n") == 1:

@@ -19,8 +19,8 @@ from ares_bags.replay import Extract
 from ares_bags.schema import qos_text
 from ares_bags.verify import verify
 from ares_bringup.commands.cli import main
-from ares_bringup.fuzz.mutate import WHOLE, changed, text, yaml_text
-from ares_bringup.fuzz.target import Target, check, one_line
+from hostile.mutate import WHOLE, changed, text, yaml_text
+from hostile.target import Target, check, one_line
 
 #: What ends the first part of an input: the MCAP file; the rest is metadata.yaml.
 _END = b"\n=== metadata.yaml\n"
@@ -110,7 +110,7 @@ class DamagedBags(_Bag):
     """A bag of the recorder with bytes wrong or missing: never called whole, nothing invented."""
 
     name = "damaged bags"
-    share = 0.12
+    share = 1.0
 
     def begin(self) -> None:
         from ares_bags.testing import write_bag
@@ -150,7 +150,7 @@ class ForgedBags(_Bag):
     """Bags that are well-formed as MCAP, and hostile in all that they say."""
 
     name = "forged bags"
-    share = 0.12
+    share = 0.5
 
     def begin(self) -> None:
         from ares_bags.testing import messages, topics
@@ -228,7 +228,7 @@ class BagCommands(_Bag):
     """What `ares` does with a bag of a flight that was damaged."""
 
     name = "commands on bags"
-    share = 0.005
+    share = 0.05
 
     def __init__(self, reference: Path) -> None:
         """Take a bag of a flight.

@@ -15,10 +15,13 @@ from unittest.mock import patch
 import typer.main
 
 from ares_bringup.commands.cli import app
-from ares_bringup.fuzz.bags import commanded
-from ares_bringup.fuzz.mutate import TEXTS, number, text
-from ares_bringup.fuzz.target import Target, check
 from ares_bringup.options import CannotStart
+from ares_guidance.laws import check_law, find_law
+from ares_guidance.registry import law_names
+from ares_models.mission import load_mission
+from hostile.bags import commanded
+from hostile.mutate import TEXTS, number, text
+from hostile.target import Target, check
 
 #: What would fly, solve, serve or write for long once its words are found good.
 _WORK = (
@@ -28,6 +31,8 @@ _WORK = (
     "ares_bringup.commands.analytic.solve_analytic",
     "ares_bringup.commands.montecarlo.choose",
     "ares_bringup.commands.montecarlo._fly_alone",
+    "ares_bringup.commands.aborts.MapMaker",
+    "ares_bringup.faults.campaign.fly_all",
     "ares_bringup.audience.follow",
     "os.execv",
 )
@@ -45,7 +50,7 @@ class CommandLines(Target):
     """Command lines: every refusal is one line and exit status 2."""
 
     name = "command lines"
-    share = 0.08
+    share = 0.1
 
     def __init__(self) -> None:
         self._folder = Path()
@@ -59,6 +64,11 @@ class CommandLines(Target):
         self._held.enter_context(patch.dict(os.environ))
         for place in _WORK:
             self._held.enter_context(patch(place, _taken))
+        # compiled before it is timed
+        mission = load_mission("ares_v")
+        for law in law_names():
+            if not find_law(law).needs_trajectory:
+                check_law(law, mission.arrays(foreseen=True), mission.start().navigation(), None)
         group = typer.main.get_command(app)
         self._verbs = dict(_leaves(group, ()))
 

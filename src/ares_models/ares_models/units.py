@@ -1,0 +1,4 @@
+"""Units that what speaks no ROS needs; those of messages: `ares_node.time`."""
+
+#: In a second.
+NANOSECONDS = 1_000_000_000

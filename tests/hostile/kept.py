@@ -1,0 +1,92 @@
+"""What several runs have come to, in one file: which inputs, on which code, and what came of them.
+
+No input counts twice: a run that gives a target inputs of a seed that it has had is refused.
+"""
+
+import fcntl
+import json
+import os
+import subprocess
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+from hostile.run import MOST_GROWTH
+
+#: What decides what an input does: the sources, and what makes the inputs.
+_CODE = ("src", "tests/hostile")
+
+
+def code(root: Path) -> str:
+    """The commit of a clone; with a mark where what is measured has been changed since."""
+
+    def git(*words: str) -> str:
+        done = subprocess.run(
+            ["git", *words], check=False, cwd=root, capture_output=True, text=True
+        )
+        return done.stdout.strip()
+
+    mark = " and changes" if git("status", "--porcelain", "--", *_CODE) else ""
+    return (git("log", "-1", "--format=%h", "--", *_CODE) or "unknown") + mark
+
+
+def load(path: Path) -> list[dict[str, Any]]:
+    """The runs of a file; none where there is no file."""
+    if not path.exists():
+        return []
+    runs: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))["runs"]
+    return runs
+
+
+def same_inputs(runs: list[dict[str, Any]], seed: int, targets: list[str]) -> list[str]:
+    """Those of some targets that have had inputs of a seed."""
+    return [
+        name
+        for name in targets
+        if any(run["seed"] == seed and name in run["targets"] for run in runs)
+    ]
+
+
+def figures(runs: list[dict[str, Any]]) -> list[dict[str, str | float]]:
+    """All runs together, as benchmarks keep it."""
+    inputs: Counter[str] = Counter()
+    on: Counter[str] = Counter()
+    for run in runs:
+        for name, account in run["targets"].items():
+            inputs[name] += account["inputs"]
+            on[run["code"]] += account["inputs"]
+    accounts = [account for run in runs for account in run["targets"].values()]
+    rows: list[tuple[str, float, str]] = [
+        ("inputs", inputs.total(), ""),
+        (
+            f"unexpected exceptions, hangs, wrong successes, growth over {MOST_GROWTH >> 20} MiB",
+            sum(run["failed"] for run in runs),
+            "",
+        ),
+        ("slowest input", max(account["slowest_s"] for account in accounts), "s CPU"),
+        ("most that a process has grown", max(run["grown_mib"] for run in runs), "MiB"),
+    ]
+    rows += [(f"inputs on code {name}", count, "") for name, count in on.items()]
+    rows += [(f"inputs for {name}", count, "") for name, count in inputs.items()]
+    return [{"what": what, "value": value, "unit": unit} for what, value, unit in rows]
+
+
+def keep(path: Path, about: dict[str, object], run: dict[str, Any]) -> None:
+    """Add a run to a file, or bring it up to date there; others may do so at the same time.
+
+    Args:
+        path: the file, which is written whole or not at all.
+        about: what stands above the figures.
+        run: with `begun`, by which it is known.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    folder = os.open(path.parent, os.O_RDONLY)
+    try:
+        fcntl.flock(folder, fcntl.LOCK_EX)
+        runs = [other for other in load(path) if other.get("begun") != run["begun"]] + [run]
+        whole = about | {"figures": figures(runs), "runs": runs}
+        new = path.with_suffix(".new")
+        new.write_text(json.dumps(whole, indent=1) + "\n", encoding="utf-8")
+        new.replace(path)
+    finally:
+        os.close(folder)

@@ -1,0 +1,126 @@
+"""The optimizer: what it is asked, and what guidance makes of its answers."""
+
+import contextlib
+import io
+import math
+from collections.abc import Sequence
+from functools import partial
+from random import Random
+from typing import Any
+
+from rclpy.serialization import deserialize_message, serialize_message
+
+from ares_guidance.node import GuidanceNode
+from ares_models.mission import load_mission
+from ares_msgs.srv import SolveTrajectory
+from ares_optimizer.messages import Answers, Response
+from ares_vehicle_sim.kernels.plant import UNIT_TOLERANCE
+from ares_vehicle_sim.simulator import CommandRefused, Simulator
+from hostile.messages import heard, hostile
+from hostile.nodes import MISSION, Call, Flight, NodeTarget
+from hostile.target import Broken, Target, check, one_line
+
+#: Laws that start from an answer.
+_LAWS = ("peg", "optimal", "peg_thesis")
+_METHODS = ("", "indirect", "closed_form", "analytic", "direct11", "jump")
+
+
+def flies(steering: Any) -> bool:
+    """Whether a direction that is no unit vector is flown by the simulator."""
+    if abs(math.hypot(*steering[0]["direction"]) - 1.0) < UNIT_TOLERANCE:
+        return False
+    try:
+        Simulator(load_mission(MISSION)).command(steering)
+    except CommandRefused:
+        return False
+    return True
+
+
+class OptimizerAnswers(NodeTarget):
+    """Answers of an optimizer to guidance: each law starts from one, or says why it does not."""
+
+    name = "answers of an optimizer"
+    share = 1.0
+    look_every = 10**9
+
+    def set_up(self) -> Sequence[Call]:
+        self._flight = Flight()
+        self._state = self._flight.nav_state()
+        asked = SolveTrajectory.Request(
+            mission=MISSION, use_nav_state=True, nav_state=self._state, time_limit=5.0
+        )
+        self._good = bytes(serialize_message(Answers(MISSION, "indirect", 5.0).answer(asked)))
+        calls = []
+        for law in _LAWS:
+            node = self.node(GuidanceNode, mission=MISSION, law=law, initial_guess="optimizer")
+            calls.append(
+                Call(Response, self._answer, partial(self._take, node), kept=("error_code",))
+            )
+        return calls
+
+    def _answer(self) -> Any:
+        return deserialize_message(self._good, Response)
+
+    def _take(self, node: Any, answer: Any) -> None:
+        now, _, _, measured = node._answers.read(bytes(serialize_message(self._state)))
+        node._answers.request(self._state)
+        node._asked = now
+        node._wants_guess = True
+        node._take_guess(answer, now)
+        if not node._wants_guess:
+            node._answers.step(now, measured)
+            if node._law.steered and flies(node._law.steering):
+                raise Broken(f"a direction is flown: {node._law.steering[0]['direction']}")
+        node._forget()
+
+
+class Requests(Target):
+    """Requests of the optimizer, answered in time or refused with a reason."""
+
+    name = "optimizer"
+    share = 0.1
+
+    def begin(self) -> None:
+        self._answers = Answers(MISSION, "indirect", 0.05)
+        self._flight = Flight()
+        # compiled before it is timed
+        for method in _METHODS:
+            self._answers.answer(
+                SolveTrajectory.Request(
+                    mission=MISSION,
+                    use_nav_state=True,
+                    nav_state=self._flight.nav_state(),
+                    method=method,
+                    time_limit=60.0,
+                )
+            )
+
+    def make(self, random: Random) -> bytes:
+        request = SolveTrajectory.Request(
+            mission=MISSION,
+            use_nav_state=random.random() < 0.9,
+            nav_state=self._flight.nav_state(),
+            method=random.choice(_METHODS),
+            time_limit=0.05,
+        )
+        return hostile(request, random, ("mission", "method", "time_limit", "use_nav_state"))
+
+    def run(self, data: bytes) -> str:
+        request = heard(SolveTrajectory.Request, data)
+        if request is None:
+            return "no message"
+        request.time_limit = min(request.time_limit, 0.05)
+        said = io.StringIO()
+        with contextlib.redirect_stderr(said):
+            answer = self._answers.answer(request)
+        check(answer.error_code != Response.INTERNAL, f"internal: {said.getvalue()[-400:]!r}")
+        bytes(serialize_message(answer))
+        if answer.error_code != Response.NONE:
+            one_line(answer.message)
+            check(not answer.converged, "refused and converged")
+            return f"error {answer.error_code}"
+        numbers = (answer.cutoff_time, answer.final_mass, *answer.arc_start_time)
+        numbers += (*answer.arc_end_time, *answer.arc_end_mass)
+        check(all(map(math.isfinite, numbers)), f"success with {numbers}")
+        check(answer.final_mass > 0.0, f"success with {answer.final_mass} kg")
+        return "solved"

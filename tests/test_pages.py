@@ -1,0 +1,26 @@
+"""Every page that is a file, as a browser shows it: legible, and without serious faults.
+
+What is on a page is tested beside what makes it; the live page in test_live_page.py.
+"""
+
+import pytest
+
+from ares_studies.pages.testing import FIGURES, SIZES, THEMES, illegible
+
+PAGES = ("page_of_one", "page_of_two", "page_of_many", "page_of_map", "page_of_thesis")
+
+
+@pytest.mark.parametrize("theme", THEMES)
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("which", PAGES)
+def test_a_page_is_legible(open_file, request, which, size, theme):
+    page = open_file(request.getfixturevalue(which), size, theme)
+    assert illegible(page, size) == []
+    figures = page.evaluate(FIGURES)
+    assert figures
+    assert all(figure["height"] > 250 for figure in figures)
+
+
+@pytest.mark.parametrize("which", PAGES)
+def test_a_page_has_no_serious_fault(open_file, request, serious_faults, which):
+    assert serious_faults(open_file(request.getfixturevalue(which), "narrow", "dark")) == []
