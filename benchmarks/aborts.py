@@ -70,6 +70,8 @@ def main():
             who = "told then" if told else "that knew"
             for reach, share in made.shares(told=told).items():
                 figures.add(f"{name}, {reach}, as optimizer {who}", share.percent, "%")
+        near = sum(point.near for point in made.points)
+        figures.add(f"{name}, of these with the radius let go, which was dear", near, "")
         for row in made.rows:
             n = len(row.points)
             knew = sum(point.within for point in row.points)

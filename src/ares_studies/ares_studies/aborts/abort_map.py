@@ -75,9 +75,11 @@ class Point:
     def within_told(self) -> bool:
         """The same beside the optimizer that was told when it happened.
 
-        An end near the target counts where the target itself is dear.
+        Where the target is dear an end near it counts, and so does the target as dear as there.
         """
-        return _as_good(self.flown, self.told) or self.near
+        if _as_good(self.flown, self.told) or self.near:
+            return True
+        return self.exact is not None and _as_good(self.flown, self.exact)
 
     @property
     def near(self) -> bool:
