@@ -19,12 +19,29 @@ def test_the_map_says_its_ends_in_words(open_file, page_of_map):
     ]
 
 
+def test_the_page_shows_where_it_falls(open_file, page_of_map):
+    page = open_file(page_of_map, "wide", "light")
+    chapter = page.locator("#chapter-4")
+    assert chapter.locator("h2").inner_text() == "Where it falls"
+    assert "Outside all 8 areas of the mission fall" in chapter.inner_text()
+    assert chapter.locator(".plot").count() == 1
+    legend = chapter.locator(".legend button").all_inner_texts()
+    assert {"land", "areas", "flown, outside the areas"} <= set(legend)
+
+
 def test_one_json_object(ares):
     done = ares("aborts", "--mission", "saturn_v_as506", "--step-s", "200", "--json")
     assert done.returncode == 0, done.stderr
     said = json.loads(done.stdout)
     assert said["mission"] == "saturn_v_as506"
     assert said["points"] == sum(len(row["points"]) for row in said["rows"])
+    flown = [point["flown"] for row in said["rows"] for point in row["points"]]
+    fallen = [end for end in flown if "impact_deg" in end]
+    assert said["outside"] == {
+        "count": sum(end["area"] is None for end in fallen),
+        "of": len(fallen),
+    }
+    assert "Africa" in said["areas"]
 
 
 @pytest.mark.parametrize(

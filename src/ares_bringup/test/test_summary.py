@@ -306,3 +306,60 @@ def test_marks_of_coasts_and_of_what_is_near():
         (1819.251, ""),
         (1823.686, "ignition, cut-off"),
     ]
+
+
+# ---- where it falls
+
+
+def fallen(facts, speed, areas=None):
+    """A flight that ends too slow for an orbit, over a place that is known."""
+    mission = load_mission("ares_v")
+    names = mission.area_names if areas is None else areas
+    named = replace(facts, environment=mission.environment_array()[0], areas=names)
+    return good_flight(named, speed=speed)
+
+
+def test_a_fall_names_its_place_and_never_exits_with_success(facts):
+    summary = fallen(facts, 5000.0)
+    impact = summary.impact
+    assert impact is not None and impact.area is None
+    assert summary.shortcomings()[-1] == f"falls at {impact.place}, outside all 8 areas"
+    assert summary.exit_code == 1
+    said = json.loads(json.dumps(summary.to_json(), allow_nan=False))["impact"]
+    assert said["latitude_deg"] == pytest.approx(impact.latitude_deg)
+    assert said["area"] is None and said["outside_m"] > 0.0
+    # the body turns below until it is down
+    assert said["t_s"] > summary.end.time
+
+
+def test_a_fall_into_an_area_names_it(facts):
+    before = fallen(facts, 5000.0).impact
+    mission = load_mission("ares_v")
+    data = mission.model_dump(exclude_unset=True)
+    data["abort"]["avoid"] = [
+        {
+            "name": "there",
+            "latitude_deg": before.latitude_deg,
+            "longitude_deg": before.longitude_deg,
+            "radius_m": 1e4,
+        }
+    ]
+    named = replace(facts_of(type(mission).model_validate(data)), target=facts.target)
+    summary = good_flight(named, speed=5000.0)
+    assert f"falls at {before.place}, in there" in summary.shortcomings()
+    assert summary.to_json()["impact"]["area"] == "there"
+    assert summary.to_json()["impact"]["outside_m"] == pytest.approx(-1e4, abs=10.0)
+
+
+def test_without_areas_or_longitudes_nothing_is_made_up(facts):
+    assert fallen(facts, 5000.0, areas=()).shortcomings()[-1].startswith("falls at ")
+    plain = good_flight(replace(facts, environment=None), speed=5000.0)
+    assert plain.impact is None and plain.to_json()["impact"] is None
+    assert not any("falls" in line for line in plain.shortcomings())
+    assert facts_of(load_mission("delta_iii")).environment is None
+
+
+def test_an_orbit_does_not_fall(facts):
+    circle = math.sqrt(MU / RADIUS)
+    assert fallen(facts, circle).impact is None
+    assert fallen(facts, circle + 50.0).to_json()["impact"] is None

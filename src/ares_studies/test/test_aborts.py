@@ -68,6 +68,16 @@ def test_a_map_can_be_told(made):
     assert sum(told) == said["within"]["all"]["count"]
     page = render(make_report(made, {"mission": made.mission, "guidance": made.law}))
     assert page.count('class="strip"') == 3 * len(made.rows)
+    assert ("Where it falls" in page) == (made.outside.of > 0)
+
+
+def test_who_falls_does_so_somewhere(made):
+    fallen = [point.flown for point in made.points if point.flown.falls]
+    assert fallen
+    assert all(reached.end is End.SUBORBITAL for reached in fallen)
+    inside = [reached for reached in fallen if reached.area]
+    assert {reached.area for reached in inside} <= set(made.areas)
+    assert made.outside.count == len(fallen) - len(inside)
 
 
 def test_low_propellant_lowers_the_target():
@@ -137,9 +147,9 @@ def test_a_fall_has_a_place():
     reached = optimizer.knew(Failure(FailureKind.FAILED_IGNITION, arc=1))
     assert reached.end is End.SUBORBITAL
     latitude, longitude = reached.impact_deg
-    # down-range of the core's burn-out, along an orbit of 28.5 deg
-    assert abs(latitude) < 29.0
-    assert -180.0 <= longitude <= 180.0
+    # down-range of Florida and the core's burn-out, along an orbit of 28.5 deg
+    assert 20.0 < latitude < 29.0
+    assert -80.0 <= longitude <= -50.0
     assert mission.name == "ares_v"
 
 
