@@ -23,7 +23,7 @@ from ares_bags.testing import messages, write_bag
 from ares_bags.verify import surveyed, verify
 from ares_bringup.monitor import FlightMonitor
 from ares_bringup.params_file import node_values
-from ares_bringup.summary import FlightSummary, facts_of
+from ares_bringup.summary import Event, FlightSummary, facts_of
 from ares_bringup.terminal import TerminalView
 from ares_models.arrays import STEERING
 from ares_models.mission import MISSION, MissionError, load_mission
@@ -166,6 +166,9 @@ def test_a_process_that_grows_is_a_failure(tmp_path: Path, monkeypatch: pytest.M
         assert run.failures == 0
         held[0] += 1
         assert (run.grown, run.failures) == (fuzz_run.MOST_GROWTH + 1, 1)
+        # what is kept to be written beside a failure is no growth
+        run._before[target.name].append(bytes(len(run._before[target.name][-1]) + 1))
+        assert run.failures == 0
 
 
 # ---- what was found, replayed
@@ -454,6 +457,23 @@ def test_the_terminal_outlives_a_state_that_is_none(graph) -> None:
             view.show(monitor)
     assert "ares_v: core" in out.getvalue()
     monitor.leave()
+
+
+@pytest.mark.parametrize("mission", MISSION.shipped())
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), 0.0, 1e300, 1.7e308])
+@pytest.mark.parametrize("field", ["position", "velocity"])
+def test_an_end_that_is_no_state_is_judged_and_is_no_success(
+    mission: str, field: str, value: float
+) -> None:
+    facts = facts_of(load_mission(mission))
+    summary = FlightSummary(facts, "peg", None, 7)
+    where = {"position": (6.6e6, 1e5, 1e5), "velocity": (10.0, 7.8e3, 10.0)}
+    where[field] = (value, value, value)
+    for kind in (FlightEvent.FLIGHT_STARTED, FlightEvent.CUTOFF, FlightEvent.FLIGHT_COMPLETE):
+        summary.events.append(Event(kind, 0, 600.0, mass=1e5, **where))
+    assert summary.exit_code == 1
+    assert any("target missed" in line for line in summary.shortcomings())
+    json.dumps(summary.to_json(), allow_nan=False)
 
 
 @pytest.mark.parametrize("data", [b"", b"\x00", b"\x00\x01\x00\x00", b"\xff" * 40, bytes(9)])

@@ -4,11 +4,13 @@ import contextlib
 import io
 import shutil
 import tempfile
+import zlib
 from pathlib import Path
 from random import Random
 from typing import Any
 
 from mcap.writer import CompressionType, Writer
+from rclpy.serialization import deserialize_message
 
 from ares_bags.errors import BagError
 from ares_bags.files import find_file
@@ -17,13 +19,18 @@ from ares_bags.reader import Bag, open_bag
 from ares_bags.repair import repair
 from ares_bags.replay import Extract
 from ares_bags.schema import qos_text
+from ares_bags.types import message_class
 from ares_bags.verify import verify
+from ares_bags.writer import BagWriter
 from ares_bringup.commands.cli import main
+from hostile.messages import hostile
 from hostile.mutate import WHOLE, changed, text, yaml_text
 from hostile.target import Target, check, one_line
 
 #: What ends the first part of an input: the MCAP file; the rest is metadata.yaml.
 _END = b"\n=== metadata.yaml\n"
+#: Ends an input that is a whole bag of odd messages.
+_ODD = b"# odd messages\n"
 
 
 class _Bag(Target):
@@ -225,7 +232,7 @@ def _qos(good: str, random: Random) -> str:
 
 
 class BagCommands(_Bag):
-    """What `ares` does with a bag of a flight that was damaged."""
+    """What `ares` does with a bag of a flight that was damaged, or that holds odd messages."""
 
     name = "commands on bags"
     share = 0.05
@@ -243,14 +250,39 @@ class BagCommands(_Bag):
         super().begin()
         self._good = find_file(self._reference).read_bytes()
         self._metadata = (find_file(self._reference).with_name(METADATA_FILE)).read_bytes()
+        flight = open_bag(self._reference)
+        self._topics = list(flight.topics.values())
+        self._messages = list(flight.raw_messages())
 
     def make(self, random: Random) -> bytes:
         content = self._good
+        if random.random() < 0.3:
+            return self._recorded(random)
         if random.random() < 0.5:
             content = changed(content, random)
         else:
             content = content[: random.randint(0, len(content))]
         return content + _END + self._metadata
+
+    def _recorded(self, random: Random) -> bytes:
+        """A whole bag, some of whose messages no flight has."""
+        # named as it will be, which its metadata tell
+        made = self._folder / "made" / "flight"
+        shutil.rmtree(made, ignore_errors=True)
+        made.parent.mkdir(exist_ok=True)
+        of = {topic.name: topic for topic in self._topics}
+        odd = random.choice((0.002, 0.05, 0.5))
+        chosen = random.choice((None, *of))
+        with BagWriter(made, {"mission": "ares_v", "law": "peg"}) as writer:
+            for topic in self._topics:
+                writer.add_topic(topic)
+            for name, time_ns, data in self._messages:
+                content = data
+                if chosen in (None, name) and random.random() < odd:
+                    kind = message_class(of[name].type_name)
+                    content = hostile(deserialize_message(data, kind), random, ("flight_id",))
+                writer.write(name, time_ns, content)
+        return find_file(made).read_bytes() + _END + (made / METADATA_FILE).read_bytes() + _ODD
 
     def run(self, data: bytes) -> str:
         self.write(data)
@@ -262,11 +294,11 @@ class BagCommands(_Bag):
             ("export", str(self.bag), "--format", "czml", "--out", out),
             ("report", str(self.bag), "--out", out),
         )
-        number = len(data) % len(words)
+        number = zlib.crc32(data) % len(words)
         status, said = commanded(*words[number])
-        whole = data == self._good + _END + self._metadata
         check(status in (0, 1, 2), f"exit status {status}")
         if words[number][:2] == ("bag", "verify"):
+            whole = data.endswith(_ODD) or data == self._good + _END + self._metadata
             check((status == 0) == whole, f"verify ends with {status}: {said}")
         return f"{words[number][0]} {status}"
 

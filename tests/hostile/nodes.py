@@ -434,6 +434,10 @@ class Recording(NodeTarget):
         self.begin()
 
 
+#: Targets of each kind: a state, elements, a Keplerian orbit.
+_JUDGED = (MISSION, "geostationary_burn", "delta_iii")
+
+
 def _must_be_a_line(text: str) -> None:
     one_line(text)
 
@@ -446,31 +450,47 @@ class Judging(NodeTarget):
     look_every = 1024
 
     def set_up(self) -> Sequence[Call]:
-        node = Node("judge", namespace="ares", context=self.context)
-        self._held.callback(node.destroy_node)
-        self._facts = facts_of(load_mission(MISSION))
-        self._summary = FlightSummary(self._facts, "peg", None, FLIGHT)
-        monitor = FlightMonitor(node, self._summary, _must_be_a_line)
-        self._held.callback(monitor.leave)
+        self._summaries = []
+        monitors = []
+        for mission in _JUDGED:
+            node = Node("judge", namespace="ares", context=self.context)
+            self._held.callback(node.destroy_node)
+            self._summaries.append(
+                FlightSummary(facts_of(load_mission(mission)), "peg", None, FLIGHT)
+            )
+            monitors.append(FlightMonitor(node, self._summaries[-1], _must_be_a_line))
+            self._held.callback(monitors[-1].leave)
         self._flight = Flight()
+
+        def call(kind: Any, good: Callable[[], Any], name: str) -> Call:
+            def all_hear(message: Any) -> None:
+                for monitor in monitors:
+                    getattr(monitor, name)(message)
+
+            return Call(kind, good, all_hear)
+
+        def member(word: FlightMember) -> None:
+            for monitor in monitors:
+                monitor._membership._on_member(word)
+
         return (
-            Call(FlightEvent, _event, monitor._on_event),
-            Call(GuidanceStatus, self._flight.status, monitor._on_status),
-            Call(DiagnosticArray, _diagnostics, monitor._on_diagnostics),
-            Call(Timing, self._flight.timing, monitor._on_timing),
-            Call(FlightMember, self._flight.member, monitor._membership._on_member),
+            call(FlightEvent, _event, "_on_event"),
+            call(GuidanceStatus, self._flight.status, "_on_status"),
+            call(DiagnosticArray, _diagnostics, "_on_diagnostics"),
+            call(Timing, self._flight.timing, "_on_timing"),
+            Call(FlightMember, self._flight.member, member),
         )
 
     def look(self) -> None:
-        summary = self._summary
-        with contextlib.redirect_stdout(io.StringIO()):
-            print_summary(summary, console())
-        json.dumps(summary.to_json(), allow_nan=False)
-        one_line(summary.verdict)
-        end = summary.end
-        if end is not None and summary.exit_code == 0:
-            values = (*end.position, *end.velocity, end.mass)
-            check(all(map(math.isfinite, values)), f"arrived at {values}")
+        for summary in self._summaries:
+            with contextlib.redirect_stdout(io.StringIO()):
+                print_summary(summary, console())
+            json.dumps(summary.to_json(), allow_nan=False)
+            one_line(summary.verdict)
+            end = summary.end
+            if end is not None and summary.exit_code == 0:
+                values = (*end.position, *end.velocity, end.mass)
+                check(all(map(math.isfinite, values)), f"arrived at {values}")
 
 
 class Viewing(NodeTarget):

@@ -2,6 +2,7 @@
 
 import faulthandler
 import resource
+import sys
 import time
 import traceback
 from collections import Counter, deque
@@ -123,8 +124,12 @@ class Run:
 
     @property
     def grown(self) -> int:
-        """Bytes that the process has grown by since it has seen WARM inputs."""
-        return 0 if self._settled is None else memory() - self._settled
+        """Bytes that the process has grown by since it has seen WARM inputs, but for those kept."""
+        return 0 if self._settled is None else memory() - self._kept - self._settled
+
+    @property
+    def _kept(self) -> int:
+        return sum(len(data) for before in self._before.values() for data in before)
 
     def input(self, target: Target, number: int) -> bytes:
         """Input of a number."""
@@ -135,14 +140,15 @@ class Run:
         for target in self.targets:
             self.block(target, max(1, round(inputs * target.share / 100.0)))
         if self._settled is None and self.inputs >= WARM:
-            self._settled = memory()
+            self._settled = memory() - self._kept
 
     def block(self, target: Target, count: int) -> None:
         """Some inputs for a target; the next ones by number."""
         account = self.accounts[target.name]
         for k in range(count):
             if k % WATCHED == 0:
-                faulthandler.dump_traceback_later(DEAD, exit=True)
+                # what a target draws on may have taken standard error
+                faulthandler.dump_traceback_later(DEAD, exit=True, file=sys.__stderr__)
             self._one(target, account)
         faulthandler.cancel_dump_traceback_later()
 

@@ -128,7 +128,8 @@ class Parameters(NodeTarget):
             word = self._set(node, name, value)
             if word == "taken" and start and at == 0:
                 word = self._started(node)
-            if word in ("taken", "started", "not started") and node is not self._active:
+            set_now = word in ("taken", "started", "not started") and name in self._goods[at]
+            if set_now and node is not self._active:
                 # the next one comes alone
                 node.set_parameters([Parameter(name, value=self._goods[at][name])])
         check("Traceback" not in said.getvalue(), f"a traceback: {said.getvalue()[-300:]!r}")

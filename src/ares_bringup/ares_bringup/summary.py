@@ -2,19 +2,25 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
 from ares_bags.errors import printable
 from ares_models.arrays import (
     LONGEST_FLIGHT,
+    NAMES_APOGEE,
     NAMES_ARGUMENT_OF_PERIGEE,
     NAMES_ASCENDING_NODE,
+    NAMES_C3,
+    NAMES_ECCENTRICITY,
     NAMES_FLIGHT_PATH_ANGLE,
     NAMES_INCLINATION,
+    NAMES_PERIGEE,
     NAMES_RADIUS,
+    NAMES_SEMI_MAJOR_AXIS,
     NAMES_SPEED,
+    NAMES_TRUE_ANOMALY,
     TARGET_ELEMENTS,
     TARGET_KEPLERIAN,
     TARGET_RADIUS_SPEED_ANGLE_PLANE,
@@ -41,6 +47,7 @@ from ares_vehicle_sim.arrays import (
 if TYPE_CHECKING:
     from ares_models.impacts import Impact
     from ares_models.mission import Mission
+    from ares_models.orbits import Elements
 
 #: Words of marks that are nearer than this share of the flight stand together, at the last of them.
 NEAR_MARKS = 0.15
@@ -60,15 +67,15 @@ TOLERANCES = {
     "ascending_node_deg": ORIENTATION_DEG,
     "argument_of_perigee_deg": ORIENTATION_DEG,
 }
-#: Of a target by elements: size, shape and place, in the order of `orbit_errors`, each with
-#: whether it is an angle. Their tolerances are what those above come to.
+#: Of a target by elements: size, shape and place, in the order of `orbit_errors`, each with what
+#: names it and whether it is an angle. Their tolerances are what those above come to.
 _ORBIT_ERRORS = (
-    ("perigee_radius_m", False),
-    ("apogee_radius_m", False),
-    ("semi_major_axis_m", False),
-    ("eccentricity", False),
-    ("c3_m2_s2", False),
-    ("true_anomaly_deg", True),
+    ("perigee_radius_m", NAMES_PERIGEE, False),
+    ("apogee_radius_m", NAMES_APOGEE, False),
+    ("semi_major_axis_m", NAMES_SEMI_MAJOR_AXIS, False),
+    ("eccentricity", NAMES_ECCENTRICITY, False),
+    ("c3_m2_s2", NAMES_C3, False),
+    ("true_anomaly_deg", NAMES_TRUE_ANOMALY, True),
 )
 
 #: m of a perigee below the limit that is still a safe orbit: a cut-off's scatter.
@@ -267,7 +274,13 @@ def target_state(facts: MissionFacts, position: Sequence[float]) -> OrbitState:
         true_anomaly=0.0,
     )
     perigee, forward = (vector.tolist() for vector in orbit.state(facts.mu))
-    anomaly = math.atan2(_along(position, forward), _along(position, perigee))
+    try:
+        anomaly = math.atan2(_along(position, forward), _along(position, perigee))
+    except (OverflowError, ValueError):
+        anomaly = math.nan
+    if math.isnan(anomaly):
+        # beyond numbers: nothing is near
+        return OrbitState(*[math.nan] * len(fields(OrbitState)))
     there = replace(orbit, true_anomaly=anomaly).state(facts.mu)
     return orbit_state(there[0].tolist(), there[1].tolist())
 
@@ -327,9 +340,7 @@ def insertion_error(
             flown.ascending_node_deg - wanted.ascending_node_deg
         )
     if int(facts.target["kind"]) == TARGET_KEPLERIAN:
-        from ares_models.orbits import Elements
-
-        elements = Elements.from_state(position, velocity, facts.mu)
+        elements = orbit_of(facts, position, velocity)
         errors["semi_major_axis_m"] = elements.semi_major_axis - float(
             facts.target["semi_major_axis"]
         )
@@ -338,25 +349,36 @@ def insertion_error(
     return errors
 
 
-def perigee_altitude(
+def orbit_of(
     facts: MissionFacts, position: Sequence[float], velocity: Sequence[float]
-) -> float:
-    """Perigee over the equatorial radius, m.
+) -> "Elements":
+    """The orbit of a state; NaN in all its elements where there is none.
 
     Args: as in :func:`insertion_error`.
     """
     from ares_models.orbits import Elements
 
-    orbit = Elements.from_state(position, velocity, facts.mu)
+    try:
+        return Elements.from_state(position, velocity, facts.mu)
+    except ValueError:
+        return Elements(*[math.nan] * len(fields(Elements)))
+
+
+def perigee_altitude(
+    facts: MissionFacts, position: Sequence[float], velocity: Sequence[float]
+) -> float:
+    """Perigee over the equatorial radius, m; NaN where there is none.
+
+    Args: as in :func:`insertion_error`.
+    """
+    orbit = orbit_of(facts, position, velocity)
     return orbit.semi_major_axis * (1.0 - orbit.eccentricity) - facts.equatorial_radius
 
 
 def _argument_error(
     facts: MissionFacts, position: Sequence[float], velocity: Sequence[float]
 ) -> float:
-    from ares_models.orbits import Elements
-
-    elements = Elements.from_state(position, velocity, facts.mu)
+    elements = orbit_of(facts, position, velocity)
     return _half_turn(
         math.degrees(elements.argument_of_perigee - float(facts.target["argument_of_perigee"]))
     )
@@ -373,12 +395,13 @@ def _orbit_errors(
     errors, allowed = (
         {
             key: math.degrees(value) if is_angle else value
-            for (key, is_angle), value in zip(_ORBIT_ERRORS, values, strict=True)
+            for (key, _, is_angle), value in zip(_ORBIT_ERRORS, values, strict=True)
         }
         for values in found
     )
-    named = {key: error for key, error in errors.items() if not math.isnan(error)}
-    return named, allowed
+    # what is named and no number is missed
+    named = int(facts.target["named"])
+    return {key: errors[key] for key, bit, _ in _ORBIT_ERRORS if named & bit}, allowed
 
 
 def insertion_tolerances(

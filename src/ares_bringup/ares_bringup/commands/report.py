@@ -14,10 +14,10 @@ from ares_bringup.summary import (
     FlightSummary,
     Outcome,
     insertion_tolerances,
+    orbit_of,
     orbit_state,
 )
 from ares_bringup.whole_file import write_whole
-from ares_models.orbits import Elements
 from ares_studies.flight_page.data import Recording, make_flight
 from ares_studies.flight_page.page import (
     MAX_FLIGHTS,
@@ -222,7 +222,7 @@ def _judged(summary: FlightSummary) -> dict[str, float]:
     """Flown values of all that may be judged, by the names of the errors."""
     end = summary.end
     assert end is not None
-    elements = Elements.from_state(end.position, end.velocity, summary.facts.mu)
+    elements = orbit_of(summary.facts, end.position, end.velocity)
     return vars(orbit_state(end.position, end.velocity)) | {
         "perigee_radius_m": elements.perigee_radius,
         "apogee_radius_m": elements.apogee_radius,
