@@ -86,6 +86,7 @@ class ArcPlan:
             (2, 3); nan: not known.
         ignitions: when that is, mission elapsed time, s.
         jettison_time_s: mission elapsed time; nan: not known, or no jettison waits for heating.
+        first_arc: index of the arc that it begins in: those before are over.
     """
 
     lengths_s: dict[int, float]
@@ -95,6 +96,7 @@ class ArcPlan:
     primers: dict[int, Array] = field(default_factory=dict)
     ignitions: dict[int, float] = field(default_factory=dict)
     jettison_time_s: float = math.nan
+    first_arc: int = 0
 
     def record(self, arcs: NDArray[np.void]) -> NDArray[np.void]:
         """The plan as the kernel reads it, shape (1,), dtype PLAN.
@@ -108,6 +110,8 @@ class ArcPlan:
         record = np.zeros(1, PLAN)
         record["made"] = 1
         for k in np.flatnonzero(np.isinf(arcs["duration"])):
+            if k < self.first_arc:
+                continue
             length = self.lengths_s.get(int(k), math.nan)
             if not 0.0 <= length < math.inf:
                 raise ValueError(f"length of arc {k} is {length}; expected 0 s or more")
@@ -313,7 +317,14 @@ class OfflineTrajectory:
                 if not last:
                     states[int(k)] = self.sample_at(end, f"the end of burn {k}")
         return ArcPlan(
-            lengths, states, directions, positions, primers, ignitions, self.jettison_time
+            lengths,
+            states,
+            directions,
+            positions,
+            primers,
+            ignitions,
+            self.jettison_time,
+            int(self.flown_arc[0]),
         )
 
     def _check_arcs(self, arcs: NDArray[np.void]) -> None:

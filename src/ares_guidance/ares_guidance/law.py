@@ -321,7 +321,13 @@ class Law:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the flight, not the plan of its arcs."""
+        """Forget the flight, not the plan of its arcs, if that is one of all arcs."""
+        if self._arc_plan is not None and self._arc_plan.first_arc > 0:
+            self._arc_plan = None
+        self._begin()
+
+    def _begin(self) -> None:
+        """Put the state of before a flight on board, with the plan."""
         self.onboard = blank_onboard(self._settings)
         if self._arc_plan is not None:
             self.state["plan"] = self._arc_plan.record(self._arrays.arcs)[0]
@@ -344,14 +350,14 @@ class Law:
             )
 
     def follow_arcs(self, plan: ArcPlan) -> None:
-        """Fly the next flights by a plan of the arcs.
+        """Fly the next flights by a plan of the arcs; by one of the arcs left this flight alone.
 
         Raises:
             ValueError: it is not one of this mission.
         """
         plan.record(self._arrays.arcs)
         self._arc_plan = plan
-        self.reset()
+        self._begin()
 
     def seed(
         self, velocity_to_go: NDArray[np.float64], jettison_times: NDArray[np.float64]

@@ -211,6 +211,12 @@ class GuidanceNode(FlightNode):
 
     def _forget(self) -> None:
         self._law.reset()
+        if self._law.lacks_plan and self._active:
+            # it had one from the middle of another flight
+            self._wants_guess = True
+            self._guess = None
+            self._looked_since = None
+            self._watch.reset()
         self._reported = int(GuidanceStatus.NONE)
         self._findings = 0
         self._told_safe = False

@@ -1,5 +1,6 @@
 """Law `optimal` on missions with free arcs: the optimum, flown, and around it."""
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -41,10 +42,16 @@ MISSIONS = (
 )
 
 
+@cache
+def solved(name):
+    """A mission and its optimum, which no flight changes."""
+    flight = mission(name)
+    return flight, solve(flight, "indirect")
+
+
 def flown_by(law, name):
     """A mission, its optimum, and the flight by a law that starts from it."""
-    flight = mission(name)
-    optimum = solve(flight, "indirect")
+    flight, optimum = solved(name)
     ready = make_law(law, flight.arrays(foreseen=True))
     ready.start_from(offline_trajectory(optimum))
     return flight, optimum, fly_compiled(flight, law=ready)

@@ -10,6 +10,7 @@ from ares_guidance.arrays import ERROR_NONE, ERROR_NOT_CONVERGED, LAW_PEG, STEEP
 from ares_guidance.kernels.large_turn import converge_large_turn, converge_lofted
 from ares_guidance.kernels.peg import iterate
 from ares_guidance.kernels.segments import plan_segments
+from ares_guidance.kernels.shortfall import SETTLED, lacking_speed
 from ares_guidance.kernels.start import start_guess
 from ares_models.arrays import MissionRecords
 from ares_models.jit import kernel
@@ -97,13 +98,16 @@ def seek(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bo
     if state.found.count > 0 and math.isfinite(limit):
         limit = min(limit, SMALL_AFTER_FAILURE)
     small_does = False
+    dear = 0.0
     if state.solution.primer.gradient == 0.0:
         state.law = LAW
         error, reachable = converge(mission, onboard)
         if math.isinf(limit):
             return error, reachable
         good = error == ERROR_NONE and reachable and state.solution.turn <= limit
-        if good and settle(mission, onboard) == ERROR_NONE:
+        # what a first solution asks for beyond the propellant may be the price of its small angles
+        dear = lacking_speed(state) if good and cold else 0.0
+        if good and not dear > SETTLED and settle(mission, onboard) == ERROR_NONE:
             return ERROR_NONE, True
         # too late to mend the position, speed and angle are still worth having
         late = state.solution.time_to_go <= onboard.settings.restart_time
@@ -115,7 +119,8 @@ def seek(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bo
     error = converge_large_turn(mission, onboard)
     if error != ERROR_NONE and cold:
         error = converge_lofted(mission, onboard)
-    if error != ERROR_NONE and small_does:
+    worse = dear > SETTLED and error == ERROR_NONE and not lacking_speed(state) < dear
+    if (error != ERROR_NONE or worse) and small_does:
         state.law = LAW
         begin_again(mission, onboard, cold)
         return converge(mission, onboard)

@@ -278,8 +278,8 @@ def seek_within_reach(mission: MissionRecords, onboard: Onboard, cold: bool) -> 
     if may_let_go(mission, onboard, cold):
         return seek_late(mission, onboard)
     error, reachable = seek_lowered(mission, onboard, cold)
-    to_gain = norm(load(state.saved.velocity_to_go))
     unsolved = error != ERROR_NONE and state.found.fresh != SOLVED
+    to_gain = norm(load(state.saved.velocity_to_go)) if unsolved else 0.0
     if unsolved and state.lowered < MOST_DOWN * to_gain:
         # so much is out of reach that nothing leads there: a step down in every cycle
         begin_again(mission, onboard, cold)

@@ -50,11 +50,12 @@ def is_sound(steering: Record, jettisons: int) -> bool:
         jettisons: how many the mission has.
     """
     direction = load(steering.direction)
+    infinite = 0
     for k in range(MAX_ARCS):
-        if math.isinf(steering.arc_end_times[k]):
-            return False
+        infinite += 1 if abs(steering.arc_end_times[k]) == math.inf else 0
     return (
-        is_finite(direction)
+        infinite == 0
+        and is_finite(direction)
         and abs(norm(direction) - 1.0) <= UNIT_TOLERANCE
         and is_finite(load(steering.direction_rate))
         and math.isfinite(steering.reference_time)
@@ -77,6 +78,21 @@ def fastest_turn(steering: Record, begin: float, end: float) -> float:
     at = min(max(nearest, begin), end)
     u = axpy(at - steering.reference_time, rate, direction)
     return norm(cross(u, rate)) / dot(u, u)
+
+
+@kernel
+def turns_faster(limit: float, steering: Record, begin: float, end: float) -> bool:
+    """Whether the commanded direction turns faster than ``limit``, rad/s, between two times.
+
+    The commanded direction is a unit vector where it is given. As long as the line has not gone
+    half as far from there, it turns at no more than twice its own rate.
+    """
+    rate = load(steering.direction_rate)
+    square = dot(rate, rate)
+    far = max(abs(begin - steering.reference_time), abs(end - steering.reference_time))
+    if square * far * far <= 0.25 and 5.0 * square <= limit * limit:
+        return False
+    return not fastest_turn(steering, begin, end) <= limit
 
 
 @kernel
@@ -173,8 +189,8 @@ def broken_rules(mission: MissionRecords, onboard: Onboard) -> int:
         flags |= MONITOR_DEPLETION
     if state.iterations > most_iterations(settings):
         flags |= MONITOR_WORK
-    turn = fastest_turn(steering, nav.time, nav.time + settings.cycle_period)
-    if not turn <= settings.steering_rate_limit:
+    end = nav.time + settings.cycle_period
+    if turns_faster(settings.steering_rate_limit, steering, nav.time, end):
         flags |= MONITOR_STEERING_RATE
     return flags
 
@@ -221,8 +237,8 @@ def hold_good(onboard: Onboard) -> None:
     if monitors.flags & MONITOR_JETTISON:
         good.jettison = -1
         good.jettison_time = math.nan
-    turn = fastest_turn(good, nav.time, nav.time + settings.cycle_period)
-    if not turn <= settings.steering_rate_limit:
+    end = nav.time + settings.cycle_period
+    if turns_faster(settings.steering_rate_limit, good, nav.time, end):
         since = nav.time - good.reference_time
         store(good.direction, unit(axpy(since, load(good.direction_rate), load(good.direction))))
         store(good.direction_rate, (0.0, 0.0, 0.0))

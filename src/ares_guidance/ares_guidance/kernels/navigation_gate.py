@@ -29,8 +29,9 @@ from ares_guidance.arrays import (
 from ares_models.arrays import BURN, MissionRecords, Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import altitude, gravity
-from ares_models.kernels.sequence import aboard, empty_mass, loaded_mass
+from ares_models.kernels.sequence import aboard, loaded_mass
 from ares_models.kernels.vectors import (
+    Vector,
     add,
     axpy,
     dot,
@@ -91,14 +92,18 @@ def is_plausible(mission: MissionRecords, nav: Record, settings: Record) -> bool
     if not 0 <= nav.jettisoned < (1 << mission.jettisons.shape[0]):
         return False
     gate = settings.navigation_gate
-    if altitude(r, mission.environment) < -DEEPEST - gate * settings.position_sigma:
+    environment = mission.environment
+    square = dot(r, r)
+    # above the equator's radius is above the ground anywhere
+    low = square < environment.equatorial_radius * environment.equatorial_radius
+    if low and altitude(r, environment) < -DEEPEST - gate * settings.position_sigma:
         return False
-    if norm(v) > FASTEST * math.sqrt(2.0 * mission.environment.mu / norm(r)):
+    if dot(v, v) * math.sqrt(square) > FASTEST * FASTEST * 2.0 * environment.mu:
         return False
     arc = arcs[nav.arc]
     share = gate * settings.load_sigma
-    empty = empty_mass(arc, arcs, mission.jettisons, nav.jettisoned)
     full = loaded_mass(arc.stage, arcs, mission.jettisons, nav.jettisoned)
+    empty = full - arc.propellant
     return nav.mass > 0.0 and (1.0 - share) * empty <= nav.mass <= (1.0 + share) * full
 
 
@@ -226,6 +231,30 @@ def carry(mission: MissionRecords, before: Record, after: Record, settings: Reco
 
 
 @kernel
+def within(limit: float, x: Vector) -> bool:
+    """Whether a vector is no longer than ``limit``."""
+    return dot(x, x) <= limit * limit
+
+
+@kernel
+def position_limit(before: Record, after: Record, settings: Record, sigmas: float) -> float:
+    """How far the position's sum may move between two fixes, m; arguments as of `compare`."""
+    span = after.time - before.time
+    drifted = span * settings.velocity_sigma
+    sigma = math.hypot(math.sqrt(2.0) * settings.position_sigma, drifted)
+    return sigmas * sigma + after.position_slack - before.position_slack
+
+
+@kernel
+def velocity_limit(before: Record, after: Record, settings: Record, sigmas: float) -> float:
+    """How far the velocity's sum may move between two fixes, m/s; arguments as of `compare`."""
+    span = after.time - before.time
+    gain = norm(sub(load(after.sensed_delta_v), load(before.sensed_delta_v)))
+    noise = math.hypot(math.sqrt(2.0) * settings.velocity_sigma, span * settings.acceleration_sigma)
+    return sigmas * math.hypot(noise, gain * settings.sensed_sigma)
+
+
+@kernel
 def compare(before: Record, after: Record, settings: Record, sigmas: float) -> int:
     """Which sums have moved too far between two fixes: REFUSED_* bits.
 
@@ -235,20 +264,20 @@ def compare(before: Record, after: Record, settings: Record, sigmas: float) -> i
         settings: record GUIDANCE_SETTINGS.
         sigmas: how far is too far.
     """
-    span = after.time - before.time
-    gain = norm(sub(load(after.sensed_delta_v), load(before.sensed_delta_v)))
-    velocity_sigma = settings.velocity_sigma
-    position = math.hypot(math.sqrt(2.0) * settings.position_sigma, span * velocity_sigma)
-    velocity = math.hypot(
-        math.hypot(math.sqrt(2.0) * velocity_sigma, span * settings.acceleration_sigma),
-        gain * settings.sensed_sigma,
-    )
     reasons = 0
-    moved = norm(sub(load(after.position_sum), load(before.position_sum)))
-    if not moved <= sigmas * position + after.position_slack - before.position_slack:
+    moved = sub(load(after.position_sum), load(before.position_sum))
+    # the noise of two states alone is less than the limit, and mostly says enough
+    least = sigmas * math.sqrt(2.0)
+    if not (
+        within(least * settings.position_sigma, moved)
+        or norm(moved) <= position_limit(before, after, settings, sigmas)
+    ):
         reasons |= REFUSED_POSITION
-    moved = norm(sub(load(after.velocity_sum), load(before.velocity_sum)))
-    if not moved <= sigmas * velocity:
+    moved = sub(load(after.velocity_sum), load(before.velocity_sum))
+    if not (
+        within(least * settings.velocity_sigma, moved)
+        or norm(moved) <= velocity_limit(before, after, settings, sigmas)
+    ):
         reasons |= REFUSED_VELOCITY
     slack = after.mass_slack - before.mass_slack
     mass = math.sqrt(2.0) * settings.mass_sigma
