@@ -1,6 +1,7 @@
 """How surely guidance finds what fails: false alarms, and the time from a failure to its finding.
 
-    ./ares exec python benchmarks/failures.py [--flights N] [--others N] [--failures N] [--keep]
+    ./ares exec python benchmarks/failures.py [--only found|alarms] [--flights N] [--others N]
+        [--failures N] [--threads N] [--keep]
 
 False alarms: dispersed flights in which nothing fails, of `ares_v` and of every other shipped
 mission that law peg flies without a plan. Found: dispersed flights with one failure each, its
@@ -9,7 +10,11 @@ kind, time and size drawn; see docs/aborts.md for what is drawn.
 
 import argparse
 import math
+import threading
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from itertools import chain
+from pathlib import Path
 
 import numpy as np
 from figures import Figures, keep_option
@@ -19,6 +24,7 @@ from ares_models.arrays import BURN
 from ares_models.failures import Failure, FailureKind
 from ares_models.mission import list_missions, load_mission
 from ares_studies.closed_loop import fly_compiled
+from ares_studies.montecarlo.engines import cores
 from ares_studies.montecarlo.flights import Range, Settings
 from ares_vehicle_sim.dispersions import load_dispersions
 from ares_vehicle_sim.simulator import CAMPAIGN
@@ -29,7 +35,7 @@ WITHIN = 2.0 + 1e-6
 END = 12.0
 #: s to the last cut-off from which nothing is left to find it in.
 LAST = 4.0
-CHUNK = 500
+CHUNK = 250
 #: Thrust that falls behind a throttle, the mass flow at full thrust as before.
 HIDDEN = "hidden"
 
@@ -43,14 +49,28 @@ def settings(name, seed):
     return Settings(mission, dispersions, seed)
 
 
-def false_alarms(name, flights, seed):
+def by_threads(plan, work, parts, threads):
+    """What each part comes to, by threads with flights of their own: work(flyer, part)."""
+    own = threading.local()
+
+    def one(part):
+        if not hasattr(own, "flyer"):
+            own.flyer = Range(plan)
+        return work(own.flyer, part)
+
+    with ThreadPoolExecutor(threads) as pool:
+        return list(pool.map(one, parts))
+
+
+def false_alarms(name, flights, seed, threads):
     """How many flights in which nothing fails report a failure, by kind."""
-    flyer = Range(settings(name, seed))
-    alarms = Counter()
-    for first in range(0, flights, CHUNK):
+
+    def kinds(flyer, first):
         results = flyer.fly(first, min(CHUNK, flights - first)).results
-        alarms.update(int(kind) for kind in results["found"] if kind)
-    return alarms
+        return Counter(int(kind) for kind in results["found"] if kind)
+
+    parts = range(0, flights, CHUNK)
+    return sum(by_threads(settings(name, seed), kinds, parts, threads), Counter())
 
 
 def burns(mission, ended):
@@ -123,59 +143,81 @@ def draw(mission, ended, random):
     return Failure(kind, at), at
 
 
-def found_in_time(name, count, seed):
+def found_in_time(name, count, seed, threads):
     """Failures that struck, found within two seconds, and those that were not."""
     plan = settings(name, seed)
     mission = plan.mission
     ended = fly_compiled(mission, CAMPAIGN).plant["time"]
     random = np.random.default_rng(seed)
-    flyer = Range(plan)
-    flown = in_time = 0
+    drawn = [draw(mission, ended, random) for _ in range(count)]
+
+    def fly(flyer, first):
+        some = drawn[first : first + CHUNK]
+        return flyer.fly_failing(first, [failure for failure, _ in some]).results
+
+    flown = by_threads(plan, fly, range(0, count, CHUNK), threads)
+    in_time = 0
     missed = []
-    while flown < count:
-        drawn = [draw(mission, ended, random) for _ in range(min(CHUNK, count - flown))]
-        results = flyer.fly_failing(flown, [failure for failure, _ in drawn]).results
-        for (failure, at), result in zip(drawn, results, strict=True):
-            untimed = failure.kind is FailureKind.STUCK_JETTISON
-            if not (untimed or result["struck"] == 1) or result["end_time"] < at + WITHIN:
-                # where it would have struck, this flight was over, or in a coast
-                continue
-            late = result["found_time"] - at
-            if result["found"] and late <= WITHIN:
-                in_time += 1
-            else:
-                missed.append((failure, int(result["found"]), float(late)))
-        flown += len(drawn)
+    for (failure, at), result in zip(drawn, chain.from_iterable(flown), strict=True):
+        untimed = failure.kind is FailureKind.STUCK_JETTISON
+        if not (untimed or result["struck"] == 1) or result["end_time"] < at + WITHIN:
+            # where it would have struck, this flight was over, or in a coast
+            continue
+        late = result["found_time"] - at
+        if result["found"] and late <= WITHIN:
+            in_time += 1
+        else:
+            missed.append((failure, int(result["found"]), float(late)))
     return in_time, missed
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--flights", type=int, default=100_000, help="of ares_v, nothing fails")
-    parser.add_argument("--others", type=int, default=3_000, help="of every other mission")
-    parser.add_argument("--failures", type=int, default=2_000, help="flown, of every mission")
-    parser.add_argument("--seed", type=int, default=0)
-    keep_option(parser)
-    options = parser.parse_args()
-    figures = Figures(__file__, "How surely guidance finds what fails, by law peg.")
-    shipped = [n for n in list_missions() if not needs_plan(load_mission(n).arrays())]
+def measure_found(missions, options):
+    """Print and keep how many failures are found in time."""
+    script = Path(__file__).with_stem("failures_found")
+    figures = Figures(str(script), "How surely guidance finds what fails within 2 s, by law peg.")
     total = found = 0
-    for name in shipped:
-        in_time, missed = found_in_time(name, options.failures, options.seed)
+    for name in missions:
+        in_time, missed = found_in_time(name, options.failures, options.seed, options.threads)
         found += in_time
         total += in_time + len(missed)
         figures.add(f"{name}: failures found within 2 s", in_time, f"of {in_time + len(missed)}")
         for failure, kind, late in missed[:10]:
             print("  not in time:", failure, kind, late)
-    figures.add("all: found within 2 s", 100.0 * found / total, "%")
-    for name in shipped:
+    figures.add("all: found within 2 s", 100.0 * found / total, f"% of {total}")
+    if options.keep:
+        figures.keep()
+
+
+def measure_alarms(missions, options):
+    """Print and keep how many flights in which nothing fails report a failure."""
+    script = Path(__file__).with_stem("failures_false_alarms")
+    about = "Standard dispersed flights in which nothing fails and guidance finds something, peg."
+    figures = Figures(str(script), about)
+    for name in missions:
         flights = options.flights if name == "ares_v" else options.others
-        alarms = false_alarms(name, flights, options.seed)
+        alarms = false_alarms(name, flights, options.seed, options.threads)
         figures.add(f"{name}: false alarms", alarms.total(), f"in {flights} flights")
         if alarms:
             print("  by kind:", dict(alarms))
     if options.keep:
         figures.keep()
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--only", choices=("found", "alarms"), help="default: both")
+    parser.add_argument("--flights", type=int, default=100_000, help="of ares_v, nothing fails")
+    parser.add_argument("--others", type=int, default=3_000, help="of every other mission")
+    parser.add_argument("--failures", type=int, default=1_800, help="flown, of every mission")
+    parser.add_argument("--threads", type=int, default=cores())
+    parser.add_argument("--seed", type=int, default=0)
+    keep_option(parser)
+    options = parser.parse_args()
+    missions = [n for n in list_missions() if not needs_plan(load_mission(n).arrays())]
+    if options.only != "alarms":
+        measure_found(missions, options)
+    if options.only != "found":
+        measure_alarms(missions, options)
 
 
 if __name__ == "__main__":

@@ -192,6 +192,7 @@ FOUND = np.dtype(
         # of the present stage
         ("thrust", np.float64),  # measured over planned thrust; 0: not measured yet
         ("flow", np.float64),  # the same of the mass flow
+        ("looks", np.int64),  # from which these are
         ("total", np.float64),  # product of the thrust ratios found since it began
         ("total_flow", np.float64),  # the same of the mass flow
         ("spread", np.float64),  # by which these may be off

@@ -256,7 +256,10 @@ def check_thrust(mission: MissionRecords, onboard: Onboard) -> None:
     flows = consumed / found.flow if known else consumed
     if abs(ratio - 1.0) > (CHANGE if known else FOREIGN):
         if found.total == 1.0:
-            found.spread = SAME_SHARE if known else SAME_SHARE_AT_FIRST
+            found.spread = SAME_SHARE if found.looks > 1 else SAME_SHARE_AT_FIRST
+            if found.looks == 1:
+                # it may have been lost in the first look already
+                found.total, found.total_flow = found.thrust, found.flow
         found.total *= ratio
         found.total_flow *= flows
         lost = engines_are_lost(arc, found)
@@ -269,6 +272,7 @@ def check_thrust(mission: MissionRecords, onboard: Onboard) -> None:
         report(onboard, FOUND_ENGINE_LOST if lost else FOUND_THRUST_LOW, nav.arc, found.total)
     else:
         found.thrust, found.flow = thrust, consumed
+        found.looks += 1
     check_clock(onboard)
 
 
@@ -362,6 +366,7 @@ def look(mission: MissionRecords, onboard: Onboard) -> None:
     if found.mass > 0.0:
         if arcs[nav.arc].stage != arcs[found.arc].stage:
             found.thrust = found.flow = 0.0
+            found.looks = 0
             found.total = found.total_flow = 1.0
         if refused != found.refused:
             # what was seen last may have been wrong already

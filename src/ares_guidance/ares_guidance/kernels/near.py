@@ -2,7 +2,7 @@
 
 Engines that give less there come to the target's speed later and, in a climb, higher. To mend the
 radius in the seconds that are left the thrust must turn far aside, or the burn go on for a minute:
-that costs up to a tenth of the mass. Speed and angle are met for nothing.
+that costs up to 15 % of the mass. Speed and angle are met for nothing.
 """
 
 import math
