@@ -250,6 +250,7 @@ OUTLOOK = np.dtype(
         ("cut_time", np.float64),  # s, before it enters one; inf: it does not, or cannot be
         ("cut_inside", np.float64),  # s within one until then
         ("end_time", np.float64),  # s, of the thrust
+        ("grounded", np.int64),  # 1: it meets the ground with thrust
     ],
     align=True,
 )

@@ -59,9 +59,13 @@ def guarded_step(mission: MissionRecords, onboard: Onboard) -> None:
     if mission.environment.area_count > 0:
         hand_back(onboard)
     guidance_step(mission, onboard)
-    if mission.environment.area_count > 0:
-        if state.left.count == 0:
+    guarded = mission.environment.area_count > 0
+    if state.left.count == 0:
+        if guarded:
             keep_out(mission, onboard)
-        else:
+        watch_answer(mission, onboard)
+    else:
+        if guarded:
             keep_out(vehicle_left(mission, state), onboard)
-    watch_answer(mission, onboard)
+        # what the propellant lasts is the weakened engines' business
+        watch_answer(vehicle_left(mission, state), onboard)

@@ -280,6 +280,7 @@ def look_along(mission: MissionRecords, onboard: Onboard, turn: Turn, cutoff_tim
     way, seen = avoid.way, avoid.outlook
     stand(mission, nav, way)
     seen.inside = 0.0
+    seen.grounded = 0
     seen.cut_time = math.inf
     seen.cut_inside = 0.0
     seen.area = -1
@@ -297,7 +298,9 @@ def look_along(mission: MissionRecords, onboard: Onboard, turn: Turn, cutoff_tim
             seen.cut_inside = seen.inside
         if way.time >= cutoff_time - SAME and mission.arcs[way.arc].kind == BURN:
             way.over = 1
-        if way.over == 1 or altitude(load(way.position), mission.environment) < 0.0:
+        if altitude(load(way.position), mission.environment) < 0.0:
+            seen.grounded = 1
+        if way.over == 1 or seen.grounded == 1:
             break
         copy_way(way, avoid.mark)
         was = outside
@@ -448,18 +451,21 @@ def is_short(mission: MissionRecords, onboard: Onboard, own: Turn) -> bool:
     mu = mission.environment.mu
     target = mission.target
     limit = min(target.safe_radius, perigee_radius(target, mu)) - SLACK
-    if state.error == ERROR_NONE:
+    found = state.found
+    waits = state.avoid.mode == AVOID_NOTHING and nav.time - found.time < PATIENCE
+    if found.count == 0 and state.error != ERROR_PROPELLANT_SHORT:
         return False
     known = False
     if state.error == ERROR_PROPELLANT_SHORT:
         known = state.lowered > SETTLED and perigee_radius(state.target, mu) < limit
         if not known and lacking_speed(state) < LACKING:
             return False
-    elif state.avoid.mode == AVOID_NOTHING:
-        found = state.found
-        if found.count == 0 or nav.time - found.time < PATIENCE:
-            return False
+    elif waits:
+        return False
     look_along(mission, onboard, own, onboard.steering.cutoff_time)
+    if state.error == ERROR_NONE:
+        # a solution knows of no ground
+        return bool(state.avoid.outlook.grounded == 1)
     return known or path_perigee(state.avoid.way, mu) < limit
 
 
@@ -475,7 +481,7 @@ def plan(mission: MissionRecords, onboard: Onboard) -> None:
     if nav.time < avoid.next_time - SAME:
         return
     avoid.next_time = nav.time + onboard.settings.cycle_period
-    if avoid.mode == AVOID_NOTHING and state.error == ERROR_NONE:
+    if avoid.mode == AVOID_NOTHING and state.error == ERROR_NONE and state.found.count == 0:
         return
     if mission.arcs[nav.arc].held == 1:
         return
