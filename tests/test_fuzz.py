@@ -354,6 +354,41 @@ def test_a_request_from_beyond_numbers_is_refused(method: str, field: str) -> No
     assert answer.message.startswith(f"state.{field} is ")
 
 
+@pytest.mark.parametrize("mass", [1.0, 6.5, 1e4])
+@pytest.mark.parametrize("method", ["indirect", "analytic", "direct11", "closed_form", "jump"])
+def test_a_request_from_a_vehicle_lighter_than_empty_is_answered(method: str, mass: float) -> None:
+    answers = Answers("ares_v", method, 1.0)
+    start = load_mission("ares_v").start()
+    state = NavState(
+        position=start.position, velocity=start.velocity, mass=mass, arc_start_time=171.49
+    )
+    state.stamp.sec = 161
+    answer = answers.answer(
+        SolveTrajectory.Request(use_nav_state=True, nav_state=state, method=method)
+    )
+    assert answer.error_code not in (
+        SolveTrajectory.Response.NONE,
+        SolveTrajectory.Response.INTERNAL,
+    )
+    assert answer.message.isprintable()
+
+
+def test_a_vehicle_of_which_nothing_would_be_left_has_no_solution() -> None:
+    answers = Answers("ares_v", "analytic", 1.0)
+    state = NavState(
+        position=[-5781333.8, -2024247.06, 3058328.51082876],
+        velocity=[413.92700001, -1839.599, 202.55],
+        mass=6.540625313204953,
+        arc_start_time=171.49,
+    )
+    state.stamp.sec = 161
+    answer = answers.answer(
+        SolveTrajectory.Request(use_nav_state=True, nav_state=state, method="analytic")
+    )
+    assert answer.error_code == SolveTrajectory.Response.INFEASIBLE
+    assert "kg are left of the vehicle" in answer.message
+
+
 def _timing(**values: str) -> Timing:
     from diagnostic_msgs.msg import KeyValue
 
