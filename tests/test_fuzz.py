@@ -10,7 +10,7 @@ from random import Random
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.serialization import serialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 from rich.console import Console
 
 from ares_bags.errors import BagError
@@ -20,7 +20,9 @@ from ares_bags.reader import open_bag
 from ares_bags.repair import repair
 from ares_bags.schema import load_yaml
 from ares_bags.testing import messages, write_bag
+from ares_bags.types import message_class
 from ares_bags.verify import surveyed, verify
+from ares_bags.writer import BagWriter
 from ares_bringup.monitor import FlightMonitor
 from ares_bringup.params_file import node_values
 from ares_bringup.summary import Event, FlightSummary, facts_of
@@ -352,6 +354,41 @@ def test_a_request_from_beyond_numbers_is_refused(method: str, field: str) -> No
     assert answer.message.startswith(f"state.{field} is ")
 
 
+@pytest.mark.parametrize("mass", [1.0, 6.5, 1e4])
+@pytest.mark.parametrize("method", ["indirect", "analytic", "direct11", "closed_form", "jump"])
+def test_a_request_from_a_vehicle_lighter_than_empty_is_answered(method: str, mass: float) -> None:
+    answers = Answers("ares_v", method, 1.0)
+    start = load_mission("ares_v").start()
+    state = NavState(
+        position=start.position, velocity=start.velocity, mass=mass, arc_start_time=171.49
+    )
+    state.stamp.sec = 161
+    answer = answers.answer(
+        SolveTrajectory.Request(use_nav_state=True, nav_state=state, method=method)
+    )
+    assert answer.error_code not in (
+        SolveTrajectory.Response.NONE,
+        SolveTrajectory.Response.INTERNAL,
+    )
+    assert answer.message.isprintable()
+
+
+def test_a_vehicle_of_which_nothing_would_be_left_has_no_solution() -> None:
+    answers = Answers("ares_v", "analytic", 1.0)
+    state = NavState(
+        position=[-5781333.8, -2024247.06, 3058328.51082876],
+        velocity=[413.92700001, -1839.599, 202.55],
+        mass=6.540625313204953,
+        arc_start_time=171.49,
+    )
+    state.stamp.sec = 161
+    answer = answers.answer(
+        SolveTrajectory.Request(use_nav_state=True, nav_state=state, method="analytic")
+    )
+    assert answer.error_code == SolveTrajectory.Response.INFEASIBLE
+    assert "kg are left of the vehicle" in answer.message
+
+
 def _timing(**values: str) -> Timing:
     from diagnostic_msgs.msg import KeyValue
 
@@ -474,6 +511,37 @@ def test_an_end_that_is_no_state_is_judged_and_is_no_success(
     assert summary.exit_code == 1
     assert any("target missed" in line for line in summary.shortcomings())
     json.dumps(summary.to_json(), allow_nan=False)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -1e300])
+@pytest.mark.parametrize("topic", ["vehicle_state", "nav_state", "flight_event"])
+def test_a_bag_of_states_that_are_none_is_shown_without_them(
+    ares, tmp_path: Path, topic: str, value: float
+) -> None:
+    flight = open_bag(REFERENCE)
+    bag = tmp_path / "odd"
+    with BagWriter(bag, {"mission": "ares_v", "law": "peg"}) as writer:
+        for part in flight.topics.values():
+            writer.add_topic(part)
+        number = 0
+        for name, time_ns, data in flight.raw_messages():
+            content = data
+            number += name.endswith(topic)
+            if name.endswith(topic) and number % 3 == 0:
+                message = deserialize_message(data, message_class(flight.topics[name].type_name))
+                message.position = [value, 7e6, 0.0]
+                content = bytes(serialize_message(message))
+            writer.write(name, time_ns, content)
+    for words in (
+        ("report", str(bag), "--out", str(tmp_path / "odd.html")),
+        ("export", str(bag), "--format", "czml", "--out", str(tmp_path / "odd.czml")),
+        ("export", str(bag), "--format", "kml", "--out", str(tmp_path / "odd.kml")),
+        ("export", str(bag), "--format", "csv", "--out", str(tmp_path / "odd.csv")),
+    ):
+        done = ares(*words)
+        assert done.returncode in (0, 1), done.stderr
+        assert "Traceback" not in done.stderr
+    assert "no vehicle is where they say" in (tmp_path / "odd.html").read_text()
 
 
 @pytest.mark.parametrize("data", [b"", b"\x00", b"\x00\x01\x00\x00", b"\xff" * 40, bytes(9)])

@@ -51,7 +51,9 @@ def figures(runs: list[dict[str, Any]]) -> list[dict[str, str | float]]:
     """All runs together, as benchmarks keep it."""
     inputs: Counter[str] = Counter()
     on: Counter[str] = Counter()
+    failed: Counter[str] = Counter()
     for run in runs:
+        failed[run["code"]] += run["failed"]
         for name, account in run["targets"].items():
             inputs[name] += account["inputs"]
             on[run["code"]] += account["inputs"]
@@ -66,7 +68,8 @@ def figures(runs: list[dict[str, Any]]) -> list[dict[str, str | float]]:
         ("slowest input", max(account["slowest_s"] for account in accounts), "s CPU"),
         ("most that a process has grown", max(run["grown_mib"] for run in runs), "MiB"),
     ]
-    rows += [(f"inputs on code {name}", count, "") for name, count in on.items()]
+    for name, count in on.items():
+        rows += [(f"inputs on code {name}", count, ""), (f"found on code {name}", failed[name], "")]
     rows += [(f"inputs for {name}", count, "") for name, count in inputs.items()]
     return [{"what": what, "value": value, "unit": unit} for what, value, unit in rows]
 

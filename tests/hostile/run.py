@@ -2,7 +2,6 @@
 
 import faulthandler
 import resource
-import sys
 import time
 import traceback
 from collections import Counter, deque
@@ -29,6 +28,8 @@ WARM = 50_000
 MOST_GROWTH = 100 * 2**20
 #: Failures of one kind that are kept as files.
 MOST_KEPT = 3
+#: Its descriptor: a target that draws takes `sys.stderr`.
+STANDARD_ERROR = 2
 _LENGTH = Struct("<I")
 
 
@@ -147,8 +148,7 @@ class Run:
         account = self.accounts[target.name]
         for k in range(count):
             if k % WATCHED == 0:
-                # what a target draws on may have taken standard error
-                faulthandler.dump_traceback_later(DEAD, exit=True, file=sys.__stderr__)
+                faulthandler.dump_traceback_later(DEAD, exit=True, file=STANDARD_ERROR)
             self._one(target, account)
         faulthandler.cancel_dump_traceback_later()
 

@@ -107,9 +107,35 @@ def _read(path: Path, bag: Bag) -> _Contents:
     if "vehicle_state" not in ends:
         raise CannotStart(f"bag {path} holds no flight: it has no vehicle_state")
     columns = {name: _columns(bag, name) if name in ends else _NOTHING for name in TOPICS}
+    left_out = sum(_leave_out(columns, name) for name in _PLACED if name in ends)
     complaints = list(_complaints(bag)) if DIAGNOSTICS in bag.topics else []
     why = bag.custom_data.get(INCOMPLETE_KEY)
-    return _Contents(bag.custom_data, columns, complaints, f"bag incomplete: {why}" if why else "")
+    missing = [f"bag incomplete: {why}"] if why else []
+    if left_out:
+        missing.append(f"{left_out} messages left out: no vehicle is where they say")
+    return _Contents(bag.custom_data, columns, complaints, "; ".join(missing))
+
+
+#: What tells where the vehicle is, by topic.
+_PLACED = {
+    "vehicle_state": ("time", "position", "velocity", "mass", "altitude"),
+    "nav_state": ("time", "position", "velocity", "mass"),
+    "flight_event": ("time", "position", "velocity", "mass"),
+}
+#: The largest of such a number that can be drawn, SI.
+_LARGEST = 1e15
+
+
+def _leave_out(columns: dict[str, Columns], topic: str) -> int:
+    """Leave out the messages of a topic that tell no place; how many there were."""
+    told = columns[topic]
+    good = np.ones(len(told["time"]), dtype=np.bool_)
+    for name in _PLACED[topic]:
+        values = np.reshape(told[name], (len(good), -1))
+        good &= np.all(np.abs(values) <= _LARGEST, axis=1)
+    if not np.all(good):
+        columns[topic] = {name: values[good] for name, values in told.items()}
+    return int(np.sum(~good))
 
 
 _NOTHING: Columns = {"time": np.empty(0)}

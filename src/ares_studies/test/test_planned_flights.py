@@ -12,6 +12,7 @@ from ares_guidance.guess import ArcPlan
 from ares_guidance.law import LawSettings
 from ares_guidance.laws import check_law, find_law, make_law
 from ares_guidance.testing import RESTART
+from ares_models.arrays import COAST as KIND_COAST
 from ares_models.mission import load_mission
 from ares_models.orbits import Insertion
 from ares_optimizer.solution import Cause, Status, failed
@@ -21,7 +22,7 @@ from ares_studies.closed_loop import fly_compiled, fly_stepwise, offline_traject
 from ares_studies.montecarlo.flights import Range, Settings
 from ares_vehicle_sim.arrays import ARC_ENDED, CUTOFF, IGNITION
 from ares_vehicle_sim.dispersions import Dispersions
-from ares_vehicle_sim.simulator import CAMPAIGN
+from ares_vehicle_sim.simulator import CAMPAIGN, Simulator, SimulatorOptions
 
 BURN, COAST = 153.252950, 450.0
 #: Velocity of the optimum, m/s: what MechJeb2's tests have.
@@ -346,3 +347,30 @@ def test_without_an_optimum_there_is_no_plan(restart, monkeypatch):
     with pytest.raises(ValueError, match="law peg needs a plan of the free arcs: no way"):
         closed_loop.arc_plan(mission, find_law("peg"))
     assert closed_loop.arc_plan(load_mission("ares_v"), find_law("peg")) is None
+
+
+@pytest.mark.parametrize("name", ["peg", "igm"])
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.95])
+def test_guidance_that_begins_anew_in_a_coast_flies_on(restart, name, share):
+    """As after its process has died: navigation and the plan tell where the flight is."""
+    mission, trajectory = restart
+    simulator = Simulator(mission, SimulatorOptions(navigation_period_s=1.0))
+    law = ready(mission, trajectory, name)
+    anew = None
+    while not simulator.complete:
+        nav = simulator.navigation
+        coasts = mission.arrays().arcs["kind"][int(nav["arc"])] == KIND_COAST
+        if anew is None and coasts and nav["time"] >= nav["arc_start_time"] + share * COAST:
+            law = anew = ready(mission, trajectory, name)
+        law.step(nav)
+        simulator.command(law.steering)
+        simulator.advance()
+    assert anew is not None
+    assert simulator.ended_well
+    # a burn that ended, and one that is not lit yet, are no failures to it
+    assert anew.state["found"]["count"] == 0
+    assert anew.state["navigation"]["refused"] == 0
+    assert anew.state["monitors"]["violations"] == 0
+    truth = simulator.truth()
+    assert np.linalg.norm(truth["position"]) == pytest.approx(6556000.0, abs=10.0)
+    assert np.linalg.norm(truth["velocity"]) == pytest.approx(7797.3928, abs=0.1)

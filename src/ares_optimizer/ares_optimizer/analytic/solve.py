@@ -504,7 +504,11 @@ def _solution(ascent: Ascent, plane: Plane, pieces: Sequence[_Piece]) -> Solutio
     """Times, masses and steering; no trajectory and no counts yet."""
     arcs = tuple(_steering_arc(ascent, plane, piece) for piece in pieces)
     last = arcs[-1]
-    cause = infeasible(_propellant_line(ascent, last.end_s)) or APPROXIMATION
+    lacking = _propellant_line(ascent, last.end_s)
+    if not last.end_mass_kg > 0.0:
+        # the burns are of fixed length or flow, whatever there is to burn
+        lacking = f"propellant: {last.end_mass_kg:,.0f} kg are left of the vehicle"
+    cause = infeasible(lacking) or APPROXIMATION
     return Solution(
         ANALYTIC_METHOD,
         **cause._asdict(),

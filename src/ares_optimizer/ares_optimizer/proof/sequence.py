@@ -137,7 +137,8 @@ def plan_flight(arrays: MissionArrays, start: Record, t_meco: float) -> Plan:
         spent = False
         if arc["kind"] == BURN:
             engine = Engine(k, begin, end, False)
-            left = float(arc["propellant"]) - used
+            # a start may weigh less than the empty stage
+            left = max(0.0, float(arc["propellant"]) - used)
             # a throttled burn ends by the clock: the file leaves it propellant for that
             if k != last and not is_throttled(arc):
                 far = min(end, begin + 1e5)
