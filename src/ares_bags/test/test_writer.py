@@ -17,6 +17,7 @@ from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from ares_bags.errors import BagError
 from ares_bags.metadata import METADATA_FILE
 from ares_bags.reader import open_bag
+from ares_bags.repair import repair
 from ares_bags.schema import FOREVER_NS, type_hash
 from ares_bags.testing import (
     CUSTOM_DATA,
@@ -28,6 +29,7 @@ from ares_bags.testing import (
     topics,
     write_bag,
 )
+from ares_bags.verify import verify
 from ares_bags.writer import BagWriter
 
 COUNT = 100
@@ -216,6 +218,28 @@ def test_flushed_messages_are_on_disk_before_the_end(tmp_path: Path) -> None:
     assert writer.file.stat().st_size == before
     with pytest.raises(BagError, match="is closed"):
         writer.write(NAV, 1, b"")
+
+
+def test_the_room_that_is_held_is_no_damage(tmp_path: Path) -> None:
+    """A killed recorder leaves it: what is found is what is found without it."""
+    writer = BagWriter(tmp_path / "flight", flush_interval_s=1e9)
+    for topic in topics():
+        writer.add_topic(topic)
+    for message in messages(100):
+        writer.write(*message)
+    writer.flush()
+    found = []
+    for name, cut in (("killed", None), ("cut", writer._output.tell())):
+        (tmp_path / name).mkdir()
+        file = tmp_path / name / "flight_0.mcap"
+        file.write_bytes(writer.file.read_bytes()[:cut])
+        checked = verify(tmp_path / name)
+        saved = repair(tmp_path / name, tmp_path / f"{name}_saved").saved
+        found.append((checked.findings, saved))
+    assert (tmp_path / "killed/flight_0.mcap").stat().st_size > writer._output.tell()
+    assert found[0] == found[1]
+    assert found[0][1] == sum(writer.counts.values())
+    writer.close()
 
 
 def test_time_flushes_too(tmp_path: Path) -> None:

@@ -235,3 +235,23 @@ def test_what_compiled_code_makes_of_it(tmp_path, number):
 @pytest.mark.parametrize("number", BOTH)
 def test_before_the_command_line_is_there(tmp_path, number):
     assert interrupted(tmp_path, AT_ONCE, number) == (128 + number, "", "")
+
+
+@pytest.mark.parametrize("number", BOTH)
+def test_a_verb_that_becomes_a_node_holds_signals_back_until_it_is_one(tmp_path, number):
+    """Sent before the node's own Python has begun to start."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import os, signal, sys, threading\n"
+        "from ares_bringup.commands.cli import main\n"
+        "become = os.execv\n"
+        "def execv(*words):\n"
+        f"    signal.pthread_kill(threading.get_ident(), {number})\n"
+        "    become(*words)\n"
+        "os.execv = execv\n"
+        "sys.exit(main(['node', 'sim']))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, str(script)], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

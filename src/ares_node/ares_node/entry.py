@@ -45,6 +45,8 @@ def enter(package: str, node: str, name: str, extra: str = "") -> int:
     """
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _leave)
+    # who has become this process may have held them back until there is somebody to take them
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, (signal.SIGINT, signal.SIGTERM))
     set_up_libraries()
     # nothing of what is imported is garbage: 0.05 s
     gc.disable()

@@ -363,6 +363,10 @@ def jump_back(scene: Scene, control: Control, rng: Generator) -> None:
     back = float(rng.uniform(2.0, 100.0))
     at = _some_time(control, rng, 10.0)
     _note_end(scene, control, at)
+    if at - back <= control.begin_s:
+        # the very first state again is a flight that begins anew, as a replay does
+        scene.facts["says"] = ("the flight begins again", "command refused: nav_stamp")
+        scene.facts["unaffected"] = False
     kept: list[bytes] = []
 
     def keep(now: float, data: bytes) -> list[tuple[float, bytes]]:

@@ -112,6 +112,11 @@ def fly_all(
                     trial = Trial(name, seed, number, Class.WRONG.value, f"the trial: {error}")
                 trials[name, number] = trial
                 done(trial)
+        except BaseException:
+            # their trials are not waited for
+            for worker in multiprocessing.active_children():
+                worker.terminate()
+            raise
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
     return [trials[task] for task in tasks]

@@ -51,7 +51,9 @@ class Flown:
         said: standard error.
         touched: messages that the relay did not just hand on.
         left: command lines of processes that outlived it.
-        facts: what else a row has found out.
+        facts: what else a row has found out: besides what it looks at itself, `must_reach` and
+            `can_be_told` (True unless it says otherwise), and what takes the place of `says` and
+            `unaffected` of the row.
     """
 
     status: int | None

@@ -52,12 +52,12 @@ class Verb:
 
 
 VERBS = {
-    "fly": Verb(("fly", "--pace", "100", "--bag", "{new}"), (130, 143)),
+    "fly": Verb(("fly", "--pace", "200", "--bag", "{new}"), (130, 143)),
     "fly --in-process": Verb(
-        ("fly", "--in-process", "--pace", "100", "--bag", "{new}"), (130, 143)
+        ("fly", "--in-process", "--pace", "200", "--bag", "{new}"), (130, 143)
     ),
     "fly --live": Verb(
-        ("fly", "--live", "--no-browser", "--pace", "100", "--no-record"), (130, 143)
+        ("fly", "--live", "--no-browser", "--pace", "200", "--bag", "{new}"), (130, 143)
     ),
     "montecarlo": Verb(("montecarlo", "-n", "30000", "--workers", "1", "--out", "{new}")),
     "optimize": Verb(("optimize", "--method", "direct20")),
@@ -206,7 +206,7 @@ def interrupt(name: str, rng: Generator) -> str:
                 process_group=0,
             )
             try:
-                complaint = _end(process, number, moment, mark, before)
+                complaint, mapped = _end(process, number, moment, mark)
             finally:
                 process.kill()
                 process.wait()
@@ -217,41 +217,46 @@ def interrupt(name: str, rng: Generator) -> str:
             return f"{complaint}: {output.strip()[-200:]}"
         if "Traceback" in output:
             return f"a traceback: {output.strip()[-300:]}"
+        # what somebody else has left there is mapped too, or used on
+        kept = {path for path in mapped - before if Path(path).exists()}
+        left += sorted(kept - shared_memory(_all_pids()))
         if left:
             return "left behind: " + "; ".join(left)
         interrupted = (130,) if number == signal.SIGINT else verb.terminated
         expected = (0, 1, *interrupted)
         if process.returncode not in expected:
             return f"exit status {process.returncode} after {signal.Signals(number).name}"
-        return _unreadable(folder / "new") if name.startswith("fly") else ""
+        return _unreadable(folder / "new") if name.startswith(("fly", "bag repair")) else ""
 
 
 def _end(
-    process: "subprocess.Popen[bytes]", number: int, moment: float, mark: str, before: set[str]
-) -> str:
-    """Send the signal when it is time, and wait for the end; what was wrong, or nothing."""
+    process: "subprocess.Popen[bytes]", number: int, moment: float, mark: str
+) -> tuple[str, set[str]]:
+    """Send the signal when it is time, and wait for the end.
+
+    Returns:
+        What was wrong, or nothing; the files in shared memory that its processes had mapped.
+    """
     while not _takes_signals(process.pid) and process.poll() is None:
         time.sleep(LOOK_PERIOD)
     with suppress(subprocess.TimeoutExpired):
         process.wait(moment)
-        return ""
+        return "", set()
     pids = list(marked(mark))
-    # what somebody else has left there is mapped too
-    ours = shared_memory(pids) - before
+    mapped = shared_memory(pids)
     what = f"after {signal.Signals(number).name} at {moment:.2f} s"
     begun = time.monotonic()
     given = Given(pids)
     process.send_signal(number)
     while process.poll() is None:
         if time.monotonic() - begun > HUNG_AFTER:
-            return f"hung {what}"
+            return f"hung {what}", mapped
         time.sleep(LOOK_PERIOD)
         given.look()
     if given.time_s > END_WITHIN:
         took = time.monotonic() - begun
-        return f"took {took:.1f} s to end, {given.time_s:.1f} s of them its own, {what}"
-    kept = {path for path in ours if Path(path).exists()} - shared_memory(_all_pids())
-    return f"left in shared memory: {', '.join(sorted(kept))}" if kept else ""
+        return f"took {took:.1f} s to end, {given.time_s:.1f} s of them its own, {what}", mapped
+    return "", mapped
 
 
 def _takes_signals(pid: int) -> bool:

@@ -107,7 +107,7 @@ def _unsaid(row: Row, flown: Flown, control: Control) -> str:
     summary = flown.summary
     on_target = summary["outcome"] == "target"
     came_about = flown.touched or not row.by_relay
-    exact = not came_about or row.unaffected
+    exact = not came_about or flown.facts.get("unaffected", row.unaffected)
     if exact and summary["m_f_kg"] != control.mass_kg:
         return f"final mass {summary['m_f_kg']} kg, undisturbed {control.mass_kg} kg"
     allowed = row.statuses if came_about else (0,)
@@ -119,5 +119,5 @@ def _unsaid(row: Row, flown: Flown, control: Control) -> str:
         return ""
     told = [f"{line['node']}: {line['message']}" for line in summary["diagnostics"]]
     words = "\n".join([*told, *summary["shortcomings"], flown.said])
-    missing = [text for text in row.says if text not in words]
+    missing = [text for text in flown.facts.get("says", row.says) if text not in words]
     return f"not said: {missing[0]}" if missing else ""

@@ -1,6 +1,7 @@
 """Take part in a graph that others have started."""
 
 import os
+import signal
 import sys
 from typing import Annotated
 
@@ -65,4 +66,6 @@ def node(
     from ares_bringup.discovery import apply_discovery_settings
 
     apply_discovery_settings()
+    # until the node takes them: Python would print a traceback while it starts
+    signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
     os.execv(sys.executable, [sys.executable, "-P", "-m", NODES[name], *context.args])
