@@ -165,16 +165,8 @@ class Flight:
         self.given = {
             name: LaunchConfiguration(name).perform(context)
             for name in ("mission", "guidance", "initial_guess", "pace", "seed", "dispersions")
-            + (
-                "failure",
-                "foxglove_port",
-                "bag",
-                "namespace",
-                "domain_id",
-                "params_file",
-                "log_level",
-            )
-            + ("restarts",)
+            + ("failure", "foxglove_port", "bag", "namespace", "domain_id", "params_file")
+            + ("log_level", "restarts")
         }
         self.switches = {
             name: LaunchConfiguration(name).perform(context) == "true"

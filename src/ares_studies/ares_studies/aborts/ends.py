@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ares_guidance.kernels.shortfall import perigee_radius
 from ares_models.arrays import TARGET_ELEMENTS, TARGET_KEPLERIAN
+from ares_models.geodesy import geodetic
 from ares_models.impacts import find_impact
 from ares_models.mission import Mission
 from ares_models.orbits import Elements
@@ -121,6 +122,7 @@ class Judge:
         self.areas = mission.area_names
         self._target = arrays.target[0]
         self._environment = arrays.environment[0]
+        self._earth = mission.environment.earth.earth()
         self._mu = float(self._environment["mu"])
         energy, self._radius = energy_and_radius(self._target, self._mu)
         self._speed = self._speed_of(energy)
