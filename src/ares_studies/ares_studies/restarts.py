@@ -17,6 +17,7 @@ from ares_guidance.law import Law
 from ares_guidance.laws import find_law, make_law
 from ares_models.arrays import HEATING_LIMIT
 from ares_models.mission import Mission
+from ares_models.units import NANOSECONDS
 from ares_studies.aborts.ends import End, Judge, Reached
 from ares_studies.arrays import closed_loop
 from ares_studies.closed_loop import fly_compiled, ready_law
@@ -24,7 +25,7 @@ from ares_studies.loops import flight_loop
 from ares_vehicle_sim.arrays import JETTISON_DONE, VehicleArrays
 from ares_vehicle_sim.dispersions import Dispersions
 from ares_vehicle_sim.kernels.entry import advance, command
-from ares_vehicle_sim.simulator import NANOSECONDS, SimulatorOptions, true_vehicle
+from ares_vehicle_sim.simulator import SimulatorOptions, true_vehicle
 
 #: s from one question for a plan to the next, where the optimizer found none.
 ASK_AGAIN = 2.0
