@@ -33,6 +33,7 @@ from ares_bringup.report import console, print_summary
 from ares_bringup.summary import FlightSummary, facts_of
 from ares_bringup.terminal import TerminalView
 from ares_guidance.node import GuidanceNode
+from ares_models.kernels.steering import UNIT_TOLERANCE
 from ares_models.mission import load_mission
 from ares_msgs.msg import (
     FlightEvent,
@@ -56,7 +57,6 @@ from ares_node.diagnostics import (
 from ares_node.domains import claimed_domain
 from ares_node.node import FlightNode
 from ares_node.time import stamp_from_ns
-from ares_vehicle_sim.kernels.plant import UNIT_TOLERANCE
 from ares_vehicle_sim.node import VehicleSimNode
 from ares_vehicle_sim.simulator import CommandRefused, Simulator
 from ares_view.live.node import LiveNode

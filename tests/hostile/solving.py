@@ -11,10 +11,10 @@ from typing import Any
 from rclpy.serialization import deserialize_message, serialize_message
 
 from ares_guidance.node import GuidanceNode
+from ares_models.kernels.steering import UNIT_TOLERANCE
 from ares_models.mission import load_mission
 from ares_msgs.srv import SolveTrajectory
 from ares_optimizer.messages import Answers, Response
-from ares_vehicle_sim.kernels.plant import UNIT_TOLERANCE
 from ares_vehicle_sim.simulator import CommandRefused, Simulator
 from hostile.messages import heard, hostile
 from hostile.nodes import MISSION, Call, Flight, NodeTarget

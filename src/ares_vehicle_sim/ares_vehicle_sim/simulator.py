@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ares_models.arrays import HEATING_LIMIT, NAVIGATION, MissionArrays
 from ares_models.failures import Failure, FailureKind, check_failure
+from ares_models.kernels.steering import UNIT_TOLERANCE
 from ares_models.mission import Mission
 from ares_models.units import NANOSECONDS
 from ares_vehicle_sim.arrays import (
@@ -29,7 +30,6 @@ from ares_vehicle_sim.arrays import (
 from ares_vehicle_sim.dispersions import Dispersions
 from ares_vehicle_sim.draws import Sampler
 from ares_vehicle_sim.kernels.entry import advance, begin, command, describe
-from ares_vehicle_sim.kernels.plant import UNIT_TOLERANCE
 from ares_vehicle_sim.kernels.variation import vary
 
 #: Fields of a navigation state without its time.

@@ -26,11 +26,10 @@ from ares_models.arrays import BURN, HEATING_LIMIT, MAX_ARCS, MissionRecords, Re
 from ares_models.jit import kernel
 from ares_models.kernels.environment import gravity, heating_rate
 from ares_models.kernels.sequence import empty_mass
+from ares_models.kernels.steering import is_sound
 from ares_models.kernels.throttle import throttle
-from ares_models.kernels.vectors import Vector, axpy, cross, dot, is_finite, load, norm, store, unit
+from ares_models.kernels.vectors import Vector, axpy, cross, dot, load, norm, store, unit
 
-#: How far the length of a direction may be from 1.
-UNIT_TOLERANCE = 1e-6
 #: s; a cut-off that is past by less is now.
 NOW = 1e-9
 #: Of the heating limit; what the path to a jettison in the next cycle is estimated to.
@@ -39,30 +38,6 @@ HEATING_SHARE = 2e-3
 DEPLETION_S, DEPLETION_SHARE = 1.0, 0.02
 #: Searches of one kind that a law may make in a round of a cycle, at most.
 SEARCHES = 10
-
-
-@kernel
-def is_sound(steering: Record, jettisons: int) -> bool:
-    """Whether an answer can be flown: finite, a unit vector, a jettison that there is.
-
-    Args:
-        steering: record STEERING.
-        jettisons: how many the mission has.
-    """
-    direction = load(steering.direction)
-    infinite = 0
-    for k in range(MAX_ARCS):
-        infinite += 1 if abs(steering.arc_end_times[k]) == math.inf else 0
-    return (
-        infinite == 0
-        and is_finite(direction)
-        and abs(norm(direction) - 1.0) <= UNIT_TOLERANCE
-        and is_finite(load(steering.direction_rate))
-        and math.isfinite(steering.reference_time)
-        and not math.isinf(steering.cutoff_time)
-        and not math.isinf(steering.jettison_time)
-        and -1 <= steering.jettison < jettisons
-    )
 
 
 @kernel

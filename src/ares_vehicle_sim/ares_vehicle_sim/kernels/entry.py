@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from ares_models.arrays import MissionArrays
 from ares_models.jit import inlined, kernel
 from ares_models.kernels.records import mission_records
+from ares_models.kernels.steering import is_sound
 from ares_vehicle_sim.arrays import Vehicle, VehicleArrays
 from ares_vehicle_sim.kernels import plant as kernels
 from ares_vehicle_sim.kernels.navigation import measure
@@ -28,7 +29,7 @@ def begin(mission: MissionArrays, vehicle: VehicleArrays) -> None:
 @kernel
 def command(mission: MissionArrays, vehicle: VehicleArrays, steering: NDArray[Any]) -> bool:
     """Take a command, shape (1,), dtype STEERING; False: it cannot be flown."""
-    if not kernels.command_is_sound(steering[0], mission.jettisons):
+    if not is_sound(steering[0], mission.jettisons.shape[0]):
         return False
     kernels.accept_command(vehicle.plant[0], steering[0])
     return True

@@ -50,7 +50,6 @@ from ares_models.kernels.vectors import (
     add,
     angle_between,
     axpy,
-    is_finite,
     load,
     norm,
     scale,
@@ -81,8 +80,6 @@ SLEW_STEP = 0.02
 MOST_STEPS = 1e7
 #: s, either side of 0; beyond it a clock in nanoseconds does not count any more.
 LATEST_CLOCK = 1e9
-#: How far the length of a commanded direction may be from 1.
-UNIT_TOLERANCE = 1e-6
 
 
 @kernel
@@ -525,24 +522,6 @@ def begin_flight(mission: MissionRecords, plant: Record) -> None:
     begin_arc(plant, 0, mission.arcs, mission.jettisons)
     if not abs(plant.time) <= LATEST_CLOCK:
         end_by_limit(plant)
-
-
-@kernel
-def command_is_sound(steering: Record, jettisons: NDArray[Any]) -> bool:
-    """Whether a command can be flown: finite, a unit vector, a jettison that there is."""
-    direction = load(steering.direction)
-    for k in range(MAX_ARCS):
-        if math.isinf(steering.arc_end_times[k]):
-            return False
-    return (
-        is_finite(direction)
-        and abs(norm(direction) - 1.0) <= UNIT_TOLERANCE
-        and is_finite(load(steering.direction_rate))
-        and math.isfinite(steering.reference_time)
-        and not math.isinf(steering.cutoff_time)
-        and not math.isinf(steering.jettison_time)
-        and -1 <= steering.jettison < jettisons.shape[0]
-    )
 
 
 @kernel
