@@ -67,8 +67,11 @@ class _File(Target):
 def _finite(name: str, record: Any, *, may_be: tuple[str, ...] = ()) -> None:
     """Every number of a structured array is a number, but for some fields."""
     for field in record.dtype.names or ():
-        if field not in may_be:
-            check(not np.any(np.isnan(record[field])), f"{name}.{field} is {record[field]}")
+        inner = record[field]
+        if inner.dtype.names:
+            _finite(f"{name}.{field}", inner, may_be=may_be)
+        elif field not in may_be:
+            check(not np.any(np.isnan(inner)), f"{name}.{field} is {inner}")
 
 
 def _of(kind: InputKind) -> list[str]:

@@ -76,6 +76,8 @@ class FlightNode(LifecycleNode):
         Raises:
             ParameterError: a parameter is unknown, of the wrong type or out of range.
         """
+        # rclpy makes readers of its own
+        self._readers: set[Subscription] = set()
         super().__init__(node_name, namespace=namespace, **kwargs)
         self.failure: str | None = None
         self.done = False
@@ -145,18 +147,26 @@ class FlightNode(LifecycleNode):
         Who publishes may have another definition of the type than the one here.
         """
 
-        def take(data: bytes) -> None:
+        def take(message: Any) -> None:
+            if reader not in self._readers:
+                # the executor held it for a reader that has been destroyed meanwhile
+                return
             try:
-                callback(data)
+                callback(message)
             except Unreadable as error:
                 self.unreadable += 1
                 if self.unreadable == 1:
                     text = f"{topic}: a message that cannot be read: {error}"
                     self.diagnostics.report(Level.WARN, text, 0)
 
-        return super().create_subscription(
-            msg_type, topic, take if raw else callback, qos_profile, raw=raw, **more
-        )
+        reader = super().create_subscription(msg_type, topic, take, qos_profile, raw=raw, **more)
+        self._readers.add(reader)
+        return reader
+
+    def destroy_subscription(self, subscription: Subscription) -> bool:
+        """As rclpy's; what was for it and has not been taken is dropped."""
+        self._readers.discard(subscription)
+        return bool(super().destroy_subscription(subscription))
 
     def wall_timer(self, period_s: float, callback: Callable[[], None]) -> Timer:
         """A timer on the steady clock of this machine, whatever `use_sim_time` says."""

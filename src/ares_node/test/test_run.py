@@ -255,3 +255,31 @@ def test_a_timer_that_is_destroyed_says_nothing_more(ros_context: Context) -> No
     finally:
         executor.shutdown()
         node.destroy_node()
+
+
+def test_a_reader_that_is_destroyed_says_nothing_more(ros_context: Context) -> None:
+    """A message for it may wait in the executor already."""
+    executor = EventsExecutor(context=ros_context)
+    node = FlightNode("demo", context=ros_context)
+    heard: list[int] = []
+    sender = node.create_publisher(Log, "word", 10)
+    readers = {
+        number: node.create_subscription(Log, "word", lambda _, n=number: hear(n), 10)
+        for number in (1, 2)
+    }
+
+    def hear(number: int) -> None:
+        heard.append(number)
+        for other in set(readers) - {number}:
+            node.destroy_subscription(readers.pop(other))
+
+    executor.add_node(node)
+    try:
+        for _ in range(50):
+            sender.publish(Log())
+            executor.spin_once(timeout_sec=0.02)
+        assert len(heard) > 5
+        assert len(set(heard)) == 1
+    finally:
+        executor.shutdown()
+        node.destroy_node()

@@ -13,11 +13,12 @@ from ares_vehicle_sim.simulator import Simulator, SimulatorOptions
 
 
 def with_propellant(name, propellant_kg):
-    """A shipped mission with less in its last stage."""
+    """A shipped mission with less in its last stage, and no areas to keep the impact out of."""
     mission = load_mission(name)
     *below, last = mission.stages
     last = last.model_copy(update={"propellant_kg": propellant_kg})
-    return mission.model_copy(update={"stages": (*below, last)})
+    abort = mission.abort and mission.abort.model_copy(update={"avoid": ()})
+    return mission.model_copy(update={"stages": (*below, last), "abort": abort})
 
 
 def fly(mission, name):

@@ -40,6 +40,7 @@ from ares_guidance.arrays import (
 )
 from ares_guidance.kernels.engines import present_engine
 from ares_guidance.kernels.monitors import copy_steering
+from ares_guidance.kernels.prediction import LinearTangent, primer
 from ares_guidance.kernels.shortfall import SETTLED, lacking_speed, perigee_radius
 from ares_models.arrays import BURN, MissionRecords, Record
 from ares_models.jit import kernel
@@ -77,6 +78,8 @@ SLEW = math.radians(3.0)
 PATIENCE = 5.0
 #: m/s that a plan lacks, and m of perigee, beyond which the orbit aimed at is not in reach.
 LACKING, SLACK = 20.0, 1_000.0
+#: s in which the way as steered meets the ground, though the law has a solution.
+GROUND_AHEAD = 200.0
 #: Directions over the ground.
 BEARINGS = 12
 #: s, and as a part of the time flown ahead: a step.
@@ -88,18 +91,22 @@ SAME = 1e-9
 #: s after the propellant is gone, for which a cut-off that is not to come is timed.
 AFTER = 0.5
 
-#: How the thrust points: along (direction + rate (t - reference)), turn < 0; or from a direction
-#: towards another one at right angles, by the angle ``turn`` at most, from ``reference`` on.
+#: How the thrust points: along the primer of (direction, rate, reference), turn < 0; or from a
+#: direction towards another one at right angles, by the angle ``turn`` at most, from ``reference``
+#: on.
 Turn = tuple[Vector, Vector, float, float]
 
 
 @kernel
-def heading(turn: Turn, settings: Record, t: float) -> Vector:
+def heading(turn: Turn, onboard: Onboard, t: float) -> Vector:
     """Unit vector of the thrust at a time, s."""
     first, second, angle, reference = turn
     if angle < 0.0:
-        return unit(axpy(t - reference, second, first))
-    turned = min(angle, min(SLEW, settings.steering_rate_limit) * max(0.0, t - reference))
+        now = onboard.navigation.time
+        ahead = LinearTangent(first, second, reference - now)
+        direction, _ = primer(onboard.state.solution, ahead, t - now)
+        return unit(direction)
+    turned = min(angle, min(SLEW, onboard.settings.steering_rate_limit) * max(0.0, t - reference))
     return axpy(math.sin(turned), second, scale(math.cos(turned), first))
 
 
@@ -198,12 +205,12 @@ def advance(mission: MissionRecords, onboard: Onboard, turn: Turn, span: float) 
     thrust = ve * flow
     begin, middle = way.time, way.time + 0.5 * h
     mass = way.mass - flow * h
-    u = heading(turn, onboard.settings, begin)
+    u = heading(turn, onboard, begin)
     k_1 = axpy(thrust / way.mass, u, gravity(r, environment))
-    u = heading(turn, onboard.settings, middle)
+    u = heading(turn, onboard, middle)
     there = axpy(0.5 * h, v, axpy(0.125 * h * h, k_1, r))
     k_2 = axpy(thrust / (way.mass - 0.5 * flow * h), u, gravity(there, environment))
-    u = heading(turn, onboard.settings, begin + h)
+    u = heading(turn, onboard, begin + h)
     there = axpy(h, v, axpy(0.5 * h * h, k_2, r))
     k_3 = axpy(thrust / mass, u, gravity(there, environment))
     store(way.position, axpy(h, v, axpy(h * h / 6.0, axpy(2.0, k_2, k_1), r)))
@@ -234,7 +241,7 @@ def outside_on_way(mission: MissionRecords, onboard: Onboard, turn: Turn) -> tup
     if way.over == 0 and arc.tail_gain > 0.0 and way.time >= way.lit:
         # what the tail-off still gives
         ve, flow = present_engine(arc, mission.arcs[onboard.navigation.arc].stage, onboard.state)
-        u = heading(turn, onboard.settings, way.time)
+        u = heading(turn, onboard, way.time)
         velocity = axpy(arc.tail_gain * ve * flow / way.mass, u, velocity)
     place = impact_direction(load(way.position), velocity, way.time, environment)
     return outside_areas(place, environment)
@@ -399,7 +406,7 @@ def choose(mission: MissionRecords, onboard: Onboard, own: Turn) -> None:
     avoid = onboard.state.avoid
     seen = avoid.outlook
     before, held = avoid.mode, load(avoid.direction)
-    now = heading(own, onboard.settings, nav.time)
+    now = heading(own, onboard, nav.time)
     last = avoid.flown
     flown = unit(
         axpy(nav.time - last.reference_time, load(last.direction_rate), load(last.direction))
@@ -464,8 +471,9 @@ def is_short(mission: MissionRecords, onboard: Onboard, own: Turn) -> bool:
         return False
     look_along(mission, onboard, own, onboard.steering.cutoff_time)
     if state.error == ERROR_NONE:
-        # a solution knows of no ground
-        return bool(state.avoid.outlook.grounded == 1)
+        # a solution knows of no ground; far ahead it is another by then
+        seen = state.avoid.outlook
+        return bool(seen.grounded == 1 and seen.end_time - nav.time < GROUND_AHEAD)
     return known or path_perigee(state.avoid.way, mu) < limit
 
 
