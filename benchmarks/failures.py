@@ -188,7 +188,9 @@ def measure_found(missions, options):
     for name in missions:
         counted, missed = found_in_time(name, options.failures, options.seed, options.threads)
         counts += counted
-        figures.add(f"{name}: failures found within 2 s", int(counted[0, 0]), f"of {counted[0].sum()}")
+        figures.add(
+            f"{name}: failures found within 2 s", int(counted[0, 0]), f"of {counted[0].sum()}"
+        )
         for failure, kind, late in missed:
             print("  not in time:", failure, kind, late)
     for (in_time, late), which in zip(counts.tolist(), ("all", "refused by the gate"), strict=True):
