@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 from figures import Figures, keep_option
 
+from ares_guidance.kernels.navigation_gate import WORST_ENGINE
 from ares_guidance.law import needs_plan
 from ares_models.arrays import BURN
 from ares_models.failures import Failure, FailureKind
@@ -144,7 +145,10 @@ def draw(mission, ended, random):
 
 
 def found_in_time(name, count, seed, threads):
-    """Failures that struck, found within two seconds, and those that were not."""
+    """Failures that struck, found within two seconds and not, shape (2, 2), and the latter.
+
+    In the second row those that the navigation gate may take for wrong navigation.
+    """
     plan = settings(name, seed)
     mission = plan.mission
     ended = fly_compiled(mission, CAMPAIGN).plant["time"]
@@ -156,7 +160,7 @@ def found_in_time(name, count, seed, threads):
         return flyer.fly_failing(first, [failure for failure, _ in some]).results
 
     flown = by_threads(plan, fly, range(0, count, CHUNK), threads)
-    in_time = 0
+    counted = np.zeros((2, 2), int)
     missed = []
     for (failure, at), result in zip(drawn, chain.from_iterable(flown), strict=True):
         untimed = failure.kind is FailureKind.STUCK_JETTISON
@@ -164,26 +168,34 @@ def found_in_time(name, count, seed, threads):
             # where it would have struck, this flight was over, or in a coast
             continue
         late = result["found_time"] - at
-        if result["found"] and late <= WITHIN:
-            in_time += 1
-        else:
+        weak = failure.kind is FailureKind.THRUST_LOW
+        refused = weak and failure.thrust_ratio < WORST_ENGINE * failure.flow_ratio
+        in_time = result["found"] and late <= WITHIN
+        counted[int(refused), 0 if in_time else 1] += 1
+        if not in_time:
             missed.append((failure, int(result["found"]), float(late)))
-    return in_time, missed
+    return counted, missed
 
 
 def measure_found(missions, options):
-    """Print and keep how many failures are found in time."""
+    """Print and keep how many failures are found in time.
+
+    Apart from those with less exhaust velocity than the navigation gate takes for an engine's.
+    """
     script = Path(__file__).with_stem("failures_found")
     figures = Figures(str(script), "How surely guidance finds what fails within 2 s, by law peg.")
-    total = found = 0
+    counts = np.zeros((2, 2), int)
     for name in missions:
-        in_time, missed = found_in_time(name, options.failures, options.seed, options.threads)
-        found += in_time
-        total += in_time + len(missed)
-        figures.add(f"{name}: failures found within 2 s", in_time, f"of {in_time + len(missed)}")
-        for failure, kind, late in missed[:10]:
+        counted, missed = found_in_time(name, options.failures, options.seed, options.threads)
+        counts += counted
+        figures.add(
+            f"{name}: failures found within 2 s", int(counted[0, 0]), f"of {counted[0].sum()}"
+        )
+        for failure, kind, late in missed:
             print("  not in time:", failure, kind, late)
-    figures.add("all: found within 2 s", 100.0 * found / total, f"% of {total}")
+    for (in_time, late), which in zip(counts.tolist(), ("all", "refused by the gate"), strict=True):
+        total = in_time + late
+        figures.add(f"{which}: found within 2 s", 100.0 * in_time / total, f"% of {total}")
     if options.keep:
         figures.keep()
 
