@@ -8,7 +8,7 @@ import sys
 import tempfile
 import time
 import uuid
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,6 +30,7 @@ from ares_bringup.keeper import GUIDANCE, SIMULATOR
 from ares_node.domains import claimed_domain
 from ares_node.membership import Role, State
 
+SHARED_MEMORY = Path("/dev/shm")
 #: Names the processes of a trial in their environment.
 MARK = "ARES_FAULT_TRIAL"
 #: Wall time in s after which whatever a trial waits for does not come any more.
@@ -86,6 +87,21 @@ def leftovers(mark: str) -> list[str]:
         with suppress(ProcessLookupError):
             os.kill(pid, signal.SIGKILL)
     return list(found.values())
+
+
+def shared_memory(pids: Iterable[int]) -> set[str]:
+    """Files in shared memory that processes have mapped."""
+    found = set()
+    for pid in pids:
+        with suppress(OSError):
+            lines = Path(f"/proc/{pid}/maps").read_text().splitlines()
+            found |= {line.split()[-1] for line in lines if f"{SHARED_MEMORY}/" in line}
+    return found
+
+
+def all_pids() -> list[int]:
+    """Processes of this machine."""
+    return [int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdigit()]
 
 
 class Scene:
@@ -175,10 +191,13 @@ class Scene:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """End whatever still runs."""
+        """End whatever still runs; what is killed cannot clear its shared memory."""
+        mapped = shared_memory(marked(self._mark))
         self._out.close()
         self._said.close()
         self._held.close()
+        for path in mapped - shared_memory(all_pids()):
+            Path(path).unlink(missing_ok=True)
 
     # ---- looking
 

@@ -19,7 +19,14 @@ from numpy.random import Generator
 
 from ares_bags.errors import BagError
 from ares_bags.verify import verify
-from ares_bringup.faults.scene import MARK, leftovers, marked
+from ares_bringup.faults.scene import (
+    MARK,
+    SHARED_MEMORY,
+    all_pids,
+    leftovers,
+    marked,
+    shared_memory,
+)
 from ares_node.domains import claimed_domain
 
 #: Time in s for a command to end after a signal, as the machine gives it; see `Given`.
@@ -31,7 +38,6 @@ HUNG_AFTER = 60.0
 MOMENTS = 5.0
 SOON = 1.0
 LOOK_PERIOD = 0.005
-SHARED_MEMORY = Path("/dev/shm")
 
 
 @dataclass(frozen=True)
@@ -75,7 +81,7 @@ VERBS = {
     "bag info": Verb(("bag", "info", "{bag}"), moments=SOON),
     "bag repair": Verb(("bag", "repair", "{torn}", "--into", "{new}"), moments=SOON),
     "missions": Verb(("missions",), moments=SOON),
-    "missions new": Verb(("missions", "new", "{new}.yaml"), moments=SOON),
+    "missions new": Verb(("missions", "new", "rocket", "--out", "{new}.yaml"), moments=SOON),
     "dispersions": Verb(("dispersions",), moments=SOON),
 }
 
@@ -159,20 +165,6 @@ def _runnable(pids: Sequence[int]) -> int:
     return count
 
 
-def shared_memory(pids: list[int]) -> set[str]:
-    """Files in shared memory that processes have mapped."""
-    found = set()
-    for pid in pids:
-        with suppress(OSError):
-            lines = Path(f"/proc/{pid}/maps").read_text().splitlines()
-            found |= {line.split()[-1] for line in lines if f"{SHARED_MEMORY}/" in line}
-    return found
-
-
-def _all_pids() -> list[int]:
-    return [int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdigit()]
-
-
 def interrupt(name: str, rng: Generator) -> str:
     """Start a verb, send it a signal at a random moment; what was wrong, or nothing.
 
@@ -219,7 +211,7 @@ def interrupt(name: str, rng: Generator) -> str:
             return f"a traceback: {output.strip()[-300:]}"
         # what somebody else has left there is mapped too, or used on
         kept = {path for path in mapped - before if Path(path).exists()}
-        left += sorted(kept - shared_memory(_all_pids()))
+        left += sorted(kept - shared_memory(all_pids()))
         if left:
             return "left behind: " + "; ".join(left)
         interrupted = (130,) if number == signal.SIGINT else verb.terminated
