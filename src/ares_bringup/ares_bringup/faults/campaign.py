@@ -9,16 +9,20 @@ import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from types import FrameType
-from typing import Any
+from typing import Any, TypeVar
 
 from rich.console import Console
 from rich.table import Table
 
 from ares_bringup.faults.control import Control, undisturbed
 from ares_bringup.faults.rows import ROWS
+from ares_bringup.faults.scene import all_pids, clear, shared_memory
 from ares_bringup.faults.trial import Class, Trial, run
 from ares_bringup.options import CannotStart
+
+T = TypeVar("T")
 
 #: What is counted.
 INJECTED = "injected"
@@ -49,7 +53,9 @@ def spread(names: Sequence[str], n: int) -> list[tuple[str, int]]:
 def end_with_parent() -> None:
     """Let a worker whose parent has gone, or that is told to end, clean up and end."""
 
-    def end(_number: int, _frame: FrameType | None) -> None:
+    def end(number: int, _frame: FrameType | None) -> None:
+        # both may come: the second must not cut the cleaning short
+        signal.signal(number, signal.SIG_IGN)
         raise SystemExit(1)
 
     signal.signal(signal.SIGTERM, end)
@@ -58,18 +64,22 @@ def end_with_parent() -> None:
 
 def in_worker(name: str, seed: int, number: int, control: Control | None) -> Trial:
     """One trial of a worker; the pool would go on after the end that a signal has asked for."""
-    try:
-        return run(name, seed, number, control)
-    except SystemExit:
-        os._exit(1)
+    return _or_end(lambda: run(name, seed, number, control))
 
 
 def control_in_worker() -> Control:
     """The flight without a fault, likewise."""
-    try:
-        return undisturbed()
-    except SystemExit:
-        os._exit(1)
+    return _or_end(undisturbed)
+
+
+def _or_end(work: Callable[[], T]) -> T:
+    with suppress(SystemExit):
+        return work()
+    # a signal in the middleware's own code leaves a context that nobody can destroy
+    own = os.getpid()
+    others = (pid for pid in all_pids() if pid != own)
+    clear(shared_memory([own]) - shared_memory(others))
+    os._exit(1)
 
 
 def fly_all(

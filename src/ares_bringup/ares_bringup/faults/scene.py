@@ -99,6 +99,13 @@ def shared_memory(pids: Iterable[int]) -> set[str]:
     return found
 
 
+def clear(paths: Iterable[str]) -> None:
+    """Remove files in shared memory that nobody uses any more, each with its lock."""
+    for path in paths:
+        Path(path).unlink(missing_ok=True)
+        Path(f"{path}_el").unlink(missing_ok=True)
+
+
 def all_pids() -> list[int]:
     """Processes of this machine."""
     return [int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdigit()]
@@ -196,8 +203,7 @@ class Scene:
         self._out.close()
         self._said.close()
         self._held.close()
-        for path in mapped - shared_memory(all_pids()):
-            Path(path).unlink(missing_ok=True)
+        clear(mapped - shared_memory(all_pids()))
 
     # ---- looking
 
