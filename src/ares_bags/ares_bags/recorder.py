@@ -192,6 +192,11 @@ class RecorderNode(FlightNode):
         self.drain_and_close()
         self._membership.close()
 
+    def abandon(self) -> None:
+        """Close a bag whose recorder was interrupted while it started."""
+        if self._writer is not None:
+            self._writer.close()
+
     def drain(self, executor: Executor) -> None:
         """See `drain_and_close`."""
         self.drain_and_close(executor)

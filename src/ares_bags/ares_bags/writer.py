@@ -155,10 +155,13 @@ class BagWriter:
             with suppress(OSError):
                 # on a disk that is nearly full the bag will end soon
                 self._output.hold(self._room())
-        except OSError as error:
+        except BaseException as error:
+            # a signal too: nobody could close it
             with suppress(OSError):
                 self.file.unlink(missing_ok=True)
                 self.path.rmdir()
+            if not isinstance(error, OSError):
+                raise
             raise BagError(f"bag {self.path} cannot be written: {cause(error)}") from error
         self._open = True
 

@@ -38,9 +38,9 @@ class NodeError(Exception):
 class FlightNode(LifecycleNode):
     """Lifecycle node of the graph.
 
-    A subclass overrides `configure`, `activate`, `deactivate`, `cleanup`, `adjust` and `drain`,
-    never the `on_...` callbacks. Raising NodeError (or OSError or ValueError with a one-line text)
-    refuses the transition: the reason is kept in `failure` and goes to /rosout.
+    A subclass overrides `configure`, `activate`, `deactivate`, `cleanup`, `abandon`, `adjust` and
+    `drain`, never the `on_...` callbacks. Raising NodeError (or OSError or ValueError with a
+    one-line text) refuses the transition: the reason is kept in `failure` and goes to /rosout.
 
     Attributes:
         disposable: what a callback works on may be dropped when the process is to end.
@@ -105,6 +105,9 @@ class FlightNode(LifecycleNode):
 
     def cleanup(self) -> None:
         """Free what `configure` allocated. Also called before the node shuts down."""
+
+    def abandon(self) -> None:
+        """In the end, let go of what an interrupted transition has left."""
 
     def adjust(self) -> None:
         """Take what was set of the parameters that may be set `at_any_time`."""
@@ -195,6 +198,7 @@ class FlightNode(LifecycleNode):
         """Take the node to its final state, from whatever state it is in."""
         if self._label in ("unconfigured", "inactive", "active"):
             self.trigger_shutdown()
+        self.abandon()
 
     @property
     def _label(self) -> str:

@@ -87,6 +87,10 @@ class DemoNode(FlightNode):
     def cleanup(self) -> None:
         print("cleaned up", flush=True)
 
+    def abandon(self) -> None:
+        if self.values["mode"].endswith("_start"):
+            print("abandoned", flush=True)
+
     def drain(self, executor: Executor) -> None:
         print(f"drained {self.context.ok()}", flush=True)
 

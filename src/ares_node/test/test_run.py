@@ -99,8 +99,9 @@ def test_a_signal_while_starting(ros_environment: dict[str, str], mode: str) -> 
     assert process.stdout is not None
     assert process.stdout.readline() == "starting\n"
     process.send_signal(signal.SIGTERM)
-    _, err = process.communicate(timeout=120)
+    out, err = process.communicate(timeout=120)
     assert (process.returncode, own_words(err)) == (0, "")
+    assert out == "abandoned\n"
 
 
 def test_a_signal_in_a_callback_of_compiled_code_is_silent(
