@@ -1,14 +1,17 @@
-"""What a process holds, and what is left behind in shared memory; for tests and benchmarks."""
+"""What a process holds, and what is left in shared memory; for tests, benchmarks and faults."""
 
 import os
 import re
 import resource
+from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 SHARED = Path("/dev/shm")
-#: How the files begin by which participants find each other.
-_PORT = "fastrtps_port"
+#: How the files of the middleware begin, and those by which participants find each other.
+_PREFIX = "fastrtps_"
+_PORT = f"{_PREFIX}port"
 
 
 @dataclass(frozen=True)
@@ -39,18 +42,36 @@ def held() -> Held:
         # one of them is that of the list
         descriptors=len(list((own / "fd").iterdir())) - 1,
         threads=len(list((own / "task").iterdir())),
-        mapped=len(_mapped(own)),
+        mapped=len(_of_middleware([os.getpid()])),
         children=len(_children(own)),
     )
 
 
-def _mapped(process: Path) -> set[str]:
-    """Files in shared memory that a process has mapped; none of one that has gone."""
-    try:
-        maps = (process / "maps").read_text().splitlines()
-    except OSError:
-        return set()
-    return set(re.findall(rf"{SHARED}/(fastrtps_\w+)", "\n".join(maps)))
+def shared_memory(pids: Iterable[int]) -> set[str]:
+    """Files in shared memory that processes have mapped; none of those that have gone."""
+    found: set[str] = set()
+    for pid in pids:
+        with suppress(OSError):
+            found.update(re.findall(rf"{SHARED}/\S+", Path(f"/proc/{pid}/maps").read_text()))
+    return found
+
+
+def all_pids() -> list[int]:
+    """Processes of this machine."""
+    return [int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdigit()]
+
+
+def clear(paths: Iterable[str]) -> None:
+    """Remove files in shared memory that nobody uses any more, each with its lock."""
+    for path in paths:
+        Path(path).unlink(missing_ok=True)
+        Path(f"{path}_el").unlink(missing_ok=True)
+
+
+def _of_middleware(pids: Iterable[int]) -> set[str]:
+    """Names of the middleware's among the files that processes have mapped."""
+    names = (Path(path).name for path in shared_memory(pids))
+    return {name for name in names if name.startswith(_PREFIX)}
 
 
 def _children(process: Path) -> list[str]:
@@ -62,9 +83,8 @@ def _children(process: Path) -> list[str]:
 
 def used_by_family() -> set[str]:
     """Files in shared memory that this process and its children have mapped now."""
-    own = Path("/proc") / str(os.getpid())
-    family = [own, *(Path("/proc") / child for child in _children(own))]
-    return set().union(*map(_mapped, family))
+    own = os.getpid()
+    return _of_middleware([own, *map(int, _children(Path("/proc") / str(own)))])
 
 
 def orphans(names: set[str]) -> set[str]:
@@ -73,7 +93,7 @@ def orphans(names: set[str]) -> set[str]:
     The middleware leaves a port now and then, and takes it again with the next flight of that
     domain: ports are as many as there are participants, and no orphans.
     """
-    used = set().union(*map(_mapped, Path("/proc").glob("[0-9]*")))
+    used = _of_middleware(all_pids())
     there = {path.name for path in SHARED.iterdir()}
     left = {name for name in names - used if not name.startswith(_PORT)}
     return {name for name in there if any(one in name for one in left)}

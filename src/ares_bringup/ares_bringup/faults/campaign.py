@@ -18,8 +18,8 @@ from rich.table import Table
 
 from ares_bringup.faults.control import Control, undisturbed
 from ares_bringup.faults.rows import ROWS
-from ares_bringup.faults.scene import all_pids, clear, shared_memory
 from ares_bringup.faults.trial import Class, Trial, run
+from ares_bringup.held import all_pids, clear, shared_memory
 from ares_bringup.options import CannotStart
 
 T = TypeVar("T")

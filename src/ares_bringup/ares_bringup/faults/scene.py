@@ -8,7 +8,7 @@ import sys
 import tempfile
 import time
 import uuid
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,11 +26,11 @@ from rclpy.signals import SignalHandlerOptions
 from ares_bringup.discovery import apply_discovery_settings
 from ares_bringup.faults.relay import GUIDANCE_ARGUMENTS, SIMULATOR_ARGUMENTS, Relay
 from ares_bringup.fly import MODULES
+from ares_bringup.held import all_pids, clear, shared_memory
 from ares_bringup.keeper import GUIDANCE, SIMULATOR
 from ares_node.domains import claimed_domain
 from ares_node.membership import Role, State
 
-SHARED_MEMORY = Path("/dev/shm")
 #: Names the processes of a trial in their environment.
 MARK = "ARES_FAULT_TRIAL"
 #: Wall time in s after which whatever a trial waits for does not come any more.
@@ -87,28 +87,6 @@ def leftovers(mark: str) -> list[str]:
         with suppress(ProcessLookupError):
             os.kill(pid, signal.SIGKILL)
     return list(found.values())
-
-
-def shared_memory(pids: Iterable[int]) -> set[str]:
-    """Files in shared memory that processes have mapped."""
-    found = set()
-    for pid in pids:
-        with suppress(OSError):
-            lines = Path(f"/proc/{pid}/maps").read_text().splitlines()
-            found |= {line.split()[-1] for line in lines if f"{SHARED_MEMORY}/" in line}
-    return found
-
-
-def clear(paths: Iterable[str]) -> None:
-    """Remove files in shared memory that nobody uses any more, each with its lock."""
-    for path in paths:
-        Path(path).unlink(missing_ok=True)
-        Path(f"{path}_el").unlink(missing_ok=True)
-
-
-def all_pids() -> list[int]:
-    """Processes of this machine."""
-    return [int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdigit()]
 
 
 class Scene:

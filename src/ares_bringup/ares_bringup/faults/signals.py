@@ -19,14 +19,8 @@ from numpy.random import Generator
 
 from ares_bags.errors import BagError
 from ares_bags.verify import verify
-from ares_bringup.faults.scene import (
-    MARK,
-    SHARED_MEMORY,
-    all_pids,
-    leftovers,
-    marked,
-    shared_memory,
-)
+from ares_bringup.faults.scene import MARK, leftovers, marked
+from ares_bringup.held import SHARED, all_pids, shared_memory
 from ares_node.domains import claimed_domain
 
 #: Time in s for a command to end after a signal, as the machine gives it; see `Given`.
@@ -186,7 +180,7 @@ def interrupt(name: str, rng: Generator) -> str:
         words = list(verb.words)
         for key, value in names.items():
             words = [word.replace(key, value) for word in words]
-        before = set(map(str, SHARED_MEMORY.iterdir()))
+        before = set(map(str, SHARED.iterdir()))
         with (folder / "said").open("w+") as said:
             process = subprocess.Popen(
                 [sys.executable, "-m", "ares_bringup", *words],
