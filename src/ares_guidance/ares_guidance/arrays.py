@@ -392,6 +392,7 @@ NAVIGATION_WATCH = np.dtype(
         ("acquired", np.int64),  # how often a row ended with a new beginning
         ("told", np.int64),  # how often a refusal was worth a status
         ("told_time", np.float64),  # of the last such state
+        ("interval", np.float64),  # s between the last two accepted
         ("last", NAVIGATION_FIX),  # accepted
         ("now", NAVIGATION_FIX),
         # of those accepted: where drifts are counted from now, and next

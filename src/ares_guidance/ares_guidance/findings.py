@@ -32,7 +32,7 @@ _AVOIDING = {
     AVOID_CLEAR: "the impact point stays outside all areas",
     AVOID_STEER: "the impact point is steered away from {name}",
     AVOID_CUT: "cut-off at {time:.1f} s, before the impact point enters {name}",
-    AVOID_LOST: "the impact point cannot be kept out of {name}",
+    AVOID_LOST: "the impact point cannot be kept clear of {name}",
 }
 
 

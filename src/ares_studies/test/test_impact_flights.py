@@ -149,7 +149,7 @@ def test_what_cannot_be_avoided_is_said():
     avoid = flight.guidance["avoid"]
     assert avoid["mode"] == AVOID_LOST
     assert describe_avoiding(avoid, mission.area_names) == (
-        "no safe orbit is in reach: the impact point cannot be kept out of area 0"
+        "no safe orbit is in reach: the impact point cannot be kept clear of area 0"
     )
 
 

@@ -29,7 +29,7 @@ from ares_guidance.arrays import (
 from ares_guidance.kernels.convergence import begin_again, seek
 from ares_guidance.kernels.engines import present_engine, watch_engines
 from ares_guidance.kernels.failures import look_for_failures, vehicle_left
-from ares_guidance.kernels.jettison import predict_jettisons
+from ares_guidance.kernels.jettison import next_answer, predict_jettisons
 from ares_guidance.kernels.near import (
     CHEAP_TURN,
     NEAR_ROUNDS,
@@ -477,7 +477,7 @@ def time_jettison(mission: MissionRecords, onboard: Onboard) -> None:
     for j in range(mission.jettisons.shape[0]):
         if awaits_heating(mission.jettisons, nav.jettisoned, j):
             soonest = min(soonest, jettison_time[j])
-    near = soonest - nav.time <= onboard.settings.cycle_period
+    near = soonest - nav.time <= next_answer(onboard)
     if state.phase != PHASE_CONVERGING and near:
         plan_segments(mission, onboard)
         ahead = LinearTangent(

@@ -39,7 +39,6 @@ from ares_guidance.arrays import (
     Onboard,
 )
 from ares_guidance.kernels.engines import present_engine
-from ares_guidance.kernels.monitors import copy_steering
 from ares_guidance.kernels.prediction import LinearTangent, primer
 from ares_guidance.kernels.shortfall import SETTLED, lacking_speed, perigee_radius
 from ares_models.arrays import BURN, MissionRecords, Record
@@ -47,6 +46,7 @@ from ares_models.jit import kernel
 from ares_models.kernels.environment import altitude, gravity
 from ares_models.kernels.impact import impact_direction, impact_moves, outside_areas
 from ares_models.kernels.sequence import arc_after_burnout, empty_mass, mass_at_staging
+from ares_models.kernels.steering import copy_steering
 from ares_models.kernels.throttle import throttle
 from ares_models.kernels.vectors import (
     Vector,
@@ -68,6 +68,8 @@ from ares_models.kernels.vectors import (
 MARGIN = 25_000.0
 #: m from the edge at which the engines are cut off.
 CUT_MARGIN = 10_000.0
+#: m from the edge below which an end is not known to be outside.
+SURE = 5_000.0
 #: s for which the impact point may be inside an area on its way across.
 CROSSING = 20.0
 #: s, m and rad by which another choice of the same kind is better than what is flown.
@@ -277,6 +279,21 @@ def time_cut(mission: MissionRecords, onboard: Onboard, turn: Turn) -> float:
 
 
 @kernel
+def touch_down(mission: MissionRecords, onboard: Onboard, turn: Turn) -> None:
+    """Put a way that went below the ground in its last step to where it met it.
+
+    Args: as of :func:`advance`. The way's mark is where that step began.
+    """
+    avoid = onboard.state.avoid
+    way, mark = avoid.way, avoid.mark
+    above = altitude(load(mark.position), mission.environment)
+    below = altitude(load(way.position), mission.environment)
+    span = (way.time - mark.time) * above / (above - below)
+    copy_way(mark, way)
+    advance(mission, onboard, turn, span)
+
+
+@kernel
 def look_along(mission: MissionRecords, onboard: Onboard, turn: Turn, cutoff_time: float) -> None:
     """Fly the rest of the flight ahead and write what becomes of the impact point.
 
@@ -323,6 +340,9 @@ def look_along(mission: MissionRecords, onboard: Onboard, turn: Turn, cutoff_tim
             copy_way(way, avoid.kept)
             seen.cut_time = time_cut(mission, onboard, turn)
             copy_way(avoid.kept, way)
+    if seen.grounded == 1 and way.time > nav.time:
+        touch_down(mission, onboard, turn)
+        outside, area = outside_on_way(mission, onboard, turn)
     seen.outside = outside
     seen.end_time = way.time
     if seen.area < 0:
@@ -443,7 +463,7 @@ def choose(mission: MissionRecords, onboard: Onboard, own: Turn) -> None:
         if k < 0:
             bad -= BETTER_TURN if bad < 1e6 else (BETTER_S if bad < 4e6 else 1e-3 * BETTER_M)
         take(avoid, AVOID_STEER, bad, direction, seen.end_time + AFTER)
-    if avoid.outside < 0.0 and avoid.mode != AVOID_CUT:
+    if not avoid.outside >= SURE and avoid.mode != AVOID_CUT:
         avoid.mode = AVOID_LOST
 
 
@@ -463,14 +483,14 @@ def is_short(mission: MissionRecords, onboard: Onboard, own: Turn) -> bool:
     if found.count == 0 and state.error != ERROR_PROPELLANT_SHORT:
         return False
     known = False
+    solved = state.error == ERROR_NONE
     if state.error == ERROR_PROPELLANT_SHORT:
         known = state.lowered > SETTLED and perigee_radius(state.target, mu) < limit
-        if not known and lacking_speed(state) < LACKING:
-            return False
+        solved = not known and lacking_speed(state) < LACKING
     elif waits:
         return False
     look_along(mission, onboard, own, onboard.steering.cutoff_time)
-    if state.error == ERROR_NONE:
+    if solved:
         # a solution knows of no ground; far ahead it is another by then
         seen = state.avoid.outlook
         return bool(seen.grounded == 1 and seen.end_time - nav.time < GROUND_AHEAD)

@@ -23,6 +23,15 @@ from ares_models.kernels.vectors import add, axpy, load, unit
 JETTISON_SEARCH_STEPS = 12
 #: s; for a jettison that comes before the next cycle.
 EXACT = 1e-4
+#: s; of states that were longer apart than that the next one is not awaited.
+LONGEST_WAIT = 5.0
+
+
+@kernel
+def next_answer(onboard: Onboard) -> float:
+    """s to the next cycle, or to the next navigation state if they come more seldom."""
+    waited = min(onboard.state.navigation.interval, LONGEST_WAIT)
+    return max(onboard.settings.cycle_period, waited)
 
 
 @kernel
@@ -46,7 +55,7 @@ def predicted_log_heating(
     r = load(nav.position)
     v = load(nav.velocity)
     # what is commanded next must be exact: the expansion is not at either end of the turn
-    if state.solution.primer.gradient > 0.0 or t <= onboard.settings.cycle_period:
+    if state.solution.primer.gradient > 0.0 or t <= next_answer(onboard):
         thrust_v, thrust_r = turned_thrust(state, t, math.inf, steering)
     else:
         thrust_v, thrust_r = steered_thrust(thrust_integrals(state, t, math.inf), steering)
@@ -109,7 +118,7 @@ def heating_crossing(
             if t <= earliest:
                 return earliest if excess <= 0.0 else math.inf
         # from the left every iterate is above the limit
-        near = following <= settings.cycle_period
+        near = following <= next_answer(onboard)
         if abs(following - t) <= (EXACT if near else settings.jettison_time_tolerance):
             return following if slope < 0.0 or excess <= 0.0 else math.inf
         t = following

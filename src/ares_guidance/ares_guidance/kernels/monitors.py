@@ -20,19 +20,19 @@ from ares_guidance.arrays import (
 )
 from ares_guidance.kernels.convergence import LAST_PASSES
 from ares_guidance.kernels.engines import present_engine
-from ares_guidance.kernels.jettison import on_board_heating
+from ares_guidance.kernels.jettison import next_answer, on_board_heating
 from ares_guidance.kernels.shortfall import ROUNDS
 from ares_models.arrays import BURN, HEATING_LIMIT, MAX_ARCS, MissionRecords, Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import gravity, heating_rate
 from ares_models.kernels.sequence import empty_mass
-from ares_models.kernels.steering import is_sound
+from ares_models.kernels.steering import copy_steering, is_sound
 from ares_models.kernels.throttle import throttle
 from ares_models.kernels.vectors import Vector, axpy, cross, dot, load, norm, store, unit
 
 #: s; a cut-off that is past by less is now.
 NOW = 1e-9
-#: Of the heating limit; what the path to a jettison in the next cycle is estimated to.
+#: Of the heating limit; what the path to a jettison before the next answer is estimated to.
 HEATING_SHARE = 2e-3
 #: s, and of the burn that is left: what the depletion is estimated to.
 DEPLETION_S, DEPLETION_SHARE = 1.0, 0.02
@@ -92,7 +92,7 @@ def thrust_ahead(mission: MissionRecords, onboard: Onboard) -> Vector:
 
 @kernel
 def drops_too_early(mission: MissionRecords, onboard: Onboard) -> bool:
-    """Whether a jettison before the next cycle is timed where the heating is above its limit.
+    """Whether a jettison before the next answer is timed where the heating is above its limit.
 
     Args:
         mission: as in :func:`ares_guidance.kernels.cycle.guidance_step`; so the next two.
@@ -105,7 +105,7 @@ def drops_too_early(mission: MissionRecords, onboard: Onboard) -> bool:
     if j < 0 or mission.jettisons[j].criterion != HEATING_LIMIT:
         return False
     span = max(0.0, steering.jettison_time - nav.time)
-    if not span <= settings.cycle_period:
+    if not span <= next_answer(onboard):
         return False
     r, v = load(nav.position), load(nav.velocity)
     a = axpy(1.0, thrust_ahead(mission, onboard), gravity(r, mission.environment))
@@ -168,19 +168,6 @@ def broken_rules(mission: MissionRecords, onboard: Onboard) -> int:
     if turns_faster(settings.steering_rate_limit, steering, nav.time, end):
         flags |= MONITOR_STEERING_RATE
     return flags
-
-
-@kernel
-def copy_steering(source: Record, destination: Record) -> None:
-    """Copy a record STEERING over another."""
-    destination.reference_time = source.reference_time
-    store(destination.direction, load(source.direction))
-    store(destination.direction_rate, load(source.direction_rate))
-    destination.cutoff_time = source.cutoff_time
-    destination.jettison = source.jettison
-    destination.jettison_time = source.jettison_time
-    for k in range(MAX_ARCS):
-        destination.arc_end_times[k] = source.arc_end_times[k]
 
 
 @kernel

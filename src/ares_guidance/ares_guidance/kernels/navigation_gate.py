@@ -319,6 +319,7 @@ def take(watch: Record, settings: Record) -> None:
         watch: record NAVIGATION_WATCH. Changed.
         settings: record GUIDANCE_SETTINGS.
     """
+    watch.interval = watch.now.time - watch.last.time
     watch.last = watch.now
     watch.accepted += 1
     watch.row = 0
@@ -344,6 +345,7 @@ def begin_with(mission: MissionRecords, nav: Record, watch: Record) -> None:
     watch.anchor = watch.now
     watch.next_anchor = watch.now
     watch.accepted += 1
+    watch.interval = 0.0
     watch.row = 0
     watch.repeats = 0
     watch.agreeing = 0

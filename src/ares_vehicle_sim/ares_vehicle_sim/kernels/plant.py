@@ -38,6 +38,7 @@ from ares_models.kernels.sequence import (
     tail_end_time,
 )
 from ares_models.kernels.states import insertion_quantities
+from ares_models.kernels.steering import copy_decision
 from ares_models.kernels.throttle import LIMITED, mass_after, stretch, throttle, time_to_burn
 from ares_models.kernels.thrust_curve import (
     curve_area,
@@ -315,12 +316,7 @@ def fail(plant: Record, arcs: NDArray[Any]) -> bool:
 @kernel
 def copy_command(source: Record, destination: Record) -> None:
     """Copy a record STEERING; what it does not know of the plan stays as it was."""
-    destination.reference_time = source.reference_time
-    store(destination.direction, load(source.direction))
-    store(destination.direction_rate, load(source.direction_rate))
-    destination.cutoff_time = source.cutoff_time
-    destination.jettison = source.jettison
-    destination.jettison_time = source.jettison_time
+    copy_decision(source, destination)
     for k in range(MAX_ARCS):
         if math.isfinite(source.arc_end_times[k]):
             destination.arc_end_times[k] = source.arc_end_times[k]
