@@ -148,7 +148,7 @@ def recorded_counts(copies: Sequence[Mapping[str, Any]]) -> dict[str, int] | Non
             }
             if counts and sum(counts.values()) == int(information["message_count"]):
                 found.append(counts)
-        except (KeyError, TypeError, ValueError):
+        except (KeyError, TypeError, ValueError, OverflowError):
             continue
     return found[0] if found and all(counts == found[0] for counts in found) else None
 

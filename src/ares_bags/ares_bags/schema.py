@@ -189,7 +189,7 @@ def qos_from_text(text: str) -> tuple[Qos, ...]:
     try:
         entries = load_yaml(text) or []
         return tuple(Qos.from_dict(entry) for entry in entries if type(entry["history"]) is str)
-    except (ValueError, TypeError, KeyError) as error:
+    except (ValueError, TypeError, KeyError, OverflowError) as error:
         raise ValueError("offered_qos_profiles is not a list of QoS profiles") from error
 
 

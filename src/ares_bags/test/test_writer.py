@@ -15,7 +15,7 @@ from rosbags.interfaces import QosDurability, QosHistory, QosLiveliness, QosReli
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 
 from ares_bags.errors import BagError
-from ares_bags.metadata import METADATA_FILE
+from ares_bags.metadata import METADATA_FILE, recorded_counts
 from ares_bags.reader import open_bag
 from ares_bags.repair import repair
 from ares_bags.schema import FOREVER_NS, type_hash
@@ -263,3 +263,10 @@ def test_places_where_no_bag_can_be(tmp_path: Path) -> None:
             BagWriter(path)
         assert "\n" not in str(caught.value)
         assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize("count", [float("inf"), float("nan"), "many", None])
+def test_counts_that_are_none_are_no_counts(count: object) -> None:
+    entry = {"topic_metadata": {"name": "/chatter"}, "message_count": count}
+    information = {"message_count": 1, "topics_with_message_count": [entry]}
+    assert recorded_counts([information]) is None
