@@ -9,10 +9,13 @@ import importlib
 import os
 import signal
 import sys
+import warnings
 from types import FrameType
 
 EXIT_OK = 0
 EXIT_CANNOT_START = 2
+#: How the warnings of NumPy about arithmetic begin.
+BEYOND_NUMBERS = "(overflow|invalid value|divide by zero) encountered"
 
 
 def _leave(_number: int, _frame: FrameType | None) -> None:
@@ -21,14 +24,17 @@ def _leave(_number: int, _frame: FrameType | None) -> None:
 
 
 def set_up_libraries() -> None:
-    """Keep libraries from what takes long at each start. What the user has set stays.
+    """Keep libraries from what is slow at each start, or no line of ours. What users set stays.
 
     NumPy and SciPy would start threads for matrices larger than any that is here: on two cores
     0.1 s of CPU time, on more cores more. pydantic would look for plugins in all that is
-    installed: 0.03 s.
+    installed: 0.03 s. NumPy would print lines of source when somebody sends numbers near the
+    largest ones; what comes of such numbers is looked at where it is used.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+    if not sys.warnoptions:
+        warnings.filterwarnings("ignore", BEYOND_NUMBERS, RuntimeWarning)
 
 
 def enter(package: str, node: str, name: str, extra: str = "") -> int:

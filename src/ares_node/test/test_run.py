@@ -284,3 +284,15 @@ def test_a_reader_that_is_destroyed_says_nothing_more(ros_context: Context) -> N
     finally:
         executor.shutdown()
         node.destroy_node()
+
+
+@pytest.mark.parametrize(("options", "said"), [([], False), (["-W", "default"], True)])
+def test_arithmetic_beyond_numbers_is_no_line_of_ours(options, said):
+    program = (
+        "from ares_node.entry import set_up_libraries; set_up_libraries()\n"
+        "import numpy as np; np.array([1e308]) * 1e308"
+    )
+    done = subprocess.run(
+        [sys.executable, *options, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert ("overflow encountered" in done.stderr) is said
