@@ -52,10 +52,10 @@ def test_tables_for_people(tmp_path):
     assert "report    c/report.html" in done.stdout
     again = "./ares fly --mission ares_v --guidance peg --dispersions standard --seed 3"
     assert f"again     {again} --hold-time 8.0 --flight K" in done.stdout
-    assert "30/30" in done.stderr
+    # no bar where there is no terminal
+    assert done.stderr == ""
     page = (tmp_path / "c" / "report.html").read_text(encoding="utf-8")
     assert f"{again} --hold-time 8.0 --flight" in page
-    assert "Traceback" not in done.stderr
 
 
 def test_flights_one_by_one(ares, tmp_path, monkeypatch):

@@ -1,24 +1,16 @@
 """What `ares aborts` does and prints. No ROS."""
 
 import json
-import sys
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 from rich.table import Table
 from rich.text import Text
 
 from ares_bringup.options import CannotStart
+from ares_bringup.progress import bar
 from ares_bringup.report import console, shown_path
 from ares_bringup.whole_file import write_whole
 from ares_guidance.laws import check_law, find_law
@@ -91,7 +83,7 @@ def aborts(options: AbortOptions) -> int:
         maker = MapMaker(settings)
     except ValueError as error:
         raise CannotStart(f"mission {settings.mission.name}: {error}") from error
-    made = _watched(maker)
+    made = _watched(maker, quiet=options.as_json)
     if options.out is not None:
         write_whole(options.out, render(make_report(made, _facts(options, made))).encode())
     if options.as_json:
@@ -103,17 +95,9 @@ def aborts(options: AbortOptions) -> int:
     return EXIT_POINTS_FAILED if made.wrong else EXIT_MADE
 
 
-def _watched(maker: MapMaker) -> AbortMap:
-    """Make the map with a bar that says how long it takes."""
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=console(sys.stderr)) as progress:
+def _watched(maker: MapMaker, quiet: bool) -> AbortMap:
+    """Make the map, with a bar that says how long it takes unless that is to be quiet."""
+    with bar(quiet=quiet) as progress:
         task = progress.add_task("flying", total=maker.count)
         work = maker.make()
         while True:

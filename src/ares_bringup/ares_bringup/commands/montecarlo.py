@@ -13,21 +13,13 @@ from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    ProgressColumn,
-    Task,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
+from rich.progress import ProgressColumn, Task
 from rich.table import Table
 from rich.text import Text
 
 from ares_bringup.bag_paths import new_bag, workspace_root
 from ares_bringup.options import CannotStart, HeatingSource
+from ares_bringup.progress import bar
 from ares_bringup.report import console, number, shown_path
 from ares_guidance.law import LawSettings
 from ares_guidance.laws import check_law, find_law
@@ -176,7 +168,7 @@ def montecarlo(options: CampaignOptions, begun: float) -> int:
         Range(settings).fly(0, 1)
         with Store(folder, settings) as store:
             plan = Plan(settings, options.count, options.success_width, options.mass_width_kg)
-            with _Watch(store.count(), options.count) as watch:
+            with _Watch(store.count(), options.count, quiet=options.as_json) as watch:
                 try:
                     fly_campaign(plan, store, engine, watch)
                 except KeyboardInterrupt:
@@ -237,21 +229,12 @@ class _Watch:
         seconds: wall time of flying them.
     """
 
-    def __init__(self, there: int, total: int) -> None:
+    def __init__(self, there: int, total: int, quiet: bool) -> None:
         self.flown = 0
         self.seconds = 0.0
         self._failed = 0
         self._begun = time.monotonic()
-        self._progress = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            _Rate(),
-            TimeElapsedColumn(),
-            TextColumn("left"),
-            TimeRemainingColumn(),
-            console=console(sys.stderr),
-        )
+        self._progress = bar(_Rate(), quiet=quiet)
         self._task = self._progress.add_task("flying", total=total - there)
 
     def __enter__(self) -> "_Watch":

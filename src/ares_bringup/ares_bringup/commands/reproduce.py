@@ -1,20 +1,11 @@
 """What `ares reproduce` does and prints. No ROS."""
 
-import sys
 import tempfile
 from pathlib import Path
 
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
-
 from ares_bringup.options import CannotStart
-from ares_bringup.report import console, shown_path
+from ares_bringup.progress import bar
+from ares_bringup.report import shown_path
 from ares_bringup.whole_file import write_all
 from ares_models.mission import MissionError
 from ares_optimizer.solution import OptimizerError
@@ -35,16 +26,8 @@ def reproduce(out: Path) -> None:
         CannotStart: the folder cannot be used, or a result is missing; one line.
     """
     _check(out)
-    columns = (
-        TextColumn("{task.description:<14}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
     names = parts()
-    with Progress(*columns, console=console(sys.stderr)) as progress:
+    with bar() as progress:
         task = progress.add_task("", total=len(names))
         left = iter(range(len(names)))
         try:

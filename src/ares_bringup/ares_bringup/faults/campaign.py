@@ -182,16 +182,20 @@ def faults(n: int, seed: int, words: Sequence[str], workers: int, as_json: bool)
         workers: trials at a time.
         as_json: one object instead of the table.
     """
+    from ares_bringup.progress import bar
     from ares_bringup.report import console
 
     tasks = spread(chosen(words), n)
+    with bar(quiet=as_json) as progress:
+        task = progress.add_task("injecting", total=len(tasks))
 
-    def done(trial: Trial) -> None:
-        if trial.result == Class.WRONG.value:
-            line = f"wrong: {trial.row}, number {trial.number}: {trial.why}"
-            print(line, file=sys.stderr, flush=True)
+        def done(trial: Trial) -> None:
+            progress.advance(task)
+            if trial.result == Class.WRONG.value:
+                line = f"wrong: {trial.row}, number {trial.number}: {trial.why}"
+                print(line, file=sys.stderr, flush=True)
 
-    trials = fly_all(tasks, seed, workers, done)
+        trials = fly_all(tasks, seed, workers, done)
     result = as_object(trials, n, seed)
     if as_json:
         print(json.dumps(result, indent=1))
