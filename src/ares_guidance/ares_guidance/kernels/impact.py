@@ -80,8 +80,6 @@ SLEW = math.radians(3.0)
 PATIENCE = 5.0
 #: m/s that a plan lacks, and m of perigee, beyond which the orbit aimed at is not in reach.
 LACKING, SLACK = 20.0, 1_000.0
-#: s in which the way as steered meets the ground, though the law has a solution.
-GROUND_AHEAD = 200.0
 #: Directions over the ground.
 BEARINGS = 12
 #: s, and as a part of the time flown ahead: a step.
@@ -491,9 +489,8 @@ def is_short(mission: MissionRecords, onboard: Onboard, own: Turn) -> bool:
         return False
     look_along(mission, onboard, own, onboard.steering.cutoff_time)
     if solved:
-        # a solution knows of no ground; far ahead it is another by then
-        seen = state.avoid.outlook
-        return bool(seen.grounded == 1 and seen.end_time - nav.time < GROUND_AHEAD)
+        # a solution knows of no ground
+        return bool(state.avoid.outlook.grounded == 1)
     return known or path_perigee(state.avoid.way, mu) < limit
 
 
@@ -509,8 +506,6 @@ def plan(mission: MissionRecords, onboard: Onboard) -> None:
     if nav.time < avoid.next_time - SAME:
         return
     avoid.next_time = nav.time + onboard.settings.cycle_period
-    if avoid.mode == AVOID_NOTHING and state.error == ERROR_NONE and state.found.count == 0:
-        return
     if mission.arcs[nav.arc].held == 1:
         return
     law = onboard.steering

@@ -1,6 +1,5 @@
 """The page of an abort map: time and failure, coloured by the end; masses beside the optimum."""
 
-import json
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -29,7 +28,7 @@ from ares_studies.pages.parts import (
     number,
     word,
 )
-from ares_studies.pages.templates import PALETTES, embedded, make_environment, plotly
+from ares_studies.pages.templates import make_environment, one_line, render_report
 
 #: Colour and name of each end.
 ENDS: Mapping[End, tuple[Role, str]] = {
@@ -113,17 +112,8 @@ class MapReport:
 
 def render(report: MapReport) -> str:
     """The page, with everything in it."""
-    data = json.dumps(
-        {"chapters": [asdict(chapter) for chapter in report.chapters]},
-        allow_nan=False,
-        ensure_ascii=False,
-        separators=(",", ":"),
-    )
-    return (
-        make_environment("ares_studies.aborts")
-        .get_template("report.html")
-        .render(report=report, palettes=PALETTES, data=embedded(data), plotly=plotly())
-    )
+    data = {"chapters": [asdict(chapter) for chapter in report.chapters]}
+    return render_report(make_environment(__package__), report, one_line(data))
 
 
 def make_report(made: AbortMap, facts: Mapping[str, str]) -> MapReport:

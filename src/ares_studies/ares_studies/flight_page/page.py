@@ -1,6 +1,5 @@
 """A page on one flight, or on several that lie over each other."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -9,7 +8,7 @@ from ares_studies.flight_page.charts import ROLES, make_chapters
 from ares_studies.flight_page.data import Flight
 from ares_studies.flight_page.globe import Globe, make_globe
 from ares_studies.pages.parts import Chapter, Guide, Role, Table
-from ares_studies.pages.templates import PALETTES, embedded, make_environment, plotly
+from ares_studies.pages.templates import make_environment, one_line, render_report
 
 #: As many flights as there are colours.
 MAX_FLIGHTS = len(ROLES)
@@ -126,9 +125,4 @@ def _data(report: FlightReport) -> dict[str, Any]:
 
 def render(report: FlightReport) -> str:
     """The page, with everything in it."""
-    data = json.dumps(_data(report), allow_nan=False, ensure_ascii=False, separators=(",", ":"))
-    return (
-        make_environment(__package__)
-        .get_template("report.html")
-        .render(report=report, palettes=PALETTES, data=embedded(data), plotly=plotly())
-    )
+    return render_report(make_environment(__package__), report, one_line(_data(report)))

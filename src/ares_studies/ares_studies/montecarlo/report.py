@@ -1,6 +1,5 @@
 """A campaign's page: what came of it, why, and the flights worth a second look."""
 
-import json
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -41,7 +40,7 @@ from ares_studies.pages.parts import (
     number,
     word,
 )
-from ares_studies.pages.templates import PALETTES, embedded, make_environment, plotly
+from ares_studies.pages.templates import make_environment, one_line, render_report
 from ares_vehicle_sim.draws import FIELDS
 
 Array = NDArray[np.float64]
@@ -152,12 +151,7 @@ class CampaignReport:
 
 def render(report: CampaignReport) -> str:
     """The page, with everything in it."""
-    data = json.dumps(report.to_json(), allow_nan=False, ensure_ascii=False, separators=(",", ":"))
-    return (
-        make_environment("ares_studies.montecarlo")
-        .get_template("report.html")
-        .render(report=report, palettes=PALETTES, data=embedded(data), plotly=plotly())
-    )
+    return render_report(make_environment(__package__), report, one_line(report.to_json()))
 
 
 def make_report(

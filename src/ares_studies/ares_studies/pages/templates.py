@@ -2,6 +2,7 @@
 
 import base64
 import gzip
+import json
 import re
 from importlib.resources import files
 
@@ -72,6 +73,30 @@ def make_environment(*packages: str) -> Environment:
     )
     environment.filters["prose"] = prose
     return environment
+
+
+def one_line(data: object) -> str:
+    """JSON for a script: in one line, without nan and infinity.
+
+    Raises:
+        ValueError: there is one of these.
+    """
+    return json.dumps(data, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
+
+
+def render_report(environment: Environment, report: object, data: str, **shown: object) -> str:
+    """A page with everything in it.
+
+    Args:
+        environment: whose template `report.html` it is.
+        report: what the template says.
+        data: what the scripts draw from, as JSON.
+        shown: what the template takes besides.
+    """
+    template = environment.get_template("report.html")
+    return template.render(
+        report=report, palettes=PALETTES, data=embedded(data), plotly=plotly(), **shown
+    )
 
 
 def embedded(data: str) -> Markup:

@@ -1,9 +1,8 @@
 """The page on the thesis: one HTML file with everything in it."""
 
-import json
 from collections.abc import Sequence
 
-from ares_studies.pages.templates import PALETTES, embedded, make_environment, plotly
+from ares_studies.pages.templates import make_environment, one_line, render_report
 from ares_studies.reproduce.model import Dot, Report
 
 
@@ -17,7 +16,7 @@ def _place(dot: Dot, dots: Sequence[Dot]) -> str:
 
 def dump(report: Report) -> str:
     """The report as JSON: no nan, no infinity."""
-    return json.dumps(report.to_json(), allow_nan=False, ensure_ascii=False, separators=(",", ":"))
+    return one_line(report.to_json())
 
 
 def render(report: Report, data: str, json_name: str) -> str:
@@ -30,10 +29,4 @@ def render(report: Report, data: str, json_name: str) -> str:
     """
     environment = make_environment(__package__)
     environment.filters["place"] = _place
-    return environment.get_template("page.html").render(
-        report=report,
-        palettes=PALETTES,
-        json_name=json_name,
-        data=embedded(data),
-        plotly=plotly(),
-    )
+    return render_report(environment, report, data, json_name=json_name)

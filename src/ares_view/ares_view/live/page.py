@@ -1,13 +1,12 @@
 """The page: what stands on it before anything has come."""
 
-import json
 from dataclasses import asdict, dataclass
 from functools import cache
 
 from ares_studies import flight_page
 from ares_studies.flight_page.globe import read_land
 from ares_studies.pages.parts import Axis, Figure, Item, Role, Series, Shape
-from ares_studies.pages.templates import PALETTES, embedded, make_environment
+from ares_studies.pages.templates import PALETTES, embedded, make_environment, one_line
 from ares_view.live.story import STATE_FIELDS, STATUS_FIELDS
 
 
@@ -140,7 +139,6 @@ def render(query: str) -> str:
         "states": STATE_FIELDS,
         "statuses": STATUS_FIELDS,
     }
-    text = json.dumps(data, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
     return (
         make_environment(__package__, flight_page.__package__)
         .get_template("live.html")
@@ -150,6 +148,6 @@ def render(query: str) -> str:
             gauges=GAUGES,
             paces=PACES,
             query=query,
-            data=embedded(text),
+            data=embedded(one_line(data)),
         )
     )
