@@ -48,7 +48,7 @@ def test_one_json_object(ares):
     ("words", "line"),
     [
         (("--guidance", "no_law"), "no_law"),
-        (("--guidance", "peg_thesis"), "laws that start by themselves"),
+        (("--guidance", "peg_thesis"), "starts by itself: one of igm"),
         (("--mission", "delta_iii_coast", "--guidance", "optimal"), "last arc alone is free"),
         (("--mission", "nothing"), "nothing"),
         (("--step-s", "0"), "--step-s"),

@@ -124,15 +124,20 @@ def test_an_interrupted_campaign_goes_on(ares, tmp_path, end):
 @pytest.mark.parametrize(
     ("argv", "words"),
     [
-        (["-n", "0"], "Invalid value for '-n'"),
+        (["-n", "0"], "--flights is '0'; expected at least 1"),
         (["--mission", "soyuz"], "mission 'soyuz': no such mission"),
         (["--dispersions", "wild"], "dispersions 'wild': no such dispersions; shipped are"),
         (["--dispersions", "/nowhere.yaml"], "/nowhere.yaml: no such file"),
         (["--cycle-period", "0"], "cycle_period_s is 0.0; expected 0.001 to 100"),
+        (["--out", __file__], "test_cli_montecarlo.py: is a file; expected a folder"),
         (["--out", "/proc/nothing"], "/proc/nothing: No such file or directory"),
         (["--scheduler", "nowhere"], "no Dask scheduler at 'nowhere'"),
         (["--only", "1", "--out", "c"], "--only and --out exclude each other"),
-        (["--seed", "-1"], "Invalid value for '--seed'"),
+        (["--seed", "-1"], "--seed is '-1'; expected at least 0"),
+        (["--seed", "x"], "--seed is 'x'; expected a whole number"),
+        (["--stop-mass", "x"], "--stop-mass is 'x'; expected a number"),
+        (["--heating-source", "sun"], "--heating-source is 'sun'; expected one of measured, model"),
+        (["--guidance", "peg_thesis"], "starts by itself: one of igm"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_2(ares, tmp_path, monkeypatch, argv, words):

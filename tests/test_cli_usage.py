@@ -4,6 +4,7 @@ import os
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -44,6 +45,21 @@ def test_help_lists_everything(capfd):
         assert re.search(rf"\b{verb}\b", out)
     assert "Exit status" in out
     assert max(len(line) for line in out.splitlines()) <= 80
+
+
+def test_the_page_of_the_command_has_every_verb_every_option_of_fly_and_every_argument(capfd):
+    package = Path(__file__).parent.parent / "src" / "ares_bringup"
+    page = (package / "README.md").read_text()
+    _, out, _ = run(capfd, "--help")
+    verbs = re.findall(r"^  ([a-z]+) ", out.partition("Commands:")[2], re.MULTILINE)
+    assert [verb for verb in verbs if f"`ares {verb}" not in page] == []
+    _, out, _ = run(capfd, "fly", "--help")
+    options = set(re.findall(r"^ +(--[a-z-]+)", out, re.MULTILINE))
+    assert [option for option in sorted(options) if f"`{option}" not in page] == []
+    launch = (package / "launch" / "flight.launch.py").read_text()
+    arguments = re.findall(r'DeclareLaunchArgument\(\s*"(\w+)"', launch)
+    rows = page.partition("## Launch")[2].partition("## Modules")[0]
+    assert [name for name in arguments if f"`{name}`" not in rows] == []
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,11 @@
 
 import importlib.util
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +17,10 @@ from ares_bringup.faults import tampering
 from ares_bringup.faults.campaign import as_object, chosen, spread
 from ares_bringup.faults.control import Control
 from ares_bringup.faults.rows import ROWS
-from ares_bringup.faults.scene import Flown
+from ares_bringup.faults.scene import MARK, Flown, marked
 from ares_bringup.faults.signals import slowed
 from ares_bringup.faults.trial import Class, Trial, judge, run
+from ares_bringup.held import shared_memory
 from ares_bringup.keeper import Keeper
 from ares_bringup.options import CannotStart
 
@@ -149,6 +155,22 @@ def test_rows_are_chosen_by_word_and_taken_in_turn(capsys):
     assert "--rows is 'gremlins'; expected a part of one of: guidance killed" in (
         capsys.readouterr().err
     )
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_campaign_that_is_interrupted_in_a_flight_says_nothing(number, status):
+    mark = f"interrupted-{os.getpid()}-{status}"
+    command = [sys.executable, "-m", "ares_bringup", "faults", "-n", "1"]
+    process = subprocess.Popen(
+        command, env=os.environ | {MARK: mark}, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    deadline = time.monotonic() + 60.0
+    while not any("fastrtps" in path for path in shared_memory(marked(mark))):
+        assert process.poll() is None and time.monotonic() < deadline
+        time.sleep(0.05)
+    process.send_signal(number)
+    assert process.communicate(timeout=60) == (b"", b"")
+    assert process.returncode == status
 
 
 def test_the_page_holds_what_was_kept():

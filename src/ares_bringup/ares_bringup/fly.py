@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from shutil import which
 from typing import TYPE_CHECKING, Any
 
 from ares_bringup.audience import Audience
@@ -331,10 +332,11 @@ def fly(
 
 
 def _greeting(summary: FlightSummary) -> str:
-    """How others find the flight."""
+    """How others find the flight; ROS 2 wheels bring no `ros2`."""
+    look = " ros2 topic list" if which("ros2") else ""
     return (
         f"flight {id_text(summary.flight_id)}: "
-        f"ROS_DOMAIN_ID={summary.domain_id} ros2 topic list (namespace {summary.namespace})"
+        f"ROS_DOMAIN_ID={summary.domain_id}{look} (namespace {summary.namespace})"
     )
 
 

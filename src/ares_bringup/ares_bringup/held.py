@@ -62,8 +62,14 @@ def all_pids() -> list[int]:
 
 
 def clear(paths: Iterable[str]) -> None:
-    """Remove files in shared memory that nobody uses any more, each with its lock."""
+    """Remove the middleware's files in shared memory that nobody uses any more, each with its lock.
+
+    Others are left to who made them: semaphores of a pool of processes are in use under another
+    name by the process that made them, which removes them itself.
+    """
     for path in paths:
+        if _PREFIX not in path:
+            continue
         Path(path).unlink(missing_ok=True)
         Path(f"{path}_el").unlink(missing_ok=True)
 

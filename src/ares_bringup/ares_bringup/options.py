@@ -6,6 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ares_guidance.law import LawKind
 
 #: Highest seed, and highest number of flights: their draws and noise are keyed by them.
 MAX_SEED = 2**63 - 1
@@ -17,8 +21,6 @@ MAX_PORT = 65535
 PEG = "peg"
 #: Highest ROS domain id; the ports of a higher one do not exist.
 MAX_DOMAIN_ID = 232
-#: Highest port.
-MAX_PORT = 65535
 #: How often a node that ends in flight is restarted unless another number is given, and at most.
 RESTARTS = 3
 MAX_RESTARTS = 100
@@ -26,6 +28,26 @@ MAX_RESTARTS = 100
 
 class CannotStart(Exception):
     """What was asked for cannot start; the text is one line, empty if a node has said why."""
+
+
+def self_starting(guidance: str) -> "LawKind":
+    """The law of a flight that has no optimizer's node to ask.
+
+    Raises:
+        CannotStart: it has to be told of a trajectory; one line.
+        ValueError: no such law; one line.
+    """
+    from ares_guidance.laws import find_law
+    from ares_guidance.registry import law_names
+
+    law = find_law(guidance)
+    if law.needs_trajectory:
+        laws = [name for name in law_names() if not find_law(name).needs_trajectory]
+        raise CannotStart(
+            f"--guidance is {guidance!r}; expected a law that starts by itself: "
+            f"one of {', '.join(laws)}"
+        )
+    return law
 
 
 class HeatingSource(StrEnum):

@@ -680,17 +680,18 @@ class FlightSummary:
     def marks(self) -> list[tuple[float, str]]:
         """Instants for pictures: mission elapsed time in s, and a word that may be empty.
 
-        One mark an instant, and no word over another. A coast begins where a free burn ends,
-        and ends where an engine ignites.
+        One mark an instant, and no word over another. A coast begins where a burn ends, and ends
+        where an engine ignites; what drops at that instant says more.
         """
         ignitions = {round(event.time, 3) for event in self.events if event.type == IGNITION}
         words: dict[float, str] = {}
         for event in self.events:
-            at = round(event.time, 3)
+            if event.type in MARKS:
+                words.setdefault(round(event.time, 3), MARKS[event.type])
+        for event in self.events:
             if event.type == ARC_ENDED:
+                at = round(event.time, 3)
                 words.setdefault(at, "ignition" if at in ignitions else "coast")
-            elif event.type in MARKS:
-                words.setdefault(at, MARKS[event.type])
         marks = sorted(words.items())
         near = NEAR_MARKS * (self.events[-1].time - self.events[0].time) if marks else 0.0
         for k in range(len(marks) - 1):

@@ -9,10 +9,12 @@ from pathlib import Path
 
 import pytest
 
+from ares_bringup import fly
 from ares_bringup.discovery import PROFILE, PROFILE_VARIABLES, discovery_settings
 from ares_bringup.fly import node_parameters
 from ares_bringup.options import CannotStart, FlyOptions, domain_id
 from ares_bringup.params_file import node_values
+from ares_bringup.summary import FlightSummary
 
 
 @pytest.mark.parametrize("text", ["233", "-1", "one", "1.5", "\u0663"])
@@ -30,6 +32,14 @@ def test_the_domain_of_the_options_wins(monkeypatch):
     assert domain_id(FlyOptions(domain_id=8)) == 8
     monkeypatch.setenv("ROS_DOMAIN_ID", "")
     assert domain_id(FlyOptions()) is None
+
+
+@pytest.mark.parametrize(("found", "words"), [("/opt/ros2", " ros2 topic list"), (None, "")])
+def test_a_flight_names_only_a_command_that_is_there(monkeypatch, facts, found, words):
+    monkeypatch.setattr(fly, "which", lambda _: found)
+    summary = FlightSummary(facts, "peg", None)
+    summary.domain_id = 7
+    assert f": ROS_DOMAIN_ID=7{words} (namespace /" in fly._greeting(summary)
 
 
 def test_discovery_settings_are_added_but_replace_nothing():

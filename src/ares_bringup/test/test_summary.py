@@ -51,6 +51,7 @@ from ares_vehicle_sim.arrays import (
     IGNITION,
     IMPACT,
     JETTISON_DONE,
+    STAGING,
 )
 
 
@@ -306,6 +307,22 @@ def test_marks_of_coasts_and_of_what_is_near():
         (1819.251, ""),
         (1823.686, "ignition, cut-off"),
     ]
+
+
+def test_a_staging_is_marked_as_one_though_an_arc_ends_and_an_engine_ignites_there(facts):
+    summary = FlightSummary(facts, "peg", None)
+    for kind, index, time in (
+        (FLIGHT_STARTED, 0, 155.9),
+        (IGNITION, 0, 155.9),
+        (ARC_ENDED, 0, 337.15),
+        (STAGING, 1, 337.15),
+        (IGNITION, 1, 337.15),
+        (JETTISON_DONE, 0, 434.0),
+        (CUTOFF, 0, 767.1),
+        (FLIGHT_COMPLETE, 0, 767.1),
+    ):
+        summary.add_event(Event(kind, index, time, (7e6, 0.0, 0.0), (0.0, 7e3, 0.0), 1e5))
+    assert summary.marks() == [(337.15, "staging"), (434.0, "jettison"), (767.1, "cut-off")]
 
 
 # ---- where it falls

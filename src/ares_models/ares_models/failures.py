@@ -98,6 +98,9 @@ def read_failure(text: str) -> Failure:
             given[keys[key]] = int(value) if keys[key] in ("arc", "jettison") else float(value)
         except ValueError:
             raise FailureError(f"failure {kind}: {key} is {value!r}; expected a number") from None
+    for key, name in keys.items():
+        if name not in given and not name.endswith("_ratio"):
+            raise FailureError(f"failure {kind}: {key} is missing; expected a number")
     return Failure(kind, **given)  # type: ignore[arg-type]
 
 

@@ -373,6 +373,18 @@ def _expected(kind: str, context: dict[str, Any], message: str, path: KeyPath) -
     return message.replace("Input should be ", "")
 
 
+def by_cause(errors: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Elements of ``ValidationError.errors()``, keys first that are not known where one is missing.
+
+    A key that is misspelt is both, and the word that stands there says more.
+    """
+    lacking = {item["loc"][:-1] for item in errors if item["type"] == "missing"}
+    return sorted(
+        errors,
+        key=lambda item: item["type"] != "extra_forbidden" or item["loc"][:-1] not in lacking,
+    )
+
+
 def explain(
     item: Mapping[str, Any],
     lines: Mapping[KeyPath, int],

@@ -17,7 +17,7 @@ from ares_models import arrays as layout
 from ares_models import mission_parts as parts
 from ares_models.arrays import NAVIGATION, MissionArrays
 from ares_models.atmosphere import FIXED_MODELS, Atmosphere, AtmosphereError, nrlmsis
-from ares_models.input_file import InputError, InputKind, KeyPath, explain, read_input
+from ares_models.input_file import InputError, InputKind, KeyPath, by_cause, explain, read_input
 from ares_models.mission_areas import write_areas
 from ares_models.mission_checks import MAX_STAGES, check_mission
 from ares_models.mission_parts import (
@@ -365,7 +365,7 @@ def load_mission(name_or_path: str | Path) -> Mission:
     try:
         return Mission.model_validate(data)
     except ValidationError as error:
-        problems = [explain(dict(item), lines, _siblings) for item in error.errors()]
+        problems = [explain(item, lines, _siblings) for item in by_cause(error.errors())]
         raise MissionError(str(path), problems) from None
 
 

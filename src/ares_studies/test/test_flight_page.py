@@ -301,6 +301,15 @@ def test_the_globe_has_land_on_the_earth_only():
     assert make_globe([make_flight(elsewhere)], ["peg"], ["end"]).land == ()
 
 
+@pytest.mark.parametrize(("angle", "said"), [(-79.4, False), (None, True)])
+def test_the_page_says_where_a_mission_leaves_longitude_zero_open(angle, said):
+    earth = MISSION.environment.earth.model_copy(update={"zero_longitude_deg": angle})
+    environment = MISSION.environment.model_copy(update={"earth": earth})
+    flight = make_flight(recording(mission=MISSION.model_copy(update={"environment": environment})))
+    page = render(make_report([flight], [account()], None))
+    assert ("does not say where longitude zero is" in page) is said
+
+
 def test_land_is_closed_rings_of_places():
     rings = read_land()
     assert len(rings) > 100

@@ -25,6 +25,7 @@ from ares_models.input_file import (
     InputError,
     InputKind,
     KeyPath,
+    by_cause,
     explain,
     format_number,
     read_input,
@@ -365,5 +366,5 @@ def load_dispersions(name_or_path: str | Path) -> Dispersions:
     try:
         return Dispersions.model_validate(data)
     except ValidationError as error:
-        problems = [explain(dict(item), lines, _siblings) for item in error.errors()]
+        problems = [explain(item, lines, _siblings) for item in by_cause(error.errors())]
         raise DispersionsError(str(path), problems) from None

@@ -9,11 +9,11 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from ares_bringup.options import CannotStart
+from ares_bringup.options import CannotStart, self_starting
 from ares_bringup.progress import bar
 from ares_bringup.report import console, shown_path
 from ares_bringup.whole_file import write_whole
-from ares_guidance.laws import check_law, find_law
+from ares_guidance.laws import check_law
 from ares_models.mission import load_mission
 from ares_optimizer.foreknown import begin_times
 from ares_studies.aborts.abort_map import AbortMap, MapMaker, MapSettings, Share
@@ -48,11 +48,7 @@ class AbortOptions:
             CannotStart: mission or law is wrong; one line.
         """
         try:
-            if find_law(self.guidance).needs_trajectory:
-                raise CannotStart(
-                    f"--guidance is {self.guidance!r}; a map is flown by laws that start by "
-                    "themselves"
-                )
+            self_starting(self.guidance)
             mission = load_mission(self.mission)
             # refuses a mission whose failures have no time
             begin_times(mission.arrays(), mission.start().time_s)

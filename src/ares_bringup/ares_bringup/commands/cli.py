@@ -17,6 +17,15 @@ __all__ = ["app", "main"]
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130
 
+#: What an option's value should have been, by what the command-line library's validation says.
+_EXPECTED = {
+    "float_parsing": "a number",
+    "int_parsing": "a whole number",
+    "greater_than_equal": "at least {ge}",
+    "less_than_equal": "at most {le}",
+}
+_CHOICE = " is not one of "
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """The command line.
@@ -57,10 +66,29 @@ def _run(argv: Sequence[str] | None) -> int:
         # usage errors of the command-line library, which prints three lines for each
         if not hasattr(error, "format_message"):
             raise
-        message = error.format_message().rstrip(".")
+        message = _refusal(error) or error.format_message().rstrip(".")
         help_hint = getattr(getattr(error, "ctx", None), "command_path", "ares")
         print(f"ares: {one_line(message)} (see `{help_hint} --help`)", file=sys.stderr)
         return EXIT_BAD_INPUT
+
+
+def _refusal(error: Exception) -> str:
+    """A value that an option does not take, told as wrong input is; empty if it is none."""
+    parameter, errors = getattr(error, "param", None), getattr(error.__cause__, "errors", None)
+    if parameter is None or errors is None:
+        return ""
+    item = errors()[0]
+    if _CHOICE in item["msg"]:
+        choices = item["msg"].partition(_CHOICE)[2]
+        expected = "one of " + choices.replace("'", "").rstrip(".")
+    elif item["type"] in _EXPECTED:
+        bounds = item.get("ctx", {}).items()
+        plain = {key: f"{at:g}" if isinstance(at, float) else at for key, at in bounds}
+        expected = _EXPECTED[item["type"]].format(**plain)
+    else:
+        return ""
+    name = max(parameter.opts, key=len)
+    return f"{name} is {item['input']!r}; expected {expected}"
 
 
 if __name__ == "__main__":

@@ -18,11 +18,11 @@ from rich.table import Table
 from rich.text import Text
 
 from ares_bringup.bag_paths import new_bag, workspace_root
-from ares_bringup.options import CannotStart, HeatingSource
+from ares_bringup.options import CannotStart, HeatingSource, self_starting
 from ares_bringup.progress import bar
 from ares_bringup.report import console, number, shown_path
 from ares_guidance.law import LawSettings
-from ares_guidance.laws import check_law, find_law
+from ares_guidance.laws import check_law
 from ares_models.atmosphere import AtmosphereError
 from ares_models.input_file import InputError
 from ares_models.mission import load_mission
@@ -97,11 +97,7 @@ class CampaignOptions:
             "heating_source": self.heating_source,
         }
         try:
-            law = find_law(self.guidance)
-            if law.needs_trajectory:
-                raise CannotStart(
-                    f"--guidance is {self.guidance!r}; campaigns fly laws that start by themselves"
-                )
+            law = self_starting(self.guidance)
             dispersions = load_dispersions(self.dispersions)
             if self.heating_source == HeatingSource.MODEL:
                 given["heating_margin"] = dispersions.heating_margin()

@@ -56,6 +56,8 @@ def end_with_parent() -> None:
     def end(number: int, _frame: FrameType | None) -> None:
         # both may come: the second must not cut the cleaning short
         signal.signal(number, signal.SIG_IGN)
+        # the middleware would tell of the end within a callback as of an error of the callback
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())
         raise SystemExit(1)
 
     signal.signal(signal.SIGTERM, end)
@@ -101,6 +103,9 @@ def fly_all(
     """
     flown = {row.name for row in ROWS if row.alone is None}
     context = multiprocessing.get_context("spawn")
+    # an end that cannot wait for a worker leaves the pool's semaphores to Python's tracker, whose
+    # process clears them, and need not say so
+    sys.warnoptions.append("ignore:resource_tracker")
     trials: dict[tuple[str, int], Trial] = {}
     with ProcessPoolExecutor(workers, mp_context=context, initializer=end_with_parent) as pool:
         try:

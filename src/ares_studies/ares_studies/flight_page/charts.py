@@ -131,7 +131,7 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
             ),
             Chart(
                 "Speed",
-                "Inertial, and against the air that turns with the Earth.",
+                "Inertial, and against the air that turns with the ground.",
                 Axis("speed", "m/s"),
                 _speeds,
             ),

@@ -81,7 +81,8 @@ class FlightReport:
         roles: their colours.
         comparison: differences; None for one flight.
         chapters: charts.
-        globe: ways over the Earth.
+        globe: ways over the ground.
+        placed: every mission says where longitude zero is.
     """
 
     title: str
@@ -90,6 +91,7 @@ class FlightReport:
     comparison: Table | None
     chapters: tuple[Chapter, ...]
     globe: Globe
+    placed: bool
 
 
 def make_report(
@@ -112,6 +114,9 @@ def make_report(
         comparison=comparison,
         chapters=make_chapters(flights, names, marks),
         globe=make_globe(flights, names, [account.end for account in accounts]),
+        placed=all(
+            flight.mission.environment.earth.zero_longitude_deg is not None for flight in flights
+        ),
     )
 
 

@@ -276,9 +276,11 @@ def _results_text(summary: Summary) -> str:
     if over.size:
         # the jettison itself stands at the limit
         beyond = int(np.count_nonzero(over > 1.001))
+        many = f"{beyond:,}" if beyond else "none"
         text += (
-            f" From the jettison on the heating passed the limit again in {beyond:,} of the first "
-            f"{over.size:,} flights that dropped the fairing, at most {over.max():.2f} times it."
+            f" From the jettison on the heating passed the limit again in {many} of the "
+            f"first {over.size:,} flights that dropped the fairing"
+            + (f", at most {over.max():.2f} times it." if beyond else ".")
         )
     return text
 

@@ -86,6 +86,8 @@ class Store:
 
     def _begin(self, wanted: dict[str, Any]) -> None:
         file = self.folder / SETTINGS
+        if self.folder.is_file():
+            raise StoreError(f"{self.folder}: is a file; expected a folder")
         if self.folder.is_dir() and not file.exists() and any(self.folder.iterdir()):
             raise StoreError(f"{self.folder}: is no campaign; expected a new or empty folder")
         self._parts.mkdir(parents=True, exist_ok=True)
