@@ -26,7 +26,7 @@ def test_two_files_in_a_folder_of_their_own(tmp_path, monkeypatch, capsys):
         "reproduction/reproduction.html",
         "reproduction/reproduction.json",
     ]
-    assert "done" in captured.err
+    assert captured.err == ""
 
 
 def test_a_second_call_replaces_the_files(tmp_path):
@@ -55,7 +55,7 @@ def test_nothing_is_half_written(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("os.replace", full)
     assert main(["reproduce", "--out", str(tmp_path / "out")]) == 2
     assert "No space left on device" in capsys.readouterr().err
-    assert list((tmp_path / "out").iterdir()) == []
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_missing_result_is_one_line(tmp_path, monkeypatch, capsys):
@@ -65,7 +65,7 @@ def test_a_missing_result_is_one_line(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(verb, "make_report", fail)
     assert main(["reproduce", "--out", str(tmp_path / "out")]) == 2
     assert "a result is missing: direct11" in capsys.readouterr().err
-    assert list((tmp_path / "out").iterdir()) == []
+    assert not (tmp_path / "out").exists()
 
 
 def test_help(capsys):

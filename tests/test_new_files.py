@@ -96,7 +96,7 @@ def test_what_is_commented_out_with_a_default_may_be_put_in(capfd):
         (["new", "x" * 65], "NAME is 'xxx"),
         (["new", "../x"], "NAME is '../x'; expected at most 64"),
         (["new", "x", "--like", "ares_5"], "mission 'ares_5': no such mission; shipped are"),
-        (["new", "x", "--out", "none/x.yaml"], "which cannot be written: No such file or dir"),
+        (["new", "x", "--out", "none/x.yaml"], "--out is 'none/x.yaml'; its folder does not exist"),
         (["schema", "--out", "there"], "--out is 'there', which exists; expected a new file"),
         (["new", "x", "--out", "there"], "--out is 'there', which exists; expected a new file"),
         (["new"], "Missing argument 'NAME'"),

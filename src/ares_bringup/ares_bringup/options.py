@@ -37,15 +37,13 @@ def self_starting(guidance: str) -> "LawKind":
         CannotStart: it has to be told of a trajectory; one line.
         ValueError: no such law; one line.
     """
-    from ares_guidance.laws import find_law
-    from ares_guidance.registry import law_names
+    from ares_guidance.laws import find_law, self_starting_laws
 
     law = find_law(guidance)
     if law.needs_trajectory:
-        laws = [name for name in law_names() if not find_law(name).needs_trajectory]
         raise CannotStart(
             f"--guidance is {guidance!r}; expected a law that starts by itself: "
-            f"one of {', '.join(laws)}"
+            f"one of {', '.join(self_starting_laws())}"
         )
     return law
 

@@ -165,6 +165,14 @@ time.sleep(600.0)
 """
 
 
+#: In front of scripts that end by themselves: however busy the machine is, they have the time to.
+IN_GOOD_ORDER = """
+from ares_bringup.commands import interrupts
+
+interrupts.GRACE = 60.0
+"""
+
+
 def interrupted(tmp_path, text, number, *arguments):
     """Exit status, output and errors of a script that gets a signal once it is ready."""
     script = tmp_path / "script.py"
@@ -198,14 +206,14 @@ def test_while_threads_are_in_kernels(tmp_path, number):
 
 @pytest.mark.parametrize("number", BOTH)
 def test_in_python(tmp_path, number):
-    status, out, err = interrupted(tmp_path, IN_PYTHON, number)
+    status, out, err = interrupted(tmp_path, IN_GOOD_ORDER + IN_PYTHON, number)
     assert (status, out, err) == (128 + number, "in order\n", "")
 
 
 @pytest.mark.parametrize("number", BOTH)
 def test_in_a_text_that_is_executed(tmp_path, number):
     """Python, run as a module, would end itself by SIGINT in the end, whatever the status."""
-    status, out, err = interrupted(tmp_path, IN_AN_EXECUTED_TEXT, number)
+    status, out, err = interrupted(tmp_path, IN_GOOD_ORDER + IN_AN_EXECUTED_TEXT, number)
     assert (status, out, err) == (128 + number, "in order\n", "")
 
 
@@ -217,7 +225,8 @@ def test_where_nothing_can_be_raised(tmp_path, number):
 
 @pytest.mark.parametrize("number", BOTH)
 def test_before_a_verb_begins_or_after_it(tmp_path, number):
-    assert interrupted(tmp_path, AROUND_A_VERB, number) == (128 + number, "", "")
+    text = IN_GOOD_ORDER + AROUND_A_VERB
+    assert interrupted(tmp_path, text, number) == (128 + number, "", "")
 
 
 @pytest.mark.parametrize("number", BOTH)
@@ -229,7 +238,8 @@ def test_when_the_interpreter_ends(tmp_path, number):
 @pytest.mark.parametrize("number", BOTH)
 def test_what_compiled_code_makes_of_it(tmp_path, number):
     """A binding that fails because of the KeyboardInterrupt says so in an error of its own."""
-    assert interrupted(tmp_path, IN_COMPILED_CODE, number) == (128 + number, "", "")
+    text = IN_GOOD_ORDER + IN_COMPILED_CODE
+    assert interrupted(tmp_path, text, number) == (128 + number, "", "")
 
 
 @pytest.mark.parametrize("number", BOTH)

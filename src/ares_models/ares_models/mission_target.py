@@ -390,7 +390,7 @@ class TargetOrbit(Part):
             "c3_m2_s2": "C3 {:,.0f} m2/s2",
             "inclination_deg": "i {:g} deg",
             "ascending_node_deg": "node {:g} deg",
-            "argument_of_perigee_deg": "perigee {:g} deg",
+            "argument_of_perigee_deg": "argument of perigee {:g} deg",
             "at": "at {}",
             "true_anomaly_deg": "anomaly {:g} deg",
         }

@@ -80,6 +80,8 @@ def _write(kind: InputKind, out: Path, head: Sequence[str], text: str) -> None:
     """Write a file of a kind and, beside it, the schema that its first line names."""
     if os.path.lexists(out):
         raise CannotStart(f"--out is {str(out)!r}, which exists; expected a new file")
+    if not out.parent.is_dir():
+        raise CannotStart(f"--out is {str(out)!r}; its folder does not exist")
     first = _schema_line(kind, out.parent)
     write_new(out, first + "".join(f"# {line}\n" for line in head) + "\n" + text)
     print(out)

@@ -1,6 +1,7 @@
 """What `ares reproduce` does and prints. No ROS."""
 
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 
 from ares_bringup.options import CannotStart
@@ -25,7 +26,19 @@ def reproduce(out: Path) -> None:
     Raises:
         CannotStart: the folder cannot be used, or a result is missing; one line.
     """
+    made = not out.exists()
     _check(out)
+    try:
+        _write(out)
+    except BaseException:
+        if made:
+            # what somebody else has put there stays
+            with suppress(OSError):
+                out.rmdir()
+        raise
+
+
+def _write(out: Path) -> None:
     names = parts()
     with bar() as progress:
         task = progress.add_task("", total=len(names))

@@ -12,7 +12,7 @@ import numpy as np
 
 from ares_bringup.commands.cli import EXIT_BAD_INPUT, main
 from ares_bringup.options import PEG, Method
-from ares_guidance.laws import find_law
+from ares_guidance.laws import self_starting_laws
 from ares_guidance.registry import law_names
 from ares_models.input_file import InputError
 from ares_models.mission import load_mission
@@ -110,7 +110,7 @@ def disperse(law: str, path: Path) -> str:
     return command(*argv, "--guidance", law, "--only", "3", *source)
 
 
-_CAMPAIGN_LAWS = [law for law in law_names() if not find_law(law).needs_trajectory]
+_CAMPAIGN_LAWS = self_starting_laws()
 #: Everything that is done with a good file of a kind.
 ACTIONS = {
     MISSION: (

@@ -66,7 +66,7 @@ MissionOption = Annotated[
 UnsaidMission = Annotated[
     str | None, typer.Option(help="Of a bag that does not say which mission was flown.")
 ]
-LawOption = Annotated[str, typer.Option(help=LAWS_HELP)]
+SELF_STARTING_HELP = f"{LAWS_HELP} One that starts by itself, without the optimizer's node."
 TablesOrJson = Annotated[
     bool, typer.Option("--json", help="Print one JSON object instead of the tables.")
 ]

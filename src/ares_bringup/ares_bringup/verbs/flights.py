@@ -24,12 +24,12 @@ from ares_bringup.options import (
 from ares_bringup.verbs.app import (
     BEGUN,
     EXIT_STATUSES,
+    LAWS_HELP,
     LOOPBACK,
     BadInput,
     CyclePeriod,
     HeatingSourceOption,
     HoldTime,
-    LawOption,
     LiveHost,
     LivePort,
     MissionOption,
@@ -48,7 +48,7 @@ PACE_TO_WATCH = 10.0
 @app.command(epilog=EXIT_STATUSES)
 def fly(
     mission: MissionOption = "ares_v",
-    guidance: LawOption = PEG,
+    guidance: Annotated[str, typer.Option(help=LAWS_HELP)] = PEG,
     in_process: Annotated[
         bool, typer.Option("--in-process", help="All nodes in one process.")
     ] = False,

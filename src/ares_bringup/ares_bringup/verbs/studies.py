@@ -17,12 +17,11 @@ from ares_bringup.options import (
 )
 from ares_bringup.verbs.app import (
     BEGUN,
-    LAWS_HELP,
+    SELF_STARTING_HELP,
     BadInput,
     CyclePeriod,
     HeatingSourceOption,
     HoldTime,
-    LawOption,
     MissionOption,
     TablesOrJson,
     app,
@@ -115,7 +114,7 @@ def montecarlo(
         int, typer.Option("-n", "--flights", min=1, max=MAX_FLIGHTS, help="Flights.")
     ] = 1000,
     mission: MissionOption = "ares_v",
-    guidance: LawOption = PEG,
+    guidance: Annotated[str, typer.Option(help=SELF_STARTING_HELP)] = PEG,
     dispersions: Annotated[
         str, typer.Option(help="Shipped dispersions' name, or path of a file.")
     ] = "standard",
@@ -195,7 +194,7 @@ def montecarlo(
 @app.command()
 def aborts(
     mission: MissionOption = "ares_v",
-    guidance: Annotated[str, typer.Option("--guidance", "--law", help=LAWS_HELP)] = PEG,
+    guidance: Annotated[str, typer.Option("--guidance", "--law", help=SELF_STARTING_HELP)] = PEG,
     step_s: Annotated[
         float, typer.Option(min=0.1, max=3600.0, help="Between the times of failures, s.")
     ] = 1.0,

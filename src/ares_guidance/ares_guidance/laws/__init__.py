@@ -37,6 +37,15 @@ def find_law(name: str) -> LawKind:
     return kind
 
 
+def self_starting_laws() -> list[str]:
+    """Names of the laws that start by themselves: from the navigation state alone, or a plan.
+
+    Raises:
+        ValueError: one cannot be imported; one line.
+    """
+    return [name for name in law_names() if not find_law(name).needs_trajectory]
+
+
 def make_law(name: str, arrays: MissionArrays, settings: LawSettings | None = None) -> Law:
     """A law, ready for the first navigation state.
 
