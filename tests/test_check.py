@@ -91,6 +91,23 @@ def test_a_command_that_is_missing(ares, reference, tmp_path):
     assert "they part" not in done.stdout
 
 
+@pytest.mark.parametrize("changed", [True, False])
+def test_a_second_command_for_one_state(ares, reference, tmp_path, changed):
+    """The vehicle flies the first: one that is not what guidance gives must not hide behind it."""
+    with BagWriter(tmp_path / "twice", reference.custom_data) as writer:
+        for topic in reference.topics.values():
+            writer.add_topic(topic)
+        for name, time, data in reference.raw_messages():
+            if name == COMMAND:
+                command = deserialize_message(data, ThrustCommand)
+                command.direction[1] += 0.1 * changed
+                writer.write(name, time, serialize_message(command))
+            writer.write(name, time, data)
+    done = ares("replay", str(tmp_path / "twice"), "--check")
+    assert done.returncode == changed
+    assert ("commands or statuses that guidance does not give" in done.stdout) == changed
+
+
 def test_states_that_are_missing(ares, reference, tmp_path):
     def change(topic, number, data):
         return None if topic == NAV and 100 <= number < 110 else data

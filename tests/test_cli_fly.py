@@ -184,6 +184,18 @@ REFUSED = [
 ]
 
 
+@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
+def test_a_failure_that_does_not_happen_is_said_without_a_recorder_too(ares, tmp_path, layout):
+    (tmp_path / "m.yaml").write_text(yaml.safe_dump(short_burn()))
+    failure = "engine_out:time=1e6,thrust_ratio=0.5"
+    done = ares(
+        "fly", *layout, "--no-record", "--mission", str(tmp_path / "m.yaml"), "--failure", failure
+    )
+    assert done.returncode == 0, done.stderr
+    said = "WARN  vehicle_sim: failure engine_out: its time did not come, nothing failed"
+    assert done.stderr.count(said) == 1
+
+
 @pytest.mark.parametrize(("argv", "words"), REFUSED)
 def test_what_a_node_refuses_is_one_line_and_exit_2(ares, argv, words):
     check_refusal(ares("fly", "--in-process", *argv), words)

@@ -1,5 +1,6 @@
 """The command line: help, and one clear line for what cannot be done."""
 
+import json
 import os
 import re
 import subprocess
@@ -7,10 +8,12 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
 
 from ares_bringup import __version__
 from ares_bringup.commands.cli import main
 from ares_bringup.options import MAX_FLIGHTS, HeatingSource
+from ares_bringup.testing import short_burn
 from ares_guidance.law import HEATING_SOURCES
 from ares_vehicle_sim.node import PARAMETERS
 
@@ -220,3 +223,44 @@ def test_a_reader_that_goes_away_is_no_traceback():
         command, shell=True, env=dict(os.environ), capture_output=True, text=True, check=False
     )
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("verb", ["missions ares_v", "fly --help", "--version"])
+def test_a_full_disk_behind_the_output_is_one_line(verb, unbuffered):
+    done = in_shell(f"{verb} > /dev/full", PYTHONUNBUFFERED=unbuffered)
+    assert done.returncode == 1
+    said = "ares: standard output cannot be written: No space left on device\n"
+    assert done.stderr == said
+
+
+@pytest.mark.parametrize("streams", [">&-", "2>&-", "<&-", "<&- >&- 2>&-"])
+def test_closed_streams_change_nothing(streams, tmp_path):
+    # a file that is opened must not get the number of a stream
+    assert in_shell(f"missions schema --out {tmp_path / 'a'} {streams}").returncode == 0
+    assert in_shell(f"missions ares_v {streams}").returncode == 0
+
+
+@pytest.mark.parametrize("errors", ["2> /dev/full", "2>&-"])
+@pytest.mark.parametrize("layout", ["", "--in-process"])
+def test_a_flight_goes_on_though_nobody_reads_its_warnings(ros_domain, tmp_path, errors, layout):
+    (tmp_path / "m.yaml").write_text(yaml.safe_dump(short_burn()))
+    failure = "--failure engine_out:time=1e6,thrust_ratio=0.5"
+    done = in_shell(
+        f"fly {layout} --no-record --mission {tmp_path / 'm.yaml'} {failure} --json {errors}",
+        ROS_DOMAIN_ID=str(ros_domain),
+    )
+    assert done.returncode == 0
+    flight = json.loads(done.stdout)
+    assert (flight["outcome"], flight["diagnostic_count"]) == ("target", 1)
+
+
+def in_shell(words, **environment):
+    return subprocess.run(
+        f"{sys.executable} -m ares_bringup {words}",
+        shell=True,
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )

@@ -697,3 +697,17 @@ def test_lines_do_not_run_into_the_bar():
     assert said.count("s left  first") >= 2
     assert f"{progress.CLEAR_LINE}ares: a line" in said
     assert said.endswith(progress.CLEAR_LINE)
+
+
+def test_a_closed_output_is_no_traceback():
+    tools = str(Path(workspace.__file__).parent)
+    program = "import workspace; workspace.keep_standard_streams(); import os; os.fstat(1)"
+    done = subprocess.run(
+        f"{sys.executable} -c '{program}' >&-",
+        shell=True,
+        env={**os.environ, "PYTHONPATH": tools},
+        stderr=subprocess.PIPE,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")

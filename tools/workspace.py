@@ -1056,8 +1056,18 @@ def run_tests(workspace: Workspace, environ: Mapping[str, str], arguments: Seque
     return status or types.returncode or (1 if failed else 0)
 
 
+def keep_standard_streams() -> None:
+    """Open those that are closed on nothing: their numbers would go to files that are opened."""
+    for number in (0, 1, 2):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
+
+
 def main(arguments: list[str]) -> int:
     """Run one call of ``./ares``; returns the exit status unless another program takes over."""
+    keep_standard_streams()
     if sys.version_info[:2] not in PYTHONS:
         raise WorkspaceError(
             f"Python {sys.version_info[0]}.{sys.version_info[1]} at {sys.executable} does not fit:"
@@ -1079,7 +1089,9 @@ def main(arguments: list[str]) -> int:
     command = [str(workspace.interpreter), "-m", "ares_bringup", *arguments]
     if arguments in ([], ["--help"], ["-h"]):
         status = subprocess.run(command, env=environment, check=False).returncode
-        print(f"\n{VERBS}")
+        if status != 1:
+            # else nothing can be printed, which it has said
+            print(f"\n{VERBS}")
         return status
     if verb == "exec":
         if not rest:
@@ -1088,7 +1100,8 @@ def main(arguments: list[str]) -> int:
         if not found:
             raise WorkspaceError(f"exec: no command {rest[0]!r} in the prepared environment")
         command = [found, *rest[1:]]
-    sys.stdout.flush()
+    if sys.stdout is not None:
+        sys.stdout.flush()
     os.execve(command[0], command, environment)
 
 

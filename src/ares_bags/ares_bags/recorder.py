@@ -106,7 +106,8 @@ class RecorderNode(FlightNode):
     The bag is closed when the flight is over. A write error ends the bag, not the flight: it
     is reported once on /diagnostics and on standard error, `error` says what happened, and the
     process will exit with status 1. So it is with messages that did not arrive: navigation
-    states are numbered, and guidance says how many statuses it has sent.
+    states are numbered, and guidance says how many statuses it has sent. So it is, too, with a
+    bag that has to be closed while the flight goes on.
 
     Attributes:
         error: why the bag is incomplete, one line; None if it is not.
@@ -131,6 +132,8 @@ class RecorderNode(FlightNode):
         self._statuses: Counter[int] = Counter()
         self._ending: Timer | None = None
         self._missing = 0
+        #: the bag was closed while the flight went on, which may end before this process does
+        self._cut_off = False
         self._held_back: list[Callable[[], None]] = []
 
     @property
@@ -226,8 +229,14 @@ class RecorderNode(FlightNode):
             if self._received != received:
                 received = self._received
                 quiet_since = now
-            quiet = now - quiet_since >= QUIET_TIME and not self._outstanding()
-            if quiet or now - begin >= DRAIN_LIMIT:
+            quiet = now - quiet_since >= QUIET_TIME
+            if quiet and not self._outstanding():
+                break
+            if now - begin >= DRAIN_LIMIT:
+                simulator = self._membership.simulator
+                self._cut_off = (
+                    not quiet and simulator is not None and simulator.state == State.FLYING
+                )
                 break
             if executor is None:
                 time.sleep(0.005)
@@ -428,8 +437,8 @@ class RecorderNode(FlightNode):
         if mine.foreign:
             writer.custom_data["foreign_messages"] = str(mine.foreign)
         missing = self._missing + self._outstanding()
-        if missing:
-            reason = f"{missing} messages did not arrive"
+        if missing or self._cut_off:
+            reason = f"{missing} messages did not arrive" if missing else "the flight went on"
             writer.custom_data[INCOMPLETE_KEY] = reason
             self._report(BagError(f"bag {self.values['bag']} is incomplete: {reason}"))
 

@@ -24,6 +24,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rosbags.rosbag2 import Reader
 
+from ares_bags import recorder as recorder_module
 from ares_bags.compare import differences
 from ares_bags.files import find_file
 from ares_bags.reader import LOG_TIME, open_bag
@@ -567,4 +568,24 @@ def test_a_guidance_without_a_last_word_is_not_waited_for(
     simulator.say(State.OVER, last_sequence=1)
     assert spin_until(source.executor, lambda: simulator.others(Role.RECORDER, State.OVER))
     guidance.close()
+    simulator.close()
+
+
+def test_a_bag_that_is_closed_while_the_flight_goes_on_is_called_incomplete(
+    source: Source, recorders: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recorder_module, "DRAIN_LIMIT", 0.5)
+    simulator = Membership(source.node, Role.VEHICLE_SIM, "ares_v", FLIGHT_ID)
+    simulator.listen()
+    recorder = recorders(bag=str(tmp_path / "flight"), flight_id=FLIGHT_ID)
+    assert recorder.start(), recorder.failure
+    source.wait_for_recorder()
+    simulator.say(State.FLYING)
+    numbers = iter(range(100_000))
+    source.node.create_timer(0.01, lambda: source.nav.publish(nav_state(next(numbers))))
+    assert spin_until(source.executor, lambda: recorder.message_counts, PATIENCE_S)
+    recorder.drain_and_close(source.executor)
+    assert recorder.exit_code == 1
+    assert recorder.error.endswith("is incomplete: the flight went on")
+    assert open_bag(tmp_path / "flight").custom_data["incomplete"] == "the flight went on"
     simulator.close()

@@ -4,7 +4,7 @@ import gc
 import sys
 
 from ares_bringup.commands.interrupts import end_at_once, leave_the_end_alone
-from ares_node.entry import enter, set_up_libraries
+from ares_node.entry import enter, keep_standard_streams, set_up_libraries
 from ares_node.requirements import unmet
 
 EXIT_BAD_INPUT = 2
@@ -14,6 +14,7 @@ def main() -> int:
     """Run the command line if all that it needs is installed."""
     end_at_once()
     leave_the_end_alone()
+    keep_standard_streams()
     set_up_libraries()
     reason = unmet("ares_bringup")
     if reason is None:

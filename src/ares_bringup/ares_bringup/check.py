@@ -114,11 +114,13 @@ class _Recorded:
     Attributes:
         states: stamp, sequence and measured state of each navigation state, in order.
         said: by topic, messages by stamp.
+        otherwise: by topic, stamps at which one guidance has said two things.
         reports: stamp and status of each report of guidance.
     """
 
     states: list[tuple[int, int, bytes]]
     said: dict[str, dict[int, Any]]
+    otherwise: dict[str, list[int]]
     reports: list[tuple[int, Any]]
 
 
@@ -175,9 +177,17 @@ def _read(bag: Bag) -> _Recorded:
         state = deserialize_message(data, NavState)
         states.append((ns_from_stamp(state.stamp), int(state.sequence), data))
     said: dict[str, dict[int, Any]] = {}
+    otherwise: dict[str, list[int]] = {}
     for name, kind in KINDS.items():
-        messages = (deserialize_message(data, kind) for _, _, data in bag.raw_messages([name]))
-        said[name] = {ns_from_stamp(message.stamp): message for message in messages}
+        said[name], otherwise[name] = {}, []
+        for _, _, data in bag.raw_messages([name]):
+            message = deserialize_message(data, kind)
+            stamp = ns_from_stamp(message.stamp)
+            before = said[name].get(stamp)
+            # the same once more is no fault: a state that came twice has its answer twice
+            if before is not None and _contradicts(message, before):
+                otherwise[name].append(stamp)
+            said[name][stamp] = message
     if not states or not said[COMMAND]:
         what = COMMAND if states else "nav_state"
         raise BagError(f"bag {bag.path} cannot be checked: {what} is empty")
@@ -186,7 +196,18 @@ def _read(bag: Bag) -> _Recorded:
         for _, message in bag.messages("/diagnostics"):
             at = ns_from_stamp(message.header.stamp)
             reports += [(at, s) for s in message.status if s.name.endswith("/guidance")]
-    return _Recorded(states, said, reports)
+    return _Recorded(states, said, otherwise, reports)
+
+
+def _contradicts(message: Any, before: Any) -> bool:
+    """Whether a guidance has said something else at the same time before."""
+    if message.guidance_id != before.guidance_id:
+        return False
+    for name in message.get_fields_and_field_types():
+        now, then = _column([getattr(message, name)]), _column([getattr(before, name)])
+        if not np.array_equal(now, then, equal_nan=True):
+            return True
+    return False
 
 
 def _turns(recorded: _Recorded) -> list[_Turn]:
@@ -393,6 +414,7 @@ def _compare(recorded: _Recorded, answered: Mapping[str, Mapping[int, Any]], res
         result.unanswered_s += [stamp / NANOSECONDS for stamp in missing]
         last = max(fresh, default=0) if result.cut else math.inf
         extra = sorted(stamp for stamp in then.keys() - fresh.keys() if stamp <= last)
+        extra += [stamp for stamp in recorded.otherwise[topic] if stamp <= last]
         result.unexpected_s += [stamp / NANOSECONDS for stamp in extra]
         for name in kind.get_fields_and_field_types():
             if name not in IDENTITIES and stamps:
@@ -402,6 +424,7 @@ def _compare(recorded: _Recorded, answered: Mapping[str, Mapping[int, Any]], res
                 ]
                 _compare_field(topic, name, stamps, pair, result)
     result.unanswered_s.sort()
+    result.unexpected_s.sort()
 
 
 def _column(values: Sequence[Any]) -> NDArray[np.float64]:

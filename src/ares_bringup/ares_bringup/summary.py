@@ -35,6 +35,8 @@ from ares_studies.event_words import ENDS, MARKS, event_name
 from ares_vehicle_sim.arrays import (
     ARC_ENDED,
     CUTOFF,
+    DEPLETION,
+    FAILED,
     FLIGHT_STARTED,
     GUIDANCE_BACK,
     GUIDANCE_LOST,
@@ -605,7 +607,7 @@ class FlightSummary:
         lines = {
             Outcome.TARGET: [],
             Outcome.TARGET_MISSED: self._missed(),
-            Outcome.DEPLETION: ["propellant ran out before the target was reached"],
+            Outcome.DEPLETION: [f"{self._thrust_end} before the target was reached"],
             Outcome.IMPACT: ["the vehicle met the ground"],
             Outcome.TIME_LIMIT: [f"the flight was not over after {LONGEST_FLIGHT:,.0f} s"],
             Outcome.INCOMPLETE: ["the flight did not come to its end"],
@@ -622,6 +624,13 @@ class FlightSummary:
         if self.first(GUIDANCE_LOST):
             lines = [*lines, f"flown without an answer from guidance for {self.unguided_s:.1f} s"]
         return lines + self.problems
+
+    @property
+    def _thrust_end(self) -> str:
+        """Why there was no thrust any more: an engine that fails leaves propellant aboard."""
+        last = next((e for e in reversed(self.events) if e.type in (FAILED, DEPLETION)), None)
+        failed = last is not None and last.type == FAILED
+        return "thrust ended by a failure" if failed else "propellant ran out"
 
     def _fallen(self, impact: "Impact") -> str:
         """Where it falls, and in which area."""
@@ -659,6 +668,8 @@ class FlightSummary:
     def verdict(self) -> str:
         """The outcome in a few words."""
         text = VERDICTS[self.outcome]
+        if self.outcome is Outcome.DEPLETION:
+            text = self._thrust_end.capitalize()
         if self.outcome is Outcome.TARGET and self.shortcomings():
             text += ", but not all is as it should be"
         return text

@@ -46,6 +46,7 @@ from ares_vehicle_sim.arrays import (
     ARC_ENDED,
     CUTOFF,
     DEPLETION,
+    FAILED,
     FLIGHT_COMPLETE,
     FLIGHT_STARTED,
     IGNITION,
@@ -112,6 +113,18 @@ def test_ends_that_are_not_the_target(facts):
     stopped.interrupted = True
     assert stopped.exit_code == 130
     assert flown(facts, made_up_event(IMPACT, 300.0)).exit_code == 1
+
+
+def test_an_engine_that_fails_has_not_run_dry(facts):
+    end = made_up_event(FLIGHT_COMPLETE, 300.0)
+    failed = flown(facts, made_up_event(FAILED, 300.0), end)
+    assert failed.outcome is Outcome.DEPLETION
+    assert failed.verdict == "Thrust ended by a failure"
+    assert failed.shortcomings() == ["thrust ended by a failure before the target was reached"]
+    # weaker engines burn all there is
+    dry = flown(facts, made_up_event(FAILED, 200.0), made_up_event(DEPLETION, 300.0), end)
+    assert dry.verdict == "Propellant ran out"
+    assert dry.shortcomings() == ["propellant ran out before the target was reached"]
 
 
 def test_an_interruption_after_the_end_changes_nothing(facts):

@@ -128,14 +128,21 @@ def check_failure(failure: Failure, mission: Mission) -> None:
     if "thrust_ratio" in KEYS[kind] and failure.thrust_ratio == failure.flow_ratio == 1.0:
         keys = " or ".join(key for key in KEYS[kind] if key != "time")
         raise FailureError(f"failure {kind}: nothing fails; expected {keys} other than 1")
-    kinds = mission.arrays().arcs["kind"]
+    arcs = mission.arrays().arcs
+    kinds = arcs["kind"]
+    if kind is FailureKind.STUCK_THROTTLE and not any(map(math.isfinite, arcs["max_acceleration"])):
+        raise FailureError(
+            f"failure {kind}: nothing fails; expected a mission with a burn that is throttled "
+            "(max_acceleration_m_s2)"
+        )
     if kind is FailureKind.FAILED_IGNITION and not (
         0 <= failure.arc < len(kinds) and kinds[failure.arc] == BURN
     ):
         burns = ", ".join(str(k) for k, arc in enumerate(kinds) if arc == BURN)
         raise FailureError(f"failure {kind}: arc is {failure.arc}; expected a burn: {burns}")
     if kind is FailureKind.STUCK_JETTISON and not 0 <= failure.jettison < len(mission.jettisons):
+        last = len(mission.jettisons) - 1
         raise FailureError(
-            f"failure {kind}: jettison is {failure.jettison}; expected 0 to "
-            f"{len(mission.jettisons) - 1}"
+            f"failure {kind}: jettison is {failure.jettison}; "
+            + (f"expected 0 to {last}" if mission.jettisons else "the mission has none")
         )

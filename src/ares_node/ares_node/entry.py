@@ -6,11 +6,13 @@ one line.
 
 import gc
 import importlib
+import io
 import os
 import signal
 import sys
 import warnings
 from types import FrameType
+from typing import Any
 
 EXIT_OK = 0
 EXIT_CANNOT_START = 2
@@ -21,6 +23,66 @@ BEYOND_NUMBERS = "(overflow|invalid value|divide by zero) encountered"
 def _leave(_number: int, _frame: FrameType | None) -> None:
     # nothing has begun, and imports in progress must not be unwound with a traceback
     os._exit(EXIT_OK)
+
+
+class OutputError(OSError):
+    """Standard output takes no more; the text is why."""
+
+
+class _Output(io.FileIO):
+    """Standard output, whose errors are told from those of other files."""
+
+    def write(self, data: Any, /) -> int:
+        try:
+            return super().write(data)
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            raise OutputError(error.strerror) from error
+
+
+class _Errors(io.FileIO):
+    """Standard error: what cannot be written is left out."""
+
+    def write(self, data: Any, /) -> int:
+        try:
+            return super().write(data)
+        except OSError:
+            return memoryview(data).nbytes
+
+
+def keep_standard_streams() -> None:
+    """See that there are all three, and that a line to standard error never ends the process.
+
+    The number of a stream that is closed would go to the next file that is opened, such as a bag.
+    A full disk behind standard error, or a reader that has gone, is no reason to stop a flight.
+    """
+    for number in (0, 1, 2):
+        try:
+            os.fstat(number)
+        except OSError:
+            # the lowest that is free, which is this one; for children too
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
+    # somebody else's, such as a test's, stay
+    if sys.stdout in (None, sys.__stdout__):
+        sys.stdout = _text(_Output(1, "w", closefd=False), sys.stdout)
+    if sys.stderr in (None, sys.__stderr__):
+        sys.stderr = _text(_Errors(2, "w", closefd=False), sys.stderr)
+
+
+def _text(raw: io.FileIO, former: io.TextIOWrapper | None) -> io.TextIOWrapper:
+    """A stream like the one before it; that of a file number that was closed has none."""
+    if former is None:
+        return io.TextIOWrapper(io.BufferedWriter(raw), "utf-8")
+    # as Python does it: unbuffered is without a buffer below
+    buffer = raw if former.write_through else io.BufferedWriter(raw)
+    return io.TextIOWrapper(
+        buffer,
+        former.encoding,
+        former.errors,
+        line_buffering=former.line_buffering,
+        write_through=former.write_through,
+    )
 
 
 def set_up_libraries() -> None:
@@ -53,6 +115,7 @@ def enter(package: str, node: str, name: str, extra: str = "") -> int:
         signal.signal(number, _leave)
     # who has become this process may have held them back until there is somebody to take them
     signal.pthread_sigmask(signal.SIG_UNBLOCK, (signal.SIGINT, signal.SIGTERM))
+    keep_standard_streams()
     set_up_libraries()
     # nothing of what is imported is garbage: 0.05 s
     gc.disable()

@@ -489,6 +489,9 @@ class VehicleSimNode(FlightNode):
         head = (now, self._membership.flight_id, simulator.sequence)
         self._clock_out.publish(clock_data(now))
         self._truth_out.publish(self._truth_message.data(*head, simulator.truth()))
+        if simulator.complete and simulator.escaped:
+            # before the event of the end: who judges hears no more after it
+            self._report(Level.WARN, simulator.escaped)
         for event in simulator.new_events():
             self._event_out.publish(self._event_message(event))
         if simulator.complete:
@@ -608,8 +611,6 @@ class VehicleSimNode(FlightNode):
     def _end(self) -> None:
         self._flying = False
         self._regain_link(0)
-        if self.simulator.escaped:
-            self._report(Level.WARN, self.simulator.escaped)
         self._membership.say(State.OVER, last_sequence=self.simulator.sequence)
         if self.values["exit_when_complete"]:
             self.finish(EXIT_OK if self.simulator.ended_well else 1)

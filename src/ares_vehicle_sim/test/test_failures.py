@@ -195,9 +195,19 @@ def test_as_it_is_written():
         ("thrust_low:time=200", "expected thrust_ratio or flow_ratio other than 1"),
         ("failed_ignition:arc=2", "arc is 2; expected a burn: 0, 1"),
         ("stuck_jettison:jettison=1", "jettison is 1; expected 0 to 0"),
+        ("stuck_throttle:time=200", "nothing fails; expected a mission with a burn that is thr"),
     ],
 )
 def test_what_cannot_fail(text, line):
     with pytest.raises(FailureError) as caught:
         Simulator(load_mission("ares_v"), STEPS, failure=read_failure(text))
     assert line in str(caught.value)
+
+
+def test_no_jettison_can_be_stuck_where_there_is_none():
+    with pytest.raises(FailureError, match="jettison is 0; the mission has none"):
+        Simulator(
+            load_mission("delta_iii"),
+            STEPS,
+            failure=Failure(FailureKind.STUCK_JETTISON, jettison=0),
+        )

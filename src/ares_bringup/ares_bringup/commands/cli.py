@@ -11,9 +11,11 @@ from ares_bringup.options import CannotStart
 # registered in this order, in which the help lists them
 from ares_bringup.verbs import bags, files, flights, graph, studies  # noqa: F401
 from ares_bringup.verbs.app import BadInput, app, one_line
+from ares_node.entry import OutputError
 
 __all__ = ["app", "main"]
 
+EXIT_NOT_WRITTEN = 1
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130
 
@@ -51,15 +53,19 @@ def _run(argv: Sequence[str] | None) -> int:
             prog_name="ares",
             standalone_mode=False,
         )
+        # what is printed last counts too
+        sys.stdout.flush()
         return status if isinstance(status, int) else 0
     except (BadInput, CannotStart) as error:
         if str(error):
             print(f"ares: {one_line(str(error))}", file=sys.stderr)
         return EXIT_BAD_INPUT
-    except BrokenPipeError:
-        # the reader of our output has gone: nobody is left to complain to
+    except (BrokenPipeError, OutputError) as error:
+        if not isinstance(error, BrokenPipeError):
+            # else the reader of our output has gone: nobody is left to complain to
+            print(f"ares: standard output cannot be written: {error}", file=sys.stderr)
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
+        return EXIT_NOT_WRITTEN
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
     except Exception as error:
