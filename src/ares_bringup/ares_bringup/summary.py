@@ -43,6 +43,7 @@ from ares_vehicle_sim.arrays import (
     IGNITION,
     IMPACT,
     JETTISON_DONE,
+    OVER_LIMIT,
     TIME_LIMIT,
 )
 
@@ -621,6 +622,9 @@ class FlightSummary:
                 for index, name in enumerate(self.facts.jettisons)
                 if self.first(JETTISON_DONE, index) is None
             ]
+        if over := self.first(OVER_LIMIT):
+            arc = self.facts.arcs[over.index]
+            lines = [*lines, f"{arc}: acceleration over its limit from {over.time:,.1f} s on"]
         if self.first(GUIDANCE_LOST):
             lines = [*lines, f"flown without an answer from guidance for {self.unguided_s:.1f} s"]
         return lines + self.problems

@@ -52,6 +52,7 @@ from ares_vehicle_sim.arrays import (
     IGNITION,
     IMPACT,
     JETTISON_DONE,
+    OVER_LIMIT,
     STAGING,
 )
 
@@ -125,6 +126,15 @@ def test_an_engine_that_fails_has_not_run_dry(facts):
     dry = flown(facts, made_up_event(FAILED, 200.0), made_up_event(DEPLETION, 300.0), end)
     assert dry.verdict == "Propellant ran out"
     assert dry.shortcomings() == ["propellant ran out before the target was reached"]
+
+
+def test_a_limit_that_was_passed_is_no_good_flight(facts):
+    summary = good_flight(facts)
+    summary.add_event(made_up_event(OVER_LIMIT, 449.5))
+    assert summary.outcome is Outcome.TARGET
+    assert summary.exit_code == 1
+    arc = facts.arcs[0]
+    assert summary.shortcomings() == [f"{arc}: acceleration over its limit from 449.5 s on"]
 
 
 def test_an_interruption_after_the_end_changes_nothing(facts):

@@ -15,6 +15,7 @@ from ares_vehicle_sim.arrays import (
     IMPACT,
     JETTISON_DONE,
     JETTISON_STUCK,
+    OVER_LIMIT,
     STAGING,
     TIME_LIMIT,
 )
@@ -34,6 +35,7 @@ EVENT_NAMES = {
     GUIDANCE_BACK: "guidance answers again",
     FAILED: "failure",
     JETTISON_STUCK: "jettison stuck",
+    OVER_LIMIT: "acceleration over its limit",
 }
 #: Events worth a mark in a picture, and the word beside it.
 MARKS = {
@@ -42,6 +44,7 @@ MARKS = {
     CUTOFF: "cut-off",
     FAILED: "failure",
     JETTISON_STUCK: "stuck",
+    OVER_LIMIT: "over limit",
 }
 #: Events after which there is no flight.
 ENDS = (FLIGHT_COMPLETE, IMPACT, TIME_LIMIT)
@@ -66,6 +69,7 @@ def event_name(
         JETTISON_DONE: jettisons,
         FAILED: arcs,
         JETTISON_STUCK: jettisons,
+        OVER_LIMIT: arcs,
         DEPLETION: stages,
     }
     name = EVENT_NAMES.get(kind, f"event {kind}")

@@ -29,6 +29,7 @@ GUIDANCE_BACK = 12
 # of the plant again
 FAILED = 13
 JETTISON_STUCK = 14
+OVER_LIMIT = 15
 
 EVENT = np.dtype(
     [
@@ -109,11 +110,13 @@ FAILURE = np.dtype(
     [
         ("kind", np.int64),  # NO_FAILURE or another of the above
         ("time", np.float64),  # s; inf: not at a time
-        ("arc", np.int64),  # the burn that does not ignite; -1: all do
+        ("arc", np.int64),  # the burn that does not ignite, or whose throttle is stuck; -1: none
         ("jettison", np.int64),  # the one that does not go; -1: all do
         ("thrust_ratio", np.float64),
         ("flow_ratio", np.float64),
         ("struck", np.int64),  # 0: not yet; STRUCK or IN_VAIN
+        # kg below which the stuck throttle's acceleration is over its limit; 0: it is, or none is
+        ("over_mass", np.float64),
     ],
     align=True,
 )

@@ -260,7 +260,8 @@ class Simulator:
         if failure["kind"] == NO_FAILURE or failure["struck"] == STRUCK:
             return ""
         kind = FAILURE_KINDS[int(failure["kind"])]
-        why = "it struck a coast" if failure["struck"] == IN_VAIN else "its time did not come"
+        vain = "no throttle" if failure["kind"] == STUCK_THROTTLE else "a coast"
+        why = f"it struck {vain}" if failure["struck"] == IN_VAIN else "its time did not come"
         return f"failure {kind}: {why}, nothing failed"
 
     def command(self, steering: NDArray[np.void]) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ares_models.failures import Failure, FailureError, FailureKind, read_failure
-from ares_models.mission import load_mission
+from ares_models.mission import Mission, load_mission
 from ares_vehicle_sim.arrays import (
     ARC_ENDED,
     DEPLETION,
@@ -15,6 +15,7 @@ from ares_vehicle_sim.arrays import (
     IGNITION,
     JETTISON_DONE,
     JETTISON_STUCK,
+    OVER_LIMIT,
 )
 from ares_vehicle_sim.simulator import Simulator, SimulatorOptions
 
@@ -114,6 +115,25 @@ def test_a_stuck_throttle_passes_the_limit():
     arc = load_mission("space_shuttle_sts121").arrays().arcs[0]
     assert plant["time"] < free.plant["time"]
     assert arc["thrust"] / plant["mass"] > 1.5 * arc["max_acceleration"]
+    (over,) = plant["events"][plant["events"]["type"] == OVER_LIMIT]
+    assert arc["thrust"] / over["mass"] == pytest.approx(1.01 * arc["max_acceleration"])
+    assert not times(free, OVER_LIMIT)
+    # so late that the engine stops before: said by nobody, since it did not come to pass
+    end = free.plant["time"]
+    late = fly("space_shuttle_sts121", Failure(FailureKind.STUCK_THROTTLE, end - 0.1))
+    assert times(late, FAILED) and not times(late, OVER_LIMIT)
+
+
+def test_no_throttle_is_stuck_in_a_burn_that_has_none():
+    data = load_mission("ares_v").model_dump(exclude_unset=True)
+    # the first stage alone is throttled
+    data["stages"][0]["max_acceleration_m_s2"] = 30.0
+    failure = Failure(FailureKind.STUCK_THROTTLE, 400.0)
+    simulator = Simulator(Mission.model_validate(data), STEPS, failure=failure)
+    while not simulator.complete:
+        simulator.advance()
+    assert not times(simulator, FAILED)
+    assert simulator.escaped == "failure stuck_throttle: it struck no throttle, nothing failed"
 
 
 def test_a_jettison_that_is_stuck_is_carried_on():

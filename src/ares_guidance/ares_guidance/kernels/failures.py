@@ -38,7 +38,7 @@ CHANGE = 0.02
 #: the standard dispersions.
 FOREIGN = 0.1
 #: Least ratio that is a burn at all.
-BURNS = 0.02
+BURNS = 0.005
 #: s after the start by which the latest engine burns at full thrust.
 LATEST = 3.0
 #: In the start: as steady from look to look, and as much of the thrust, is no ramp.

@@ -58,8 +58,9 @@ MOST_REPEATS = 3
 #: Of the displacement that the gain would give at once: how far a step's is from that of
 #: constant acceleration while one engine burns, and at most.
 STEADY, UNSTEADY = 0.1, 1.0
-#: Exhaust velocity of a failed engine over the mission's, at least; its inverse at most.
-WORST_ENGINE = 0.4
+#: Exhaust velocity of a failed engine over the mission's, at least; its inverse at most. Engines
+#: that burn may take their full flow all the same, by that much more than the mission's.
+WORST_ENGINE, MOST_FLOW = 0.4, 1.2
 #: States until the first are known to belong together; and in a row, in place of a window, to
 #: begin anew with before that.
 FEW = 3
@@ -157,14 +158,14 @@ def begin_sums(fix: Record) -> None:
 
 
 @kernel
-def thrusting_exhaust(k: int, arcs: NDArray[Any]) -> float:
-    """Exhaust velocity, m/s, of the last burn up to arc ``k``; before the first, of that."""
+def last_burn(k: int, arcs: NDArray[Any]) -> int:
+    """Index of the last burn up to arc ``k``; before the first, of that."""
     i = k
     while i > 0 and arcs[i].kind != BURN:
         i -= 1
     while i + 1 < arcs.shape[0] and arcs[i].kind != BURN:
         i += 1
-    return float(arcs[i].exhaust_velocity)
+    return i
 
 
 @kernel
@@ -188,8 +189,12 @@ def carry_mass(
         if aboard(before.jettisoned, j) and not aboard(after.jettisoned, j):
             carried -= jettisons[j].mass
             loads += jettisons[j].mass
-    exponent = gain / thrusting_exhaust(before.arc, arcs)
+    burn = arcs[last_burn(before.arc, arcs)]
+    exponent = gain / burn.exhaust_velocity
     least, most = WORST_ENGINE * exponent, exponent / WORST_ENGINE
+    if arcs[before.arc].kind == BURN:
+        full = MOST_FLOW * burn.mass_flow / after.mass
+        most = max(most, full * (after.time - before.time))
     stage = arcs[after.arc].stage
     if stage != arcs[before.arc].stage:
         carried = loads = loaded_mass(stage, arcs, jettisons, after.jettisoned)

@@ -25,6 +25,9 @@ from ares_vehicle_sim.arrays import (
     THRUST_LOW,
 )
 
+#: By how much an acceleration is above its limit where that is an event.
+OVER = 0.01
+
 
 @kernel
 def failure_due(plant: Record, stuck_due: float) -> float:
@@ -65,15 +68,32 @@ def fix_throttle(plant: Record, arcs: NDArray[Any]) -> None:
         arcs: dtype ARC. Changed.
     """
     arc = arcs[plant.arc]
+    failure = plant.failure
     fraction = throttle(arc, plant.mass)
+    failure.arc = plant.arc
+    failure.over_mass = fraction * arc.thrust / ((1.0 + OVER) * arc.max_acceleration)
     arc.thrust *= fraction
     arc.mass_flow *= fraction
     arc.max_acceleration = math.inf
 
 
 @kernel
+def over_limit_due(plant: Record, arcs: NDArray[Any]) -> float:
+    """When the acceleration of a burn whose throttle is stuck comes over its limit, s; inf: never.
+
+    Args:
+        plant: record PLANT.
+        arcs: dtype ARC.
+    """
+    failure = plant.failure
+    if not failure.over_mass > 0.0 or plant.arc != failure.arc:
+        return math.inf
+    return plant.time + max(0.0, plant.mass - failure.over_mass) / arcs[plant.arc].mass_flow
+
+
+@kernel
 def strike(plant: Record, arcs: NDArray[Any]) -> bool:
-    """What is due fails; in a coast nothing is there that could.
+    """What is due fails; in a coast nothing is there that could, nor a throttle in every burn.
 
     Args:
         plant: record PLANT. Changed.
@@ -94,5 +114,8 @@ def strike(plant: Record, arcs: NDArray[Any]) -> bool:
         ratios = failure.thrust_ratio, failure.flow_ratio
         weaken_stage(arcs, plant.arc, into, ratios, failure.kind == ENGINE_OUT)
     elif failure.kind == STUCK_THROTTLE:
-        fix_throttle(plant, arcs)
+        if math.isfinite(arcs[plant.arc].max_acceleration):
+            fix_throttle(plant, arcs)
+        else:
+            failure.struck = IN_VAIN
     return failure.kind == EARLY_SHUTDOWN or failure.kind == FAILED_IGNITION

@@ -70,11 +70,18 @@ from ares_vehicle_sim.arrays import (
     JETTISON_DONE,
     JETTISON_STUCK,
     MAX_EVENTS,
+    OVER_LIMIT,
     STAGING,
     TIME_LIMIT,
     Vehicle,
 )
-from ares_vehicle_sim.kernels.failures import fails_to_ignite, failure_due, is_stuck, strike
+from ares_vehicle_sim.kernels.failures import (
+    fails_to_ignite,
+    failure_due,
+    is_stuck,
+    over_limit_due,
+    strike,
+)
 
 SLEW_STEP = 0.02
 #: Most integration steps between two navigation states.
@@ -382,6 +389,10 @@ def process_due_events(plant: Record, arcs: NDArray[Any], jettisons: NDArray[Any
         elif burnout_time(plant, arcs) <= now:
             log_event(plant, DEPLETION, arcs[plant.arc].stage)
             changed = begin_next(plant, arc_after_burnout(plant.arc, arcs), arcs, jettisons)
+        elif over_limit_due(plant, arcs) <= now:
+            plant.failure.over_mass = 0.0
+            log_event(plant, OVER_LIMIT, plant.arc)
+            changed = True
         elif next_failure(plant, jettisons) <= now:
             changed = True
             if fail(plant, arcs):
@@ -400,6 +411,7 @@ def next_event(plant: Record, arcs: NDArray[Any], jettisons: NDArray[Any]) -> fl
     if plant.inserted == 1:
         return at
     at = min(at, next_failure(plant, jettisons))
+    at = min(at, over_limit_due(plant, arcs))
     end = arc_end(plant, arcs)
     cutoff = cutoff_due(plant, arcs)
     at = min(at, end)

@@ -107,6 +107,7 @@ LABELS = {
     FlightEvent.DEPLETION: "propellant depleted",
     FlightEvent.FAILED: "failure",
     FlightEvent.JETTISON_STUCK: "jettison stuck",
+    FlightEvent.OVER_LIMIT: "acceleration over its limit",
     FlightEvent.FLIGHT_COMPLETE: "flight complete",
     FlightEvent.IMPACT: "impact",
 }
