@@ -16,6 +16,7 @@ from ares_bags.compare import differences
 from ares_bags.files import find_file
 from ares_bags.reader import open_bag
 from ares_bags.verify import Examination
+from ares_bringup.held import shared_memory
 from ares_bringup.testing import short_burn
 from ares_node.testing import claimed_domain, own_words
 
@@ -238,7 +239,7 @@ def test_a_second_flight_on_the_same_graph_has_no_effect(ares, ros_domain, bags,
     assert [flight["domain_id"] for flight in flights] == [ros_domain, ros_domain]
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_an_interrupted_flight_keeps_its_bag_and_leaves_nothing(domain, bags, tmp_path, number):
     bag = tmp_path / "bag"
     argv = ("fly", "--json", "--pace", "20", "--bag", str(bag))
@@ -256,7 +257,7 @@ def test_an_interrupted_flight_keeps_its_bag_and_leaves_nothing(domain, bags, tm
     assert open_bag(bag).message_count > 0
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_an_interrupted_flight_in_one_process_does_not_fly_on(domain, bags, tmp_path, number):
     """The recorder takes what it has been sent, for which it has time for the whole flight."""
     bag = tmp_path / "bag"
@@ -270,6 +271,33 @@ def test_an_interrupted_flight_in_one_process_does_not_fly_on(domain, bags, tmp_
     assert process.returncode == 130
     assert json.loads(out)["outcome"] == "interrupted"
     assert open_bag(bag).message_count > 0
+
+
+def test_what_a_node_that_is_killed_has_in_shared_memory_goes_with_the_flight(
+    domain, bags, tmp_path
+):
+    bag = tmp_path / "bag"
+    argv = ("fly", "--json", "--pace", "20", "--bag", str(bag))
+    parent = subprocess.Popen(
+        command(*argv),
+        env=environment(domain, bags),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+    )
+    wait_for_flight(bag)
+    guidance = next(
+        pid
+        for pid in children_of(parent.pid)
+        if b"ares_guidance" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    )
+    mapped = {path for path in shared_memory([guidance]) if "fastrtps_port" not in path}
+    mapped = {path for path in mapped if "fastrtps" in path}
+    os.kill(guidance, signal.SIGKILL)
+    time.sleep(1.0)
+    parent.send_signal(signal.SIGINT)
+    parent.communicate(timeout=TIMEOUT)
+    assert mapped
+    assert not [path for path in mapped if Path(path).exists()]
 
 
 @pytest.mark.parametrize("option", ["--in-process", "--json"])

@@ -15,6 +15,7 @@ from ares_bringup.audience import Audience
 from ares_bringup.bag_paths import new_bag
 from ares_bringup.crew import Crew, describe_end, ros_arguments
 from ares_bringup.discovery import apply_discovery_settings
+from ares_bringup.held import shared_memory_cleared, used_by_family
 from ares_bringup.keeper import (
     GUIDANCE,
     JUDGE,
@@ -466,7 +467,10 @@ def _fly_in_processes(
 
     say, audience = terms.say, terms.audience
     keeper = Keeper(terms.options.restarts)
-    with Crew({**os.environ, "ROS_DOMAIN_ID": str(summary.domain_id)}) as crew:
+    with (
+        shared_memory_cleared() as left,
+        Crew({**os.environ, "ROS_DOMAIN_ID": str(summary.domain_id)}) as crew,
+    ):
 
         def start(name: str) -> None:
             arguments = ros_arguments(parameters[name], summary.namespace)
@@ -486,6 +490,7 @@ def _fly_in_processes(
             audience.look(monitor)
             terms.show(monitor)
             for name, again in _ended(crew, keeper, summary, say):
+                left.update(used_by_family())
                 if name == GUIDANCE:
                     monitor.guidance_ended()
                 if again:

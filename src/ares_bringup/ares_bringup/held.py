@@ -1,10 +1,11 @@
 """What a process holds, and what is left in shared memory; for tests, benchmarks and faults."""
 
+import fcntl
 import os
 import re
 import resource
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -103,3 +104,31 @@ def orphans(names: set[str]) -> set[str]:
     there = {path.name for path in SHARED.iterdir()}
     left = {name for name in names - used if not name.startswith(_PORT)}
     return {name for name in there if any(one in name for one in left)}
+
+
+def _is_abandoned(segment: str) -> bool:
+    """Whether the process is gone that has made a segment: it held a lock for as long as it was."""
+    try:
+        lock = os.open(SHARED / f"{segment}_el", os.O_RDWR)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    finally:
+        os.close(lock)
+    return True
+
+
+@contextmanager
+def shared_memory_cleared() -> Iterator[set[str]]:
+    """A set for names of shared memory; at the end that of processes that were killed is removed.
+
+    They cannot do it themselves, and nobody else does.
+    """
+    names: set[str] = set()
+    try:
+        yield names
+    finally:
+        clear(str(SHARED / name) for name in names if _is_abandoned(name))

@@ -50,7 +50,9 @@ def _keep() -> bool:
 
 
 class StopSignals:
-    """SIGINT and SIGTERM as a flag, with the context left valid.
+    """SIGINT, SIGTERM and SIGHUP as a flag, with the context left valid.
+
+    SIGHUP, of a terminal that is closed, unless it was ignored before, as by `nohup`.
 
     rclpy's own handlers, and those that the EventsExecutor installs over them, shut the
     context down at once; a recorder could then no longer take the messages in its queues.
@@ -70,6 +72,8 @@ class StopSignals:
         self.abandonable = abandonable
         self._exit_status = exit_status
         self._wake: Callable[[], None] | None = None
+        hung_up = () if signal.getsignal(signal.SIGHUP) == signal.SIG_IGN else (signal.SIGHUP,)
+        self._signals = (*_SIGNALS, *hung_up)
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         self.requested = True
@@ -77,8 +81,8 @@ class StopSignals:
             raise _Stopped
 
     def install(self) -> None:
-        """Take both signals (again): an executor that was just created took them itself."""
-        for number in _SIGNALS:
+        """Take the signals (again): an executor that was just created took them itself."""
+        for number in self._signals:
             signal.signal(number, self._handle)
 
     def wake_with(self, wake: Callable[[], None] | None) -> None:
@@ -87,8 +91,8 @@ class StopSignals:
 
     @contextmanager
     def watch(self) -> Iterator[None]:
-        """Hold both signals; the former handlers return at the end."""
-        former = {number: signal.getsignal(number) for number in _SIGNALS}
+        """Hold the signals; the former handlers return at the end."""
+        former = {number: signal.getsignal(number) for number in self._signals}
         readable, writable = os.pipe()
         os.set_blocking(writable, False)
         former_fd = signal.set_wakeup_fd(writable, warn_on_full_buffer=False)
