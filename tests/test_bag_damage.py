@@ -281,6 +281,7 @@ def test_on_the_command_line(made, tmp_path, capfd):
     assert (status, err) == (0, "")
     assert "whole: every checksum, index and count is right" in out
     assert "no checksum covers" not in out
+    assert "incomplete" not in out
     assert run(capfd, "bag", "info", made.path)[0] == 0
 
     begin, end, inner = made.chunks[0]
@@ -302,7 +303,11 @@ def test_on_the_command_line(made, tmp_path, capfd):
     status, out, _ = run(capfd, "bag", "info", tmp_path / "saved")
     assert status == 0
     assert f"{len(inner)} of {total} messages are lost" in out
-    assert run(capfd, "bag", "verify", tmp_path / "saved")[0] == 0
+    status, out, _ = run(capfd, "bag", "verify", tmp_path / "saved")
+    assert status == 0
+    assert "who wrote it says that it is incomplete: repaired: " in out
+    said = json.loads(run(capfd, "bag", "verify", "--json", tmp_path / "saved")[1])
+    assert said["whole"] and said["incomplete"].startswith("repaired: ")
     for argv in (("replay", bag), ("bag", "repair", bag, "--into", tmp_path / "saved")):
         status, out, err = run(capfd, *argv)
         assert (status, out) == (2, "")

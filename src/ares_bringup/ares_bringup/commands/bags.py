@@ -13,6 +13,7 @@ from ares_bags.errors import BagError
 from ares_bags.reader import Bag, open_bag
 from ares_bags.repair import repair
 from ares_bags.verify import Verification, verify
+from ares_bags.writer import INCOMPLETE_KEY
 from ares_bringup.options import CannotStart, LiveOptions
 from ares_bringup.report import console, number
 from ares_models.units import NANOSECONDS
@@ -105,8 +106,10 @@ def verify_bag(path: Path, as_json: bool) -> int:
         found = verify(path)
     except BagError as error:
         raise CannotStart(str(error)) from error
+    incomplete = _incomplete(path)
     if as_json:
-        print(json.dumps(_verification(found), indent=2, allow_nan=False))
+        said = _verification(found) | {"incomplete": incomplete}
+        print(json.dumps(said, indent=2, allow_nan=False))
         return _status(found)
     print(f"{found.file}: {found.messages:,} messages in {found.chunks:,} chunks")
     if found.findings:
@@ -117,7 +120,17 @@ def verify_bag(path: Path, as_json: bool) -> int:
             print(f"{found.unproven_chunks:,} chunks carry no checksum: a wrong bit may be there")
         if not found.data_checksum:
             print("no checksum covers what stands between the chunks; their copies agree")
+    if incomplete:
+        print(f"who wrote it says that it is incomplete: {incomplete}")
     return _status(found)
+
+
+def _incomplete(path: Path) -> str | None:
+    """Why a bag is incomplete by its own word, of whatever is in it whole; None if it is not."""
+    try:
+        return open_bag(path).custom_data.get(INCOMPLETE_KEY)
+    except BagError:
+        return None
 
 
 def _verification(found: Verification) -> dict[str, object]:
