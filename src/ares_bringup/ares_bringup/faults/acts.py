@@ -24,6 +24,7 @@ from ares_bringup.faults.control import Control
 from ares_bringup.faults.relay import Channel
 from ares_bringup.faults.scene import Flown, Scene
 from ares_bringup.keeper import GUIDANCE, OPTIMIZER, RECORDER, SIMULATOR
+from ares_guidance.law import LawSettings
 from ares_msgs.msg import ThrustCommand
 from ares_node.qos import CLOCK, CLOCK_QOS, FLIGHT, NAV_STATE, SOLVE_TRAJECTORY, THRUST_COMMAND
 from ares_node.time import ns_from_stamp, stamp_from_seconds
@@ -52,9 +53,11 @@ def _some_time(control: Control, rng: Generator, before_cutoff_s: float = 2.0) -
     return float(rng.uniform(control.begin_s + 2.0, control.cutoff_s - before_cutoff_s))
 
 
-def _note_end(scene: Scene, control: Control, end_s: float) -> None:
+def _note_end(
+    scene: Scene, control: Control, end_s: float, recovery_s: float = TIME_TO_RECOVER
+) -> None:
     """When the fault is over, and so whether the target must be reached."""
-    scene.facts["must_reach"] = control.cutoff_s - end_s >= TIME_TO_RECOVER
+    scene.facts["must_reach"] = control.cutoff_s - end_s >= recovery_s
 
 
 # ---- processes
@@ -213,6 +216,7 @@ def tamper_link(channel: str, kind: str, worse: bool) -> Act:
 # ---- navigation
 
 
+DRIFT = "drifts slowly"
 NAVIGATION_FAULTS: dict[str, Callable[[Any, Any, float, Generator], None]] = {
     "not a number": tampering.not_a_number,
     "infinite": tampering.infinite,
@@ -221,11 +225,19 @@ NAVIGATION_FAULTS: dict[str, Callable[[Any, Any, float, Generator], None]] = {
     "frozen": tampering.frozen,
     "50 km off": tampering.far_off,
     "of another mission": tampering.of_another_mission,
-    "drifts slowly": tampering.drifting,
+    DRIFT: tampering.drifting,
 }
+#: The same after a drift, which is taken for true: true navigation is then refused for a window,
+#: and must be back a state and a cycle before the steering is held.
+RECOVERY_FROM_DRIFT = LawSettings().navigation_window_s + LawSettings().hold_time_s + 2.0
 #: Error of a drifting velocity, m/s, that is told when the drift ends, at the latest: somewhat more
 #: than what the gate of navigation allows for in a second.
 TOLD_FROM = 2.0
+
+
+def recovery(kind: str) -> float:
+    """Flight time in s after wrong navigation with which the target must be reached."""
+    return RECOVERY_FROM_DRIFT if kind == DRIFT else TIME_TO_RECOVER
 
 
 def tamper_navigation(kind: str) -> Act:
@@ -234,10 +246,10 @@ def tamper_navigation(kind: str) -> Act:
     def act(scene: Scene, control: Control, rng: Generator) -> None:
         at = _some_time(control, rng)
         end = at + float(rng.uniform(1.0, LONGEST))
-        _note_end(scene, control, end)
+        _note_end(scene, control, end, recovery(kind))
         relay = scene.relay
         first: list[Any] = []
-        if kind == "drifts slowly":
+        if kind == DRIFT:
             # its last state is less than a second before the end; then comes a true one
             told = tampering.DRIFT * (end - at - 1.0) > TOLD_FROM and end < control.cutoff_s - 2.0
             scene.facts["can_be_told"] = told

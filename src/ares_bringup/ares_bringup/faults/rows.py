@@ -11,9 +11,6 @@ from ares_bringup.faults import acts, signals
 from ares_bringup.faults.scene import Flown, Scene
 from ares_bringup.keeper import OPTIMIZER, SIMULATOR
 
-#: Reached within tolerance if so much flight time, s, is left after the fault.
-TIME_TO_RECOVER = 30.0
-
 #: Of a simulator that shall not wait long for answers that were lost on purpose.
 IMPATIENT = {SIMULATOR: ("-p", "command_timeout_s:=0.1")}
 RECORDED = {"record": True, "bag": "bag"}
@@ -57,9 +54,9 @@ class Row:
     alone: Callable[[Generator], str] | None = None
 
 
-REACHED = f"target reached if {TIME_TO_RECOVER:.0f} s are left, said, status 1"
+REACHED = f"target reached if {acts.TIME_TO_RECOVER:.0f} s are left, said, status 1"
 UNAFFECTED = "flight unaffected to the last bit"
-REFUSED = "refused, counted, said; target reached if 30 s are left"
+REFUSED = f"refused, counted, said; target reached if {acts.TIME_TO_RECOVER:.0f} s are left"
 NO_ANSWER = ("flown without an answer from guidance",)
 CHANNELS = {"navigation": "states", "commands": "commands"}
 
@@ -92,7 +89,7 @@ def _navigation() -> list[Row]:
         Row(
             f"navigation {kind}",
             "refused where it can be told, counted, said; last good solution held; "
-            "target reached if 30 s are left",
+            f"target reached if {acts.recovery(kind):.0f} s are left",
             acts.tamper_navigation(kind),
             ("guidance: navigation",),
             (0, 1),
