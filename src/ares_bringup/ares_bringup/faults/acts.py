@@ -24,7 +24,6 @@ from ares_bringup.faults.control import Control
 from ares_bringup.faults.relay import Channel
 from ares_bringup.faults.scene import Flown, Scene
 from ares_bringup.keeper import GUIDANCE, OPTIMIZER, RECORDER, SIMULATOR
-from ares_guidance.law import LawSettings
 from ares_msgs.msg import ThrustCommand
 from ares_node.qos import CLOCK, CLOCK_QOS, FLIGHT, NAV_STATE, SOLVE_TRAJECTORY, THRUST_COMMAND
 from ares_node.time import ns_from_stamp, stamp_from_seconds
@@ -227,9 +226,11 @@ NAVIGATION_FAULTS: dict[str, Callable[[Any, Any, float, Generator], None]] = {
     "of another mission": tampering.of_another_mission,
     DRIFT: tampering.drifting,
 }
-#: The same after a drift, which is taken for true: true navigation is then refused for a window,
-#: and must be back a state and a cycle before the steering is held.
-RECOVERY_FROM_DRIFT = LawSettings().navigation_window_s + LawSettings().hold_time_s + 2.0
+#: The same after a drift, which is taken for true: true navigation is then refused for a window of
+#: 20 s, the first solutions behind that turn the thrust by more than the gate lets pass, and in the
+#: last 10 s the steering is held. Drifts of 12 to 20 s that end 37 s before the cut-off or earlier
+#: all come back, some that end 36 s before do not.
+RECOVERY_FROM_DRIFT = 40.0
 #: Error of a drifting velocity, m/s, that is told when the drift ends, at the latest: somewhat more
 #: than what the gate of navigation allows for in a second.
 TOLD_FROM = 2.0
