@@ -290,13 +290,20 @@ def test_what_a_node_that_is_killed_has_in_shared_memory_goes_with_the_flight(
         for pid in children_of(parent.pid)
         if b"ares_guidance" in Path(f"/proc/{pid}/cmdline").read_bytes()
     )
-    mapped = {path for path in shared_memory([guidance]) if "fastrtps_port" not in path}
-    mapped = {path for path in mapped if "fastrtps" in path}
+
+    def segments(pid):
+        paths = shared_memory([pid])
+        return {path for path in paths if "fastrtps" in path and "fastrtps_port" not in path}
+
+    # all have heard each other
+    deadline = time.monotonic() + TIMEOUT
+    while not (mapped := segments(guidance)) or not mapped <= segments(parent.pid):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
     os.kill(guidance, signal.SIGKILL)
     time.sleep(1.0)
     parent.send_signal(signal.SIGINT)
     parent.communicate(timeout=TIMEOUT)
-    assert mapped
     assert not [path for path in mapped if Path(path).exists()]
 
 

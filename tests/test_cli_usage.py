@@ -252,7 +252,8 @@ def test_a_flight_goes_on_though_nobody_reads_its_warnings(ros_domain, tmp_path,
     )
     assert done.returncode == 0
     flight = json.loads(done.stdout)
-    assert (flight["outcome"], flight["diagnostic_count"]) == ("target", 1)
+    assert flight["outcome"] == "target"
+    assert flight["diagnostic_count"] >= 1
 
 
 def in_shell(words, **environment):
