@@ -17,8 +17,9 @@ SUMS = ("injected", "survived", "degraded", "wrong")
 def table(result: dict[str, Any]) -> str:
     """The table as Markdown, with the line that says when and on what it was made."""
     made = f"{result['injected']:,} faults, seed {result['seed']}; {result['measured']}, "
+    again = "; ".join(result.get("flown_again", ()))
     lines = [
-        made + f"{result['machine']}.",
+        made + f"{result['machine']}." + (f" Flown again after a mend: {again}." if again else ""),
         "",
         "| fault | expected | " + " | ".join(SUMS) + " |",
         "|---|---|" + "---|" * len(SUMS),

@@ -215,13 +215,15 @@ def tamper_link(channel: str, kind: str, worse: bool) -> Act:
 # ---- navigation
 
 
-DRIFT = "drifts slowly"
+DRIFT, FROZEN = "drifts slowly", "frozen"
+#: Flight time in s in which a state comes for sure.
+A_STATE = 2.0
 NAVIGATION_FAULTS: dict[str, Callable[[Any, Any, float, Generator], None]] = {
     "not a number": tampering.not_a_number,
     "infinite": tampering.infinite,
     "zero": tampering.zero,
     "sign flipped": tampering.flipped,
-    "frozen": tampering.frozen,
+    FROZEN: tampering.frozen,
     "50 km off": tampering.far_off,
     "of another mission": tampering.of_another_mission,
     DRIFT: tampering.drifting,
@@ -249,7 +251,7 @@ def tamper_navigation(kind: str) -> Act:
         end = at + float(rng.uniform(1.0, LONGEST))
         _note_end(scene, control, end, recovery(kind))
         relay = scene.relay
-        first: list[Any] = []
+        last: list[Any] = []
         if kind == DRIFT:
             # its last state is less than a second before the end; then comes a true one
             told = tampering.DRIFT * (end - at - 1.0) > TOLD_FROM and end < control.cutoff_s - 2.0
@@ -257,12 +259,15 @@ def tamper_navigation(kind: str) -> Act:
 
         def wrong(now: float, data: bytes) -> bytes:
             def change(record: Any) -> None:
-                first.append(record.copy())
-                NAVIGATION_FAULTS[kind](record, first[0], now - at, rng)
+                if now < at:
+                    last[:] = [record.copy()]
+                else:
+                    NAVIGATION_FAULTS[kind](record, last[0] if last else record, now - at, rng)
 
             return relay.changed(data, change)
 
-        relay.states.begin, relay.states.end = at, end
+        # the last true state is what a frozen one stays at
+        relay.states.begin, relay.states.end = at - A_STATE * (kind == FROZEN), end
         relay.states.tamper = tampering.change(wrong)
 
     return act

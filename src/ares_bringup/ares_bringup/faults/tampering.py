@@ -38,50 +38,50 @@ def change(changed: Callable[[float, Any], Any]) -> Tamper:
     return lambda now, message: [(0.0, changed(now, message))]
 
 
-# ---- navigation: of a state its record, that of the first one, the time in s since then
+# ---- navigation: of a state its record, that of the last true one, the time in s since then
 
 
-def not_a_number(record: Any, _first: Any, _since: float, rng: Generator) -> None:
+def not_a_number(record: Any, _last: Any, _since: float, rng: Generator) -> None:
     """One component of position or velocity."""
     record[str(rng.choice(["position", "velocity"]))][rng.integers(3)] = np.nan
 
 
-def infinite(record: Any, _first: Any, _since: float, rng: Generator) -> None:
+def infinite(record: Any, _last: Any, _since: float, rng: Generator) -> None:
     """One component of position or velocity."""
     record[str(rng.choice(["position", "velocity"]))][rng.integers(3)] = np.inf
 
 
-def zero(record: Any, _first: Any, _since: float, _rng: Generator) -> None:
+def zero(record: Any, _last: Any, _since: float, _rng: Generator) -> None:
     """Position and velocity."""
     record["position"] = record["velocity"] = 0.0
 
 
-def flipped(record: Any, _first: Any, _since: float, _rng: Generator) -> None:
+def flipped(record: Any, _last: Any, _since: float, _rng: Generator) -> None:
     """The sign of position and velocity."""
     record["position"] *= -1.0
     record["velocity"] *= -1.0
 
 
-def frozen(record: Any, first: Any, _since: float, _rng: Generator) -> None:
+def frozen(record: Any, last: Any, _since: float, _rng: Generator) -> None:
     """Everything is what it was; the stamps go on."""
     for name in record.dtype.names:
-        record[name] = first[name]
+        record[name] = last[name]
 
 
-def far_off(record: Any, _first: Any, _since: float, _rng: Generator) -> None:
+def far_off(record: Any, _last: Any, _since: float, _rng: Generator) -> None:
     """50 km beside the way."""
     side = np.cross(record["position"], record["velocity"])
     record["position"] += 50e3 * side / np.linalg.norm(side)
 
 
-def of_another_mission(record: Any, _first: Any, _since: float, _rng: Generator) -> None:
+def of_another_mission(record: Any, _last: Any, _since: float, _rng: Generator) -> None:
     """Place and speed of another vehicle, at the begin of its flight."""
     start = load_mission("saturn_v_as506").start()
     record["position"] = start.position
     record["velocity"] = start.velocity
 
 
-def drifting(record: Any, _first: Any, since: float, _rng: Generator) -> None:
+def drifting(record: Any, _last: Any, since: float, _rng: Generator) -> None:
     """A velocity that is wrong by DRIFT more each second, and the place that follows from it."""
     along = record["velocity"] / np.linalg.norm(record["velocity"])
     record["velocity"] += DRIFT * since * along
