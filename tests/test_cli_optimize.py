@@ -68,7 +68,7 @@ def test_a_mission_that_cannot_be_flown_is_exit_1_with_a_reason(capsys, tmp_path
     ("argv", "words"),
     [
         (["--mission", "nope"], "no such mission"),
-        (["--method", "magic"], "'magic' is not one of"),
+        (["--method", "magic"], "'magic'; expected one of direct11"),
         (["--hold-jettison", "fairing=1"], "the name one of 'payload fairing'"),
         (["--hold-jettison", "payload fairing=soon"], "expected a number of seconds"),
         (["--mission", str(HELD), "--method", "jump"], "arc 2: its attitude is held"),

@@ -192,13 +192,13 @@ def carry_mass(
     burn = arcs[last_burn(before.arc, arcs)]
     exponent = gain / burn.exhaust_velocity
     least, most = WORST_ENGINE * exponent, exponent / WORST_ENGINE
-    if arcs[before.arc].kind == BURN:
-        full = MOST_FLOW * burn.mass_flow / after.mass
-        most = max(most, full * (after.time - before.time))
     stage = arcs[after.arc].stage
     if stage != arcs[before.arc].stage:
         carried = loads = loaded_mass(stage, arcs, jettisons, after.jettisoned)
         least = 0.0
+    elif arcs[before.arc].kind == BURN:
+        full = MOST_FLOW * burn.mass_flow * (after.time - before.time)
+        most = max(most, -math.log(max(0.5, 1.0 - full / before.mass)))
     # the middle of what may have burnt, and how far that is from either end
     after.mass_sum = before.mass_sum + math.log(after.mass / carried) + 0.5 * (least + most)
     after.mass_slack = before.mass_slack + 0.5 * (most - least) + uncertain * loads / carried
