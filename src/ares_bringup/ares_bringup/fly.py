@@ -294,7 +294,8 @@ def fly(
     """Fly a mission and say how it went.
 
     Nothing is left behind, however the flight ends: children end with this process, even if
-    it is killed. Must be called from the main thread, because it takes SIGINT and SIGTERM.
+    it is killed. Must be called from the main thread, because it takes SIGINT, SIGTERM
+    and SIGHUP.
 
     Args:
         options: the flight.

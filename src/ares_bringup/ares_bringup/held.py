@@ -125,10 +125,11 @@ def _is_abandoned(segment: str) -> bool:
 def shared_memory_cleared() -> Iterator[set[str]]:
     """A set for names of shared memory; at the end that of processes that were killed is removed.
 
-    They cannot do it themselves, and nobody else does.
+    They cannot do it themselves, and nobody else does. Ports stay: the next participant takes them.
     """
     names: set[str] = set()
     try:
         yield names
     finally:
-        clear(str(SHARED / name) for name in names if _is_abandoned(name))
+        segments = [name for name in names if not name.startswith(_PORT)]
+        clear(str(SHARED / name) for name in segments if _is_abandoned(name))

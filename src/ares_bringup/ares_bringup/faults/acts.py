@@ -267,7 +267,8 @@ def tamper_navigation(kind: str) -> Act:
             return relay.changed(data, change)
 
         # the last true state is what a frozen one stays at
-        relay.states.begin, relay.states.end = at - A_STATE * (kind == FROZEN), end
+        relay.states.begin = at - A_STATE if kind == FROZEN else at
+        relay.states.end = end
         relay.states.tamper = tampering.change(wrong)
 
     return act
