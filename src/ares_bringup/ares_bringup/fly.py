@@ -15,7 +15,7 @@ from ares_bringup.audience import Audience
 from ares_bringup.bag_paths import new_bag
 from ares_bringup.crew import Crew, describe_end, ros_arguments
 from ares_bringup.discovery import apply_discovery_settings
-from ares_bringup.held import shared_memory_cleared, used_by_family
+from ares_bringup.held import shared_memory_cleared
 from ares_bringup.keeper import (
     GUIDANCE,
     JUDGE,
@@ -469,7 +469,7 @@ def _fly_in_processes(
     say, audience = terms.say, terms.audience
     keeper = Keeper(terms.options.restarts)
     with (
-        shared_memory_cleared() as left,
+        shared_memory_cleared() as look_at_shared_memory,
         Crew({**os.environ, "ROS_DOMAIN_ID": str(summary.domain_id)}) as crew,
     ):
 
@@ -488,10 +488,10 @@ def _fly_in_processes(
                 or time.monotonic() - begun > OPTIMIZER_TIMEOUT
             ):
                 start(late.pop())
+            look_at_shared_memory()
             audience.look(monitor)
             terms.show(monitor)
             for name, again in _ended(crew, keeper, summary, say):
-                left.update(used_by_family())
                 if name == GUIDANCE:
                     monitor.guidance_ended()
                 if again:

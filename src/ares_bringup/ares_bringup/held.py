@@ -4,7 +4,8 @@ import fcntl
 import os
 import re
 import resource
-from collections.abc import Iterable, Iterator
+import time
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,8 @@ SHARED = Path("/dev/shm")
 #: How the files of the middleware begin, and those by which participants find each other.
 _PREFIX = "fastrtps_"
 _PORT = f"{_PREFIX}port"
+#: How often a flight looks what its nodes have in shared memory; once takes 1 to 2 ms.
+_LOOK_PERIOD_S = 0.5
 
 
 @dataclass(frozen=True)
@@ -122,14 +125,24 @@ def _is_abandoned(segment: str) -> bool:
 
 
 @contextmanager
-def shared_memory_cleared() -> Iterator[set[str]]:
-    """A set for names of shared memory; at the end that of processes that were killed is removed.
+def shared_memory_cleared() -> Iterator[Callable[[], None]]:
+    """A look at what the family has mapped; at the end that of killed processes is removed.
 
-    They cannot do it themselves, and nobody else does. Ports stay: the next participant takes them.
+    They cannot do it themselves, and nobody else does. To be called again and again: what a killed
+    one had is no longer mapped soon after. Ports stay: the next participant takes them.
     """
     names: set[str] = set()
+    due = time.monotonic()
+
+    def look() -> None:
+        nonlocal due
+        now = time.monotonic()
+        if now >= due:
+            names.update(used_by_family())
+            due = now + _LOOK_PERIOD_S
+
     try:
-        yield names
+        yield look
     finally:
         segments = [name for name in names if not name.startswith(_PORT)]
         clear(str(SHARED / name) for name in segments if _is_abandoned(name))
