@@ -22,7 +22,7 @@ from ares_bringup.discovery import discovery_settings
 from ares_msgs.msg import FlightEvent, FlightMember, NavState
 from ares_node.node import FlightNode
 from ares_node.qos import EVENTS, FLIGHT, FLIGHT_MEMBER, MEMBERS, reliable
-from ares_node.testing import ros_context, ros_domain, ros_environment, spin_until
+from ares_node.testing import own_words, ros_context, ros_domain, ros_environment, spin_until
 from ares_studies.pages.testing import SIZES
 
 __all__ = ["graph", "ros_context", "ros_domain", "ros_environment"]
@@ -107,7 +107,8 @@ def ares(
     def run(*words: str) -> Done:
         capfd.readouterr()
         status = main(words)
-        return Done(status, *capfd.readouterr())
+        out, err = capfd.readouterr()
+        return Done(status, out, own_words(err))
 
     return run
 

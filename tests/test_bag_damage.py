@@ -21,6 +21,7 @@ from ares_bags.survey import CHUNK_HEAD, HEAD, chunk_content, chunk_records
 from ares_bags.testing import CUSTOM_DATA, write_bag
 from ares_bags.verify import surveyed, verify
 from ares_bringup.commands.cli import main
+from ares_node.testing import own_words
 
 REFERENCE = Path(__file__).parent.parent / "bags" / "reference"
 
@@ -272,7 +273,7 @@ def test_a_repair_that_cannot_be_finished_leaves_nothing(made, tmp_path, monkeyp
 def run(capfd, *argv):
     status = main([str(word) for word in argv])
     out, err = capfd.readouterr()
-    return status, out, err
+    return status, out, own_words(err)
 
 
 def test_on_the_command_line(made, tmp_path, capfd):

@@ -15,13 +15,14 @@ from ares_bringup.commands.cli import main
 from ares_bringup.options import MAX_FLIGHTS, HeatingSource
 from ares_bringup.testing import short_burn
 from ares_guidance.law import HEATING_SOURCES
+from ares_node.testing import own_words
 from ares_vehicle_sim.node import PARAMETERS
 
 
 def run(capfd, *argv):
     status = main(argv)
     out, err = capfd.readouterr()
-    return status, out, err
+    return status, out, own_words(err)
 
 
 def one_line(text):
@@ -214,7 +215,7 @@ def test_node_becomes_the_node(ros_environment):
         check=False,
     )
     assert done.returncode == 2
-    assert "parameter pace is 'fast'" in one_line(done.stderr)
+    assert "parameter pace is 'fast'" in one_line(own_words(done.stderr))
 
 
 def test_a_reader_that_goes_away_is_no_traceback():

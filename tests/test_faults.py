@@ -23,6 +23,7 @@ from ares_bringup.faults.trial import Class, Trial, judge, run
 from ares_bringup.held import shared_memory
 from ares_bringup.keeper import Keeper
 from ares_bringup.options import CannotStart
+from ares_node.testing import own_words
 
 CONTROL = Control(begin_s=155.9, jettison_s=434.0, cutoff_s=767.1, mass_kg=174117.5)
 
@@ -162,14 +163,19 @@ def test_a_campaign_that_is_interrupted_in_a_flight_says_nothing(number, status)
     mark = f"interrupted-{os.getpid()}-{status}"
     command = [sys.executable, "-m", "ares_bringup", "faults", "-n", "1"]
     process = subprocess.Popen(
-        command, env=os.environ | {MARK: mark}, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        command,
+        env=os.environ | {MARK: mark},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     )
     deadline = time.monotonic() + 60.0
     while not any("fastrtps" in path for path in shared_memory(marked(mark))):
         assert process.poll() is None and time.monotonic() < deadline
         time.sleep(0.05)
     process.send_signal(number)
-    assert process.communicate(timeout=60) == (b"", b"")
+    out, err = process.communicate(timeout=60)
+    assert (out, own_words(err)) == ("", "")
     assert process.returncode == status
 
 

@@ -32,6 +32,7 @@ from ares_models.mission import MISSION, MissionError, load_mission
 from ares_msgs.msg import FlightEvent, FlightMember, NavState, ThrustCommand, VehicleState
 from ares_msgs.srv import SolveTrajectory
 from ares_node.diagnostics import NODE, PACE, PAUSED, Timing, hardware_id, number_of
+from ares_node.entry import BEYOND_NUMBERS
 from ares_node.membership import MOST_HEARD, Membership, Role, State
 from ares_node.qos import DIAGNOSTIC, EVENTS, FLIGHT, MEMBERS
 from ares_node.states import StateMessage, Unreadable
@@ -57,6 +58,7 @@ COUNTS |= {"commands on bags": 3, "optimizer": 12, "socket of the page": 120, "c
 COUNTS |= {"terminal": 150, "parameters": 400, "answers of an optimizer": 300}
 
 
+@pytest.mark.filterwarnings(f"ignore:{BEYOND_NUMBERS}:RuntimeWarning")
 @pytest.mark.parametrize("target", all_targets(REFERENCE), ids=lambda target: target.name)
 def test_nothing_comes_of_it_that_must_not(target: Target, tmp_path: Path) -> None:
     with target:

@@ -271,4 +271,5 @@ def test_as_a_process(
 
     process = run(ros_environment, f"sys.exit(run_replay({str(tmp_path / 'none')!r}))")
     _, err = process.communicate()
-    assert (process.returncode, err) == (2, f"replay: bag {tmp_path / 'none'} does not exist\n")
+    refused = f"replay: bag {tmp_path / 'none'} does not exist\n"
+    assert (process.returncode, own_words(err)) == (2, refused)

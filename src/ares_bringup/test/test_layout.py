@@ -14,6 +14,7 @@ from ares_bringup import watch
 from ares_bringup.fly import fly
 from ares_bringup.options import CannotStart, FlyOptions
 from ares_bringup.summary import Outcome
+from ares_node.testing import own_words
 
 
 @pytest.fixture
@@ -80,7 +81,7 @@ def test_a_node_that_cannot_start_has_the_word(flight, name, capfd):
     with pytest.raises(CannotStart) as caught:
         flight(**{name: "refuse"})
     assert str(caught.value) == ""
-    assert capfd.readouterr().err == f"{name}: refused, as it was told\n"
+    assert own_words(capfd.readouterr().err) == f"{name}: refused, as it was told\n"
 
 
 def test_guidance_killed_in_flight(flight):
