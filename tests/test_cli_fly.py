@@ -13,9 +13,8 @@ import pytest
 import yaml
 
 from ares_bags.compare import differences
-from ares_bags.files import find_file
 from ares_bags.reader import open_bag
-from ares_bags.verify import Examination
+from ares_bags.testing import recorded_so_far
 from ares_bringup.held import shared_memory
 from ares_bringup.testing import short_burn
 from ares_node.testing import claimed_domain, own_words
@@ -70,15 +69,10 @@ def children_of(pid):
     return found
 
 
-def messages_in(bag):
-    """How many there are in a bag that is being recorded."""
-    return sum(Examination(bag, find_file(bag), decode=False).message_counts.values())
-
-
 def wait_for_flight(bag):
     """Until messages are in the bag."""
     deadline = time.monotonic() + TIMEOUT
-    while not (list(bag.glob("*.mcap")) and messages_in(bag)):
+    while not recorded_so_far(bag).total():
         assert time.monotonic() < deadline
         time.sleep(0.05)
 

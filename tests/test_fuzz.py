@@ -51,6 +51,8 @@ from hostile.run import Run, pack, unpack
 from hostile.target import Broken, Target
 from hostile.targets import all_targets
 
+pytestmark = pytest.mark.filterwarnings(f"ignore:{BEYOND_NUMBERS}:RuntimeWarning")
+
 REFERENCE = Path(__file__).parent.parent / "bags" / "reference"
 #: Inputs of a target here: of its share of a million, as many as half a second takes.
 COUNTS = {"mission files": 25, "dispersion files": 40, "damaged bags": 25, "forged bags": 15}
@@ -58,7 +60,6 @@ COUNTS |= {"commands on bags": 3, "optimizer": 12, "socket of the page": 120, "c
 COUNTS |= {"terminal": 150, "parameters": 400, "answers of an optimizer": 300}
 
 
-@pytest.mark.filterwarnings(f"ignore:{BEYOND_NUMBERS}:RuntimeWarning")
 @pytest.mark.parametrize("target", all_targets(REFERENCE), ids=lambda target: target.name)
 def test_nothing_comes_of_it_that_must_not(target: Target, tmp_path: Path) -> None:
     with target:

@@ -1,5 +1,6 @@
 """Made-up flights for tests; nothing else uses this module."""
 
+from collections import Counter
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -7,7 +8,10 @@ from pathlib import Path
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.serialization import serialize_message
 
+from ares_bags.errors import BagError
+from ares_bags.files import find_file
 from ares_bags.schema import Qos, Topic
+from ares_bags.verify import Examination
 from ares_bags.writer import BagWriter
 from ares_msgs.msg import FlightEvent, NavState
 from ares_node.time import stamp_from_ns
@@ -105,3 +109,11 @@ def write_bag(path: Path, count: int = 100, flush_every: int = 20) -> Path:
             if number % flush_every == flush_every - 1:
                 writer.flush()
     return path
+
+
+def recorded_so_far(bag: Path) -> Counter[str]:
+    """How many messages of each topic are in a bag that is being recorded, or about to be."""
+    try:
+        return Counter(Examination(bag, find_file(bag), decode=False).message_counts)
+    except BagError:
+        return Counter()

@@ -26,7 +26,6 @@ from rosbags.rosbag2 import Reader
 
 from ares_bags import recorder as recorder_module
 from ares_bags.compare import differences
-from ares_bags.files import find_file
 from ares_bags.reader import LOG_TIME, open_bag
 from ares_bags.recorder import TYPES, RecorderNode, qos_of
 from ares_bags.repair import repair
@@ -39,9 +38,9 @@ from ares_bags.testing import (
     START_NS,
     flight_event,
     nav_state,
+    recorded_so_far,
     report,
 )
-from ares_bags.verify import Examination
 from ares_msgs.msg import FlightEvent, GuidanceStatus, NavState
 from ares_node.diagnostics import hardware_id
 from ares_node.identity import id_text
@@ -307,7 +306,7 @@ def test_full_disk_is_reported_once_and_the_flight_goes_on(
 
 def wait_until_saved(bag: Path, count: int) -> None:
     """Wait until the file of a bag that is being recorded holds so many navigation states."""
-    while Examination(bag, find_file(bag), decode=False).message_counts.get(NAV, 0) < count:
+    while recorded_so_far(bag)[NAV] < count:
         time.sleep(0.02)
 
 
