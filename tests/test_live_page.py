@@ -69,11 +69,15 @@ class Command:
     def url(self):
         return re.search(r"live: (\S+)", self.wait_for("live: "))[1]
 
-    def live_process(self):
+    def node(self, program):
         for child in psutil.Process(self.process.pid).children():
-            if "ares_view.live" in child.cmdline():
-                return child.pid
-        raise AssertionError("no process serves the page")
+            with suppress(psutil.Error):
+                if program in child.cmdline():
+                    return child
+        raise AssertionError(f"no process runs {program}: {self.lines}")
+
+    def live_process(self):
+        return self.node("ares_view.live").pid
 
     def end(self):
         """Exit status and the object that is printed."""
@@ -262,11 +266,10 @@ def test_a_flight_that_stops_is_not_shown_as_live(flown, opened):
     flight = flown("--pace", "5", "--no-record")
     page = opened(flight.url)
     wait_for_state(page, "Live")
-    for child in psutil.Process(flight.process.pid).children():
-        if "ares_vehicle_sim" in child.cmdline():
-            child.suspend()
-            wait_for_state(page, "No data for")
-            child.resume()
+    simulator = flight.node("ares_vehicle_sim")
+    simulator.suspend()
+    wait_for_state(page, "No data for")
+    simulator.resume()
     wait_for_state(page, "Live")
     page.locator("[data-pace='0']").click()
     assert flight.end()[0] == 0
