@@ -20,6 +20,8 @@ class Status(StrEnum):
 
     #: an optimum, proven if that was asked for; of ``analytic``, its own conditions are met
     CONVERGED = "converged"
+    #: the flight meets every constraint, but is not proven to be the best
+    FEASIBLE = "feasible"
     #: the target or a limit on the way cannot be met
     INFEASIBLE = "infeasible"
     #: what was found is stationary and no optimum: a saddle, a detour, beaten by another
@@ -291,6 +293,11 @@ class Solution:
     def converged(self) -> bool:
         """Whether the status is CONVERGED."""
         return self.status is Status.CONVERGED
+
+    @property
+    def flyable(self) -> bool:
+        """Whether it meets every constraint: an optimum, or a flight that may be none."""
+        return self.status in (Status.CONVERGED, Status.FEASIBLE)
 
     @property
     def t_plf_s(self) -> float:

@@ -25,6 +25,7 @@ from ares_optimizer.plan import (
 from ares_optimizer.proof.flight import flown_arcs
 from ares_optimizer.request import (
     ANALYTIC_METHOD,
+    COLLOCATION,
     HELD_METHODS,
     INDIRECT_METHODS,
     METHODS,
@@ -102,6 +103,10 @@ def _solve(request: Request) -> Solution:
         return _solve_analytic(request)
     if request.method in INDIRECT_METHODS:
         return solve_beside_rival(request)
+    if request.method == COLLOCATION:
+        from ares_optimizer.collocation.solve import solve_collocation  # IPOPT is not needed else
+
+        return solve_collocation(request)
     if plans_arcs(request.arrays, request.state[0]):
         return solve_direct_planned(request)
     return solve_direct(request)
@@ -110,6 +115,8 @@ def _solve(request: Request) -> Solution:
 def _check_arcs(request: Request) -> None:
     """Refuse arcs that no method, or not this one, plans yet."""
     throttled = throttled_ahead(request.arrays, request.state[0])
+    if request.method == COLLOCATION:
+        return
     if throttled.any() and request.method != "indirect":
         arc = int(request.state[0]["arc"]) + int(np.argmax(throttled))
         raise UnfitMethod(f"arc {arc}: its thrust is throttled, which is planned by indirect")

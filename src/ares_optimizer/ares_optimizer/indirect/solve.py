@@ -38,6 +38,7 @@ from ares_optimizer.kernels import timetable
 from ares_optimizer.obstacles import check_obstacle, target_obstacle
 from ares_optimizer.pieces import first_ignitions
 from ares_optimizer.plan import free_arcs, length_bounds, with_lengths
+from ares_optimizer.prices import target_worth
 from ares_optimizer.proof.checks import constraint_table, verification
 from ares_optimizer.proof.flight import Direction, Steering, fly
 from ares_optimizer.proof.held import held_checks, held_obstacle, held_offsets
@@ -58,7 +59,7 @@ from ares_optimizer.solution import (
     infeasible,
     next_to_nothing,
 )
-from ares_optimizer.targets import figures_of, half_turn, in_unit, target_rows
+from ares_optimizer.targets import figures_of, in_unit, target_rows
 from ares_optimizer.two_point.arrays import (
     DRY,
     HELD,
@@ -595,21 +596,8 @@ def _multipliers(
             last[sample.LAMBDA_V : sample.LAMBDA_V + 3],
         )
     )
-    target = arrays.target[0]
-    rows = target_rows(target)
-    steps = np.array([10.0] * 3 + [1e-2] * 3)
-    gradient = np.zeros((len(rows), 6))
-    for k in range(6):
-        move = np.zeros(6)
-        move[k] = steps[k]
-        sides = [figures_of(target, x[:3], x[3:], mu) for x in (state + move, state - move)]
-        for i, row in enumerate(rows):
-            change = sides[0][i] - sides[1][i]
-            if row.turn:
-                change = half_turn(change)
-            gradient[i, k] = change / (2.0 * steps[k])
-    # scaled so that position and velocity weigh alike
-    worth = np.linalg.lstsq((gradient * steps).T, costate * steps, rcond=None)[0]
+    rows = target_rows(arrays.target[0])
+    worth = target_worth(arrays.target[0], mu, state, costate)
     flow = -1.0 / price
     per_unit: dict[tuple[Check, int | None], float] = {
         (rows[i].key, None): flow * float(worth[i]) for i in range(len(rows))
