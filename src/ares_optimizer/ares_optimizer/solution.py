@@ -247,8 +247,8 @@ class Solution:
     """An optimal (analytic: approximate; or failed) ascent.
 
     Attributes:
-        method: ``direct11``, ``direct14``, ``direct20``, ``jump``, ``indirect``,
-            ``closed_form``, ``analytic``.
+        method: ``collocation``, ``direct11``, ``direct14``, ``direct20``, ``jump``, ``indirect``,
+            ``closed_form``, ``analytic``; of ``auto`` the one whose solution it is.
         status: how it ended. CONVERGED: optimal and verified; never for anything else. Of
             ``analytic``, an approximation and not an optimum: its iteration met its own
             conditions.
@@ -268,6 +268,9 @@ class Solution:
         parameters: shape (n,), the solver's own variables: a guess for the next call.
         restarts: further starts that the solver had to make.
         notes: further figures by name, with unit suffix.
+        steps: of method ``auto``: what each method that it called came to, a line each.
+        by_legs: the two-point problem lacks a constraint that holds: law ``optimal`` flies to the
+            end of each leg, as the other laws do.
     """
 
     method: str
@@ -288,6 +291,8 @@ class Solution:
     parameters: Array | None = None
     restarts: int = 0
     notes: dict[str, float] = field(default_factory=dict)
+    steps: tuple[str, ...] = ()
+    by_legs: bool = False
 
     @property
     def converged(self) -> bool:
@@ -319,7 +324,9 @@ class Solution:
         v = self.verification
         return {
             "method": self.method,
+            "status": str(self.status),
             "converged": self.converged,
+            "steps": list(self.steps),
             "reason": self.reason,
             "t_plf_s": _number(self.t_plf_s),
             "t_meco_s": _number(self.t_meco_s),

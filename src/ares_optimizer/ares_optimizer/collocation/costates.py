@@ -96,7 +96,8 @@ def adjoint_of(program: Transcription, point: Point) -> Adjoint:
         for k in range(int(count)):
             block = multipliers[interval]
             costates = np.vstack((-derivative[:, 0] @ block, block / weights[:, None])) * units
-            fractions = (k + nodes) / count
+            width = float(program.breaks[p][k + 1] - program.breaks[p][k])
+            fractions = program.breaks[p][k] + width * nodes
             rows, slopes = [], []
             for number in range(d + 1):
                 costate, state = costates[number], states[first + k * d + number]
@@ -110,7 +111,7 @@ def adjoint_of(program: Transcription, point: Point) -> Adjoint:
                 slopes.append(terms.slope)
             table = np.array(rows)
             # the mass costate falls by the integral of lambda_v . u T/m^2
-            step = length * program.time / count
+            step = width * length * program.time
             gained = np.concatenate(([0.0], step * (integral @ np.array(slopes[1:]))))
             whole = table[:, -2] - table[:, -1] * (heavy + gained)
             heavy += gained[-1]

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline
+from scipy.linalg import null_space
+from scipy.interpolate import BarycentricInterpolator, CubicHermiteSpline
 
 from ares_models.arrays import BURN, HEATING_LIMIT, MISSION_TIME, MissionArrays
 from ares_optimizer.collocation import rollout
@@ -15,7 +16,7 @@ from ares_optimizer.collocation.arrays import COASTING, GUIDED
 from ares_optimizer.collocation.costates import Adjoint, adjoint_of, costates_of, spread_of
 from ares_optimizer.collocation.guess import Trial, guess_of, node_times, trials
 from ares_optimizer.collocation.solver import LOCALLY_INFEASIBLE, Point, solve_program
-from ares_optimizer.collocation.transcription import Times, Transcription
+from ares_optimizer.collocation.transcription import Times, Transcription, Turning
 from ares_optimizer.floors import Floor, floors_of
 from ares_optimizer.kernels import timetable
 from ares_optimizer.pieces import first_ignitions
@@ -36,7 +37,9 @@ from ares_optimizer.solution import (
     Status,
     SteeringArc,
     Trajectory,
+    UnfitMethod,
     failed,
+    next_to_nothing,
 )
 from ares_optimizer.targets import target_rows
 
@@ -53,13 +56,17 @@ _MOST_FIRST = 130
 _FINER = (1.5, 3.0, 5.0)
 #: Greatest part of the Hamiltonian by which it may wander along a phase.
 SPREAD = 1e-4
-#: A floor may be passed by so much, m.
-_SAG = 1.0
+#: What a flight is above its floor at most where it is brought there, m, and half of it at best.
+_SAG = 0.5
 #: Solutions that bring it there, at most.
 _MOST_LEVELS = 3
 #: Altitude above a floor within which it is active, m.
 _ACTIVE = 10.0
-#: Multiplier of a floor that is touched.
+#: Distance from a bound at which a variable is held by it.
+_AT_BOUND = 1e-6
+#: Of the greatest curvature, what counts as none.
+_STRAIGHT = 1e-7
+#: Multiplier of a limit that holds.
 _PRICED = 1e-8
 #: Samples of a coast from state to state.
 _SAMPLES = 8
@@ -70,6 +77,7 @@ _ASIDE = 1e-2
 #: Of a phase's thrust, so little that its direction is of no account.
 _LITTLE = 1e-3
 _SAME_LENGTH = 1e-3  # s
+_NOTHING_KG = 0.1
 
 
 @dataclass(frozen=True)
@@ -87,11 +95,15 @@ class Found:
     m_f_kg: float
 
 
-def solve_collocation(request: Request) -> Solution:
+def solve_collocation(request: Request, beat_kg: float | None = None) -> Solution:
     """Solve a mission by collocation.
 
     Args:
         request: see :class:`ares_optimizer.request.Request`.
+        beat_kg: what brings no more is not worked out; None: anything is welcome.
+
+    Raises:
+        UnfitMethod: the heating limit is to hold from the jettison on.
 
     Returns:
         the best of all starts. CONVERGED: first- and second-order conditions are met, the
@@ -100,6 +112,8 @@ def solve_collocation(request: Request) -> Solution:
     """
     began = time.perf_counter()
     arrays, start = request.arrays, request.state
+    if request.heating is Heating.FROM_JETTISON:
+        raise UnfitMethod("heating is 'from_jettison'; collocation takes at_jettison or ignored")
     if request.heating is Heating.IGNORED:
         arrays = _dropped_at_ignition(arrays)
     floors = floors_of(arrays, start)
@@ -110,7 +124,7 @@ def solve_collocation(request: Request) -> Solution:
         search.take(trial)
     best = search.best
     elapsed = 1e3 * (time.perf_counter() - began)
-    if best is None:
+    if best is None or (beat_kg is not None and best.m_f_kg < beat_kg):
         return replace(
             failed(METHOD, search.failure(), iterations=search.iterations, solve_ms=elapsed),
             restarts=max(0, search.starts - 1),
@@ -192,6 +206,8 @@ class _Search:
 
     def failure(self) -> Cause:
         """Say why nothing was found, and no more than is known."""
+        if self.best is not None:
+            return Cause(Status.NOT_OPTIMAL, "nothing better than what is known was found")
         if self.request.deadline.passed:
             return OUT_OF_TIME
         if self._violations and not self._unproven:
@@ -364,15 +380,35 @@ def _again(
     """Solve on finer intervals from a point; None where that leads nowhere."""
     times = times_of(found.program, found.point.x)
     try:
-        program = Transcription(search.arrays, search.start, times, floors, finer=finer)
+        turning = turning_of(found)
+        program = Transcription(
+            search.arrays, search.start, times, floors, finer=finer, turning=turning
+        )
     except ValueError:
         return None
     guess = finer_guess(program, found.program, found.point.x)
-    point = solve_program(program, guess, search.request.deadline, mu=_NEAR)
-    search.iterations += point.iterations
-    if not point.solved:
+    for mu in (_NEAR, None):
+        point = solve_program(program, guess, search.request.deadline, mu=mu)
+        search.iterations += point.iterations
+        if point.solved:
+            return Found(program, point, float(point.x[program.ends[-1]] * program.mass))
+    return None
+
+
+def turning_of(found: Found) -> Turning | None:
+    """Return how far the thrust has turned; None without thrust."""
+    program, x = found.program, found.point.x
+    guided = np.flatnonzero(program.points["control"] >= 0)
+    if not guided.size:
         return None
-    return Found(program, point, float(point.x[program.ends[-1]] * program.mass))
+    points = program.points[guided]
+    times = node_times(program, program.time * x[program.lengths])
+    times = times[points["node"] + points["number"]]
+    u = x[points["control"][:, None] + np.arange(3)]
+    turns = np.arccos(np.clip((u[1:] * u[:-1]).sum(axis=1), -1.0, 1.0))
+    # where the thrust dies away its direction is of no account
+    turns[np.diff(times) < _SAME_LENGTH] = 0.0
+    return Turning(times, np.concatenate(([0.0], np.cumsum(turns))))
 
 
 def _with_levels(search: _Search, found: Found, levels: dict[int, float]) -> Found | None:
@@ -397,11 +433,37 @@ def _moved(found: Found, floors: dict[int, Floor], levels: dict[int, float]) -> 
     for k, floor in floors.items():
         if not math.isfinite(floor.altitude_m):
             continue
-        sag = floor.altitude_m - lowest_in(found, k)
+        sag = floor.altitude_m + _SAG - lowest_in(found, k)
         if sag > _SAG or (sag < -_SAG and levels[k] > floor.altitude_m + _SAG):
             levels[k] = max(floor.altitude_m, levels[k] + sag)
             moved = True
     return moved
+
+
+def bends_down(found: Found) -> bool:
+    """Whether mass can be gained to second order: along no direction that keeps the rows.
+
+    The least eigenvalue of the Hessian of the Lagrangian on the null space of the rows and bounds
+    that hold (Nocedal and Wright, Numerical Optimization, section 12.5).
+    """
+    program, point = found.program, found.point
+    n, m = program.size, program.row_lower.size
+    values = np.zeros(len(program.jacobian_pattern[0]))
+    program.jacobian(point.x, values)
+    rows = np.zeros((m, n))
+    np.add.at(rows, program.jacobian_pattern, values)
+    entries = np.zeros(len(program.hessian_pattern[0]))
+    program.hessian(point.x, point.multipliers, 1.0, entries)
+    hessian = np.zeros((n, n))
+    np.add.at(hessian, program.hessian_pattern, entries)
+    hessian = np.tril(hessian) + np.tril(hessian, -1).T
+    loose = (point.x - program.lower > _AT_BOUND) & (program.upper - point.x > _AT_BOUND)
+    holds = (program.row_lower == program.row_upper) | (np.abs(point.multipliers) > _PRICED)
+    free = null_space(rows[holds][:, loose])
+    if not free.size:
+        return False
+    bends = np.linalg.eigvalsh(free.T @ hessian[np.ix_(loose, loose)] @ free)
+    return bool(bends[0] < -_STRAIGHT * max(1.0, abs(float(bends[-1]))))
 
 
 def wanders(found: Found, adjoint: Adjoint) -> float:
@@ -442,6 +504,18 @@ def lowest_in(found: Found, arc: int) -> float:
         grid = track(np.linspace(times[0], times[-1], _SAMPLES * len(times)))
     environment = program.arrays.environment[0]
     return min(float(np.linalg.norm(r)) - surface_radius(r, environment) for r in grid)
+
+
+def lowest_altitude(
+    arrays: MissionArrays, track: Trajectory, begin: float, end: float
+) -> float:
+    """Return the least altitude of a trajectory between two times, m."""
+    inside = (track.time_s >= begin - _SAME_LENGTH) & (track.time_s <= end + _SAME_LENGTH)
+    environment = arrays.environment[0]
+    return min(
+        float(np.linalg.norm(r)) - surface_radius(r, environment)
+        for r in track.position[inside]
+    )
 
 
 def _flown(search: _Search, found: Found, adjoint: Adjoint) -> _Proven:
@@ -488,7 +562,7 @@ def steering_of(program: Transcription, point: Point, adjoint: Adjoint) -> Steer
             if size.min() > 0.0 and along.min() > math.cos(_ASIDE) and np.ptp(times) > _SAME_LENGTH:
                 laws[p] = CubicHermiteSpline(times, primer, -adjoint.by_position[rows])
                 continue
-        laws[p] = _joined(times[1:], u)
+        laws[p] = _joined(program, p, times, u)
     begins = [float(adjoint.time[np.argmax(adjoint.phase == p)]) for p in laws]
     numbers = list(laws)
 
@@ -506,8 +580,22 @@ def steering_of(program: Transcription, point: Point, adjoint: Adjoint) -> Steer
     return steering
 
 
-def _joined(times: Array, u: Array) -> Callable[[float], Array]:
-    return lambda t: np.array([np.interp(t, times, u[:, c]) for c in range(3)])
+def _joined(program: Transcription, p: int, times: Array, u: Array) -> Callable[[float], Array]:
+    """Directions at the Radau points of a phase, joined by a polynomial in each interval."""
+    d = program.degree
+    pieces = [
+        BarycentricInterpolator(times[1 + k * d : 1 + (k + 1) * d], u[k * d : (k + 1) * d])
+        for k in range(int(program.intervals[p]))
+    ]
+    begins = times[:-1:d]
+
+    def law(t: float) -> Array:
+        k = min(max(int(np.searchsorted(begins, t, side="right")) - 1, 0), len(pieces) - 1)
+        return np.asarray(pieces[k](t))
+
+    if times[-1] - times[0] < _SAME_LENGTH or program.steering[p] != GUIDED:
+        return lambda _: u[-1]
+    return law
 
 
 def jettison_times(program: Transcription, times: Times) -> tuple[float, ...]:
@@ -600,7 +688,9 @@ def _solution(
         constraints=checks,
         trajectory=_sampled(program, proven, nodes),
         costates=costates,
+        parameters=_unknowns(program, proven, times),
         restarts=max(0, search.starts - 1),
+        by_legs=True,
     )
     if flight is None:
         return solution
@@ -616,6 +706,36 @@ def _solution(
         trajectory=flight.trajectory,
         costates=replace(costates, held_off_deg=offsets),
     )
+
+
+def _unknowns(program: Transcription, proven: _Proven, times: Times) -> Array:
+    """What the two-point problem would have for unknowns, see ``indirect.solver.Root``."""
+    point, adjoint = proven.found.point, proven.adjoint
+    arrays, start = program.arrays, program.start[0]
+    size = max(float(np.linalg.norm(adjoint.by_velocity[0])), 1e-300)
+    unknowns = [*adjoint.by_velocity[0] / size, *adjoint.by_position[0] / size, times.cutoff]
+    waiting = [
+        j
+        for j, jettison in enumerate(arrays.jettisons)
+        if jettison["criterion"] == HEATING_LIMIT and not (int(start["jettisoned"]) >> j) & 1
+    ]
+    for j, at in zip(waiting, times.drops, strict=True):
+        row = program.heating_rows.get(j)
+        pi = 0.0 if row is None else float(point.multipliers[row]) * program.mass / size
+        unknowns += [at, min(0.0, pi)]
+    now = float(start["arc_start_time"])
+    lengths = iter(times.lengths)
+    free = free_arcs(arrays, start)
+    for k in range(int(start["arc"]), len(arrays.arcs) - 1):
+        now += float(next(lengths)) if k in free else float(arrays.arcs[k]["duration"])
+        if k in free:
+            unknowns.append(now)
+    for k in range(int(start["arc"]), len(arrays.arcs)):
+        if arrays.arcs[k]["held"]:
+            p = next(p for p in range(len(program.phases)) if program.segments[p]["arc"] == k)
+            at = program.control_of[p][0]
+            unknowns += list(point.x[at : at + 3])
+    return np.array(unknowns)
 
 
 def _sampled(program: Transcription, proven: _Proven, nodes: Array) -> Trajectory:
@@ -667,13 +787,33 @@ def _verdict(proven: _Proven, checks: tuple[ConstraintCheck, ...], spread: float
             f"{broken.name} {broken.value:,.7g} {broken.unit} instead of {broken.limit:,.7g} "
             f"{broken.unit} when flown by another integrator",
         )
-    if proven.found.point.regularized:
-        return Cause(Status.FEASIBLE, "the second-order conditions are not met strictly")
+    if proven.found.point.regularized and bends_down(proven.found):
+        return Cause(Status.FEASIBLE, "the second-order conditions are not met")
+    taken = _taken(proven.found)
+    if taken < _NOTHING_KG:
+        return Cause(Status.CONVERGED, next_to_nothing(taken))
     if spread > SPREAD:
         return Cause(
             Status.FEASIBLE, f"the Hamiltonian wanders by {spread:.1e}; at most {SPREAD:g} counts"
         )
     return OPTIMAL
+
+
+def _taken(found: Found) -> float:
+    """Propellant that the free burns of the last stage take, kg; inf: none is free."""
+    program = found.program
+    arcs = program.arrays.arcs
+    burns = [
+        k
+        for k in program.arc_phases
+        if arcs[k]["stage"] == arcs[-1]["stage"] and arcs[k]["kind"] == BURN
+        and math.isinf(arcs[k]["duration"])
+    ]
+    phases = [p for k in burns for p in program.arc_phases[k]]
+    if not phases:
+        return math.inf
+    burnt = found.point.x[program.masses[phases]] - found.point.x[program.ends[phases]]
+    return float(burnt.sum()) * program.mass
 
 
 def _floor_check(found: Found, floor: Floor) -> ConstraintCheck:
@@ -688,7 +828,7 @@ def _floor_check(found: Found, floor: Floor) -> ConstraintCheck:
         floor.altitude_m,
         low < floor.altitude_m + _ACTIVE,
         "m",
-        low >= floor.altitude_m - 2.0 * _SAG,
+        low >= floor.altitude_m - 0.1 * _SAG,
         price,
     )
 

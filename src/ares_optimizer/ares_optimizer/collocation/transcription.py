@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_models.arrays import BURN, HEATING_LIMIT, MissionArrays
+from ares_models.arrays import BURN, HEATING_LIMIT, MissionArrays, Record
 from ares_optimizer.collocation.arrays import (
     COASTING,
     FLOOR_RULE,
@@ -47,9 +47,27 @@ _LEAST_BURN = 2
 _MOST_BURN = 40
 _LEAST_COAST = 2
 _MOST_COAST = 400
+#: Turn of the thrust that takes an interval more, rad; intervals of a phase at most, and places
+#: to put them.
+_THRUST_TURN = 0.15
+_MOST_TURNS = 80
+_PLACES = 2001
+_SHORT = 5.0  # s
 #: Mass, as a part of that at the start, that is none.
 _NO_MASS = 1e-9
 _LEAST_MASS = 1e-6
+
+
+class Turning(NamedTuple):
+    """How far the thrust of a flight has turned.
+
+    Attributes:
+        time: s, shape (n,), increasing.
+        turned: rad since the first of them, shape (n,).
+    """
+
+    time: Array
+    turned: Array
 
 
 class Times(NamedTuple):
@@ -117,6 +135,7 @@ class Transcription:
         program: for the kernels.
         segments: pieces of the trial flight, one per phase.
         first: of each phase, index of the state at its begin; and of the last state.
+        breaks: of each phase, where its intervals begin and end, as parts of it.
         intervals: of each phase.
         names: of the rows.
         lower, upper: bounds of the variables, shape (n,).
@@ -131,6 +150,7 @@ class Transcription:
         floors: tuple[Floor, ...] = (),
         degree: int = 5,
         finer: float = 1.0,
+        turning: Turning | None = None,
     ) -> None:
         """Lay out variables and rows.
 
@@ -141,6 +161,8 @@ class Transcription:
             floors: of the arcs.
             degree: of the polynomials.
             finer: factor on the number of intervals.
+            turning: how far the thrust has turned in a flight like this one: intervals are
+                short where it turns fast. None: they are of one length in a phase.
 
         Raises:
             ValueError: the times make no flight.
@@ -160,7 +182,7 @@ class Transcription:
         self.mass = float(self.segments[0]["mass"])
         self.degree = degree
         self._rows = Rows()
-        self._lay_out_chain(finer)
+        self._lay_out_chain(finer, turning)
         self._lay_out_variables()
         self._lay_out_phases()
         self._lay_out_points()
@@ -185,24 +207,36 @@ class Transcription:
 
     # ---- what follows what
 
-    def _lay_out_chain(self, finer: float) -> None:
-        """Count intervals, and number the states."""
-        counts = []
-        for piece in self.segments:
-            turn = float(piece["end"] - piece["start"]) / self.time
-            burning = piece["thrust"] > 0.0 or piece["thrust_slope"] > 0.0
-            step, least, most = (
-                (_BURN_TURN, _LEAST_BURN, _MOST_BURN)
-                if burning
-                else (_COAST_TURN, _LEAST_COAST, _MOST_COAST)
-            )
-            wanted = math.ceil(finer * min(max(math.ceil(turn / step), least), most))
-            if turn * self.time < 5.0:
-                wanted = min(wanted, math.ceil(finer))
-            counts.append(wanted)
-        self.intervals = np.array(counts)
+    def _lay_out_chain(self, finer: float, turning: Turning | None) -> None:
+        """Place the intervals, and number the states."""
+        self.breaks = [self._breaks(piece, finer, turning) for piece in self.segments]
+        self.intervals = np.array([len(breaks) - 1 for breaks in self.breaks])
         self.first = np.concatenate(([0], np.cumsum(self.intervals * self.degree)))
         self.nodes = int(self.first[-1]) + 1
+
+    def _breaks(self, piece: Record, finer: float, turning: Turning | None) -> Array:
+        """Where the intervals of a phase begin and end, as parts of it."""
+        begin, end = float(piece["start"]), float(piece["end"])
+        orbit = (end - begin) / self.time
+        burning = piece["thrust"] > 0.0 or piece["thrust_slope"] > 0.0
+        step, least, most = (
+            (_BURN_TURN, _LEAST_BURN, _MOST_BURN)
+            if burning
+            else (_COAST_TURN, _LEAST_COAST, _MOST_COAST)
+        )
+        count = min(max(math.ceil(orbit / step), least), most)
+        if end - begin < _SHORT:
+            count = 1
+        even = np.linspace(0.0, 1.0, _PLACES)
+        if turning is None or not burning or end - begin < _SHORT:
+            return np.linspace(0.0, 1.0, math.ceil(finer * count) + 1)
+        turned = np.interp(begin + even * (end - begin), *turning)
+        # as many intervals again as the thrust turns by steps of its own
+        whole = even * count + (turned - turned[0]) / _THRUST_TURN
+        count = math.ceil(finer * min(whole[-1], _MOST_TURNS))
+        places = np.interp(np.linspace(0.0, whole[-1], count + 1), whole, even)
+        places[0], places[-1] = 0.0, 1.0
+        return places
 
     def _lay_out_variables(self) -> None:
         """Number the variables: states, directions, lengths, masses."""
@@ -275,15 +309,15 @@ class Transcription:
         nodes = radau(self.degree)[0]
         points = np.zeros(int(self.intervals.sum()) * self.degree, POINT)
         i = 0
-        for p, count in enumerate(self.intervals):
-            for k in range(count):
+        for p, breaks in enumerate(self.breaks):
+            for k, width in enumerate(np.diff(breaks)):
                 for number in range(1, self.degree + 1):
                     row = points[i]
                     row["phase"] = p
                     row["node"] = self.first[p] + k * self.degree
                     row["number"] = number
-                    row["width"] = 1.0 / count
-                    row["fraction"] = (k + nodes[number]) / count
+                    row["width"] = width
+                    row["fraction"] = breaks[k] + width * nodes[number]
                     row["control"] = self.control_of[p][k * self.degree + number - 1]
                     i += 1
         self.points = points

@@ -25,7 +25,7 @@ from ares_models.arrays import (
 )
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.indirect.closed_form import flight_errors
-from ares_optimizer.indirect.free_arcs import find_planned, made_finer
+from ares_optimizer.indirect.free_arcs import find_planned, lengths_of, made_finer
 from ares_optimizer.indirect.kernels import sample
 from ares_optimizer.indirect.solver import (
     Guess,
@@ -42,7 +42,7 @@ from ares_optimizer.prices import target_worth
 from ares_optimizer.proof.checks import constraint_table, verification
 from ares_optimizer.proof.flight import Direction, Steering, fly
 from ares_optimizer.proof.held import held_checks, held_obstacle, held_offsets
-from ares_optimizer.request import Heating
+from ares_optimizer.request import Heating, Request
 from ares_optimizer.solution import (
     OPTIMAL,
     OUT_OF_TIME,
@@ -166,6 +166,37 @@ def solve_indirect(
         )
     solution = _solution(method, solver, start, root, elapsed, notes)
     return _proven(solver, start, root, solution) if verify else solution
+
+
+def polished(request: Request, unknowns: Array) -> Solution:
+    """Lead unknowns that are near a root to it, and try nothing else.
+
+    Args:
+        request: as the indirect method is asked.
+        unknowns: shape (n,), see :attr:`ares_optimizer.indirect.solver.Root.unknowns`.
+
+    Raises:
+        OptimizerError: a mission that the method cannot take.
+    """
+    began = time.perf_counter()
+    start = request.state
+    options = TwoPointOptions(heating=request.heating)
+    solver = TwoPointSolver(request.arrays, options, request.deadline)
+    unknowns = _as_unknowns(unknowns, solver, start)
+    assert unknowns is not None
+    if solver.plans_arcs(start):
+        solver.press(start, lengths_of(solver, start, unknowns))
+    root = solver.solve(start, unknowns, restart=False)
+    if root.converged:
+        fine = _fine(float(solver.options["step"][0]), start, root)
+        if fine < float(solver.options["step"][0]):
+            solver.options["step"] = fine
+            root = _added(solver.solve(start, root.unknowns, restart=False), root, 0)
+    elapsed = _since(began)
+    if not root.converged:
+        return failed("indirect", _CAUSES[root.status], iterations=root.iterations)
+    solution = _solution("indirect", solver, start, root, elapsed, {})
+    return _proven(solver, start, root, solution) if request.verify else solution
 
 
 def _since(began: float) -> float:
