@@ -8,8 +8,6 @@ holds. What was done stands in ``Solution.steps``.
 
 from dataclasses import replace
 
-import numpy as np
-
 from ares_optimizer.floors import floors_of
 from ares_optimizer.indirect.solve import polished
 from ares_optimizer.plan import held_ahead, plans_arcs, throttled_ahead
@@ -94,8 +92,7 @@ def _polished(request: Request, found: Solution) -> Solution | None:
         exact = polished(request, found.parameters)
     except OptimizerError:
         return None
-    near = np.allclose(exact.lengths_s, found.lengths_s, rtol=1e-2, atol=1.0)
-    if exact.converged and near and exact.m_f_kg >= found.m_f_kg * (1.0 - _SAME):
+    if exact.converged and exact.m_f_kg >= found.m_f_kg * (1.0 - _SAME):
         lows = tuple(c for c in found.constraints if c.name.startswith("lowest altitude in"))
         return replace(
             exact,
@@ -125,13 +122,10 @@ def _keeps_floors(request: Request, solution: Solution) -> bool:
     """Whether a flight keeps the floors of the mission."""
     from ares_optimizer.collocation.solve import lowest_altitude
 
-    if solution.trajectory is None or not solution.flown:
-        times: dict[int, tuple[float, float]] = {}
-    else:
-        times = {arc.arc: (arc.start_s, arc.end_s) for arc in solution.flown}
     track = solution.trajectory
     if track is None:
         return False
+    times = {arc.arc: (arc.start_s, arc.end_s) for arc in solution.flown}
     for floor in floors_of(request.arrays, request.state):
         begin, end = times.get(floor.arc, (track.time_s[0], track.time_s[-1]))
         if lowest_altitude(request.arrays, track, begin, end) < floor.altitude_m - 1.0:

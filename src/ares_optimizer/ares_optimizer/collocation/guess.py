@@ -330,17 +330,21 @@ def trials(
     coasts = [k for k in pilot.free if arrays.arcs[k]["kind"] == COAST]
     ascent = _ascent_alone(pilot)
     begins = [ascent] if ascent is not None else list(_start_constants(pilot))
+    tried: set[tuple[float, ...]] = set()
     for lengths in _coast_choices(coasts):
         found = []
         for constants, known in begins:
             times = _first_times(pilot, constants, known, dict(zip(coasts, lengths, strict=True)))
-            if times is not None:
-                trial, _ = pilot.aim(times, constants)
-                if math.isfinite(trial.miss):
-                    found.append(trial)
+            key = () if times is None else (*constants, *np.round(times.lengths, 0))
+            if times is None or key in tried:
+                continue
+            tried.add(key)
+            trial, _ = pilot.aim(times, constants)
+            if math.isfinite(trial.miss):
+                found.append(trial)
         found.sort(key=lambda trial: trial.miss)
         # a coast is a choice of its own; without one the steering is
-        yield from found[: 2 if coasts else None]
+        yield from found[: 1 if coasts else None]
 
 
 def _coast_choices(coasts: list[int]) -> Iterator[tuple[float, ...]]:

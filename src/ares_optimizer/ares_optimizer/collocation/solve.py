@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.linalg import null_space
 from scipy.interpolate import BarycentricInterpolator, CubicHermiteSpline
 
-from ares_models.arrays import BURN, HEATING_LIMIT, MISSION_TIME, MissionArrays
+from ares_models.arrays import BURN, COAST, HEATING_LIMIT, MISSION_TIME, MissionArrays
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.arrays import COASTING, GUIDED
 from ares_optimizer.collocation.costates import Adjoint, adjoint_of, costates_of, spread_of
@@ -46,12 +46,15 @@ from ares_optimizer.targets import target_rows
 Array = NDArray[np.float64]
 
 METHOD = "collocation"
-#: Two flights are one where they bring the same mass, as a part of it.
-SAME_MASS = 2e-5
+#: Two flights are one where they bring the same mass, as a part of it: a floor is kept at the
+#: states of coarse intervals alone.
+SAME_MASS = 3e-4
 #: The best is believed when it was met so often.
 _ENOUGH = 3
+#: Of a stage's mass, what may be propellant at most where a flight is sought that lacks some.
+_MOST_PROPELLANT = 0.97
 #: Iterations from a first guess; what takes more leads nowhere, or comes again.
-_MOST_FIRST = 130
+_MOST_FIRST = 100
 #: Number of intervals of the finer programs, as factors.
 _FINER = (1.5, 3.0, 5.0)
 #: Greatest part of the Hamiltonian by which it may wander along a phase.
@@ -68,6 +71,9 @@ _AT_BOUND = 1e-6
 _STRAIGHT = 1e-7
 #: Multiplier of a limit that holds.
 _PRICED = 1e-8
+#: Multipliers of the motion where nothing is to be saved, and the pull on directions there.
+_IDLE = 1e-6
+_PULL = 1e-4
 #: Samples of a coast from state to state.
 _SAMPLES = 8
 #: Barrier that a solver begins with near a solution.
@@ -118,15 +124,20 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
         arrays = _dropped_at_ignition(arrays)
     floors = floors_of(arrays, start)
     search = _Search(arrays, start, floors, request)
+    # where a coast is free there is more than one valley: each start is tried
+    several = any(arrays.arcs[k]["kind"] == COAST for k in free_arcs(arrays, start[0]))
     for trial in trials(arrays, start, floors):
-        if request.deadline.passed or search.enough:
+        if request.deadline.passed or (search.enough and not several):
             break
         search.take(trial)
     best = search.best
     elapsed = 1e3 * (time.perf_counter() - began)
     if best is None or (beat_kg is not None and best.m_f_kg < beat_kg):
+        cause = search.failure()
+        if best is None and beat_kg is None and not request.deadline.passed:
+            cause = _short_of_propellant(search, cause)
         return replace(
-            failed(METHOD, search.failure(), iterations=search.iterations, solve_ms=elapsed),
+            failed(METHOD, cause, iterations=search.iterations, solve_ms=elapsed),
             restarts=max(0, search.starts - 1),
         )
     return _finished(search, best, began)
@@ -148,6 +159,7 @@ class _Search:
         again: how often it was met.
         starts: tried.
         iterations: of all.
+        idle: in the best, no direction of the thrust saves any propellant.
     """
 
     def __init__(
@@ -163,6 +175,7 @@ class _Search:
         self.again = 0
         self.starts = 0
         self.iterations = 0
+        self.idle = False
         self._violations: list[tuple[float, str]] = []
         self._unproven = False
         r = start["position"][0]
@@ -225,6 +238,34 @@ class _Search:
         return Cause(
             Status.STALLED, f"no flight to the target found from {self.starts} starts"
         )
+
+
+def _short_of_propellant(search: _Search, cause: Cause) -> Cause:
+    """Why nothing was found, by a flight whose last stage burns more than it has."""
+    arcs = search.arrays.arcs.copy()
+    last = arcs["stage"] == arcs[-1]["stage"]
+    usable = float(arcs[-1]["propellant"])
+    stack = float(arcs["stack_mass"][last][0])
+    if not np.isinf(arcs["duration"][last]).any() or usable >= _MOST_PROPELLANT * stack:
+        return cause
+    arcs["propellant"][last] = _MOST_PROPELLANT * stack
+    more = _Search(search.arrays._replace(arcs=arcs), search.start, search.floors, search.request)
+    for trial in trials(more.arrays, search.start, search.floors):
+        if search.request.deadline.passed or more.enough:
+            break
+        more.take(trial)
+    search.iterations += more.iterations
+    if more.best is None:
+        return cause
+    program, x = more.best.program, more.best.point.x
+    stages = arcs["stage"][program.segments["arc"]]
+    members = np.flatnonzero(stages == arcs[-1]["stage"])
+    burnt = program.mass * float((x[program.masses[members]] - x[program.ends[members]]).sum())
+    return Cause(
+        Status.INFEASIBLE,
+        f"propellant of the last stage: {burnt - usable:,.0f} kg short, the best flight takes "
+        f"{burnt:,.0f} kg of {usable:,.0f} kg",
+    )
 
 
 def worst_row(program: Transcription, point: Point) -> str:
@@ -348,6 +389,7 @@ class _Proven:
 def _finished(search: _Search, best: Found, began: float) -> Solution:
     """The best, on finer and finer intervals until its flight is proven."""
     request = search.request
+    search.idle = is_idle(best)
     floors = {floor.arc: floor for floor in search.floors if best.program.floor_rows.get(floor.arc)}
     levels = {k: floor.altitude_m for k, floor in floors.items()}
     proven: _Proven | None = None
@@ -380,19 +422,36 @@ def _again(
     """Solve on finer intervals from a point; None where that leads nowhere."""
     times = times_of(found.program, found.point.x)
     try:
-        turning = turning_of(found)
+        turning = None if search.idle else turning_of(found)
         program = Transcription(
             search.arrays, search.start, times, floors, finer=finer, turning=turning
         )
     except ValueError:
         return None
     guess = finer_guess(program, found.program, found.point.x)
+    if search.idle:
+        pull_together(program, guess)
     for mu in (_NEAR, None):
         point = solve_program(program, guess, search.request.deadline, mu=mu)
         search.iterations += point.iterations
         if point.solved:
             return Found(program, point, float(point.x[program.ends[-1]] * program.mass))
     return None
+
+
+def is_idle(found: Found) -> bool:
+    """Return whether no direction of the thrust saves any propellant."""
+    rows = 6 * len(found.program.points)
+    return float(np.abs(found.point.multipliers[:rows]).max()) < _IDLE
+
+
+def pull_together(program: Transcription, x: Array) -> None:
+    """Ask each guided phase for directions that are alike, where nothing else decides."""
+    for p in range(len(program.phases)):
+        if program.steering[p] == GUIDED:
+            at = program.control_of[p][:, None] + np.arange(3)
+            mean = x[at].mean(axis=0)
+            program.pull[at] = -_PULL * mean / (len(at) * max(float(np.linalg.norm(mean)), 1e-9))
 
 
 def turning_of(found: Found) -> Turning | None:

@@ -140,6 +140,7 @@ class Transcription:
         names: of the rows.
         lower, upper: bounds of the variables, shape (n,).
         row_lower, row_upper: bounds of the rows, shape (m,).
+        pull: shape (n,), of the objective besides the mass: 0 but where nothing else decides.
     """
 
     def __init__(
@@ -203,6 +204,7 @@ class Transcription:
             self.radius,
             self.speed,
         )
+        self.pull = np.zeros(self.size)
         self._make_patterns()
 
     # ---- what follows what
@@ -581,13 +583,13 @@ class Transcription:
     # ---- what the solver calls
 
     def objective(self, x: Array) -> float:
-        """Negative mass at the end."""
-        return -float(x[self.ends[-1]])
+        """Negative mass at the end, and the pull."""
+        return float(self.pull @ x) - float(x[self.ends[-1]])
 
     def gradient(self, x: Array, out: Array) -> None:
         """Gradient of :meth:`objective`."""
-        out[:] = 0.0
-        out[self.ends[-1]] = -1.0
+        out[:] = self.pull
+        out[self.ends[-1]] -= 1.0
 
     def rows(self, x: Array, out: Array) -> None:
         """Values of all rows."""
