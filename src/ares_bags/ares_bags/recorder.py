@@ -134,8 +134,8 @@ class RecorderNode(FlightNode):
         self._missing = 0
         #: the bag was closed while the flight went on, which may end before this process does
         self._cut_off = False
-        #: the simulator has said that the flight will not begin
-        self._refused = False
+        #: the simulator holds the count, or has refused the flight
+        self._unbegun = False
         self._held_back: list[Callable[[], None]] = []
 
     @property
@@ -277,7 +277,8 @@ class RecorderNode(FlightNode):
         if self._membership.flight_id:
             self._take_held_back()
         simulator = self._membership.simulator
-        self._refused = simulator is not None and simulator.state == State.FAILED
+        if simulator is not None and simulator.state != State.LEFT:
+            self._unbegun = simulator.state in (State.READY, State.FAILED)
         if simulator is None or simulator.state != State.OVER or self._writer is None:
             return
         guidance = self._membership.guidance
@@ -421,7 +422,7 @@ class RecorderNode(FlightNode):
             self._ending = None
         self._inputs.clear()
         self._note_the_flight()
-        if self._writer is not None and (self._refused or not self._received):
+        if self._writer is not None and (self._unbegun or not self._received):
             # a flight that never began leaves no bag
             self._writer.discard()
         self._try(lambda writer: writer.close())

@@ -60,9 +60,9 @@ def check_floor(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> None:
     Raises:
         ValueError: it does not; one line.
     """
-    for k, lowest in _lowest(trajectory, arrays):
-        if lowest < GROUND:
-            kind = "coast" if arrays.arcs["kind"][k] == COAST else "burn"
-            raise ValueError(
-                f"arc {k}, a {kind}, goes through the ground, {GROUND - lowest:,.0f} m deep"
-            )
+    k, lowest = min(_lowest(trajectory, arrays), key=lambda arc: arc[1])
+    if lowest < GROUND:
+        kind = "coast" if arrays.arcs["kind"][k] == COAST else "burn"
+        raise ValueError(
+            f"arc {k}, a {kind}, goes through the ground, {GROUND - lowest:,.0f} m deep"
+        )

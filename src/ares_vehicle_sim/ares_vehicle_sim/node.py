@@ -231,7 +231,7 @@ class VehicleSimNode(FlightNode):
         self._truth_message = StateMessage(VehicleState)
         self._steering = np.zeros(1, STEERING)
         self._flying = self._counting = False
-        self._planning_since = math.inf
+        self._planning_since = -math.inf
         self._successor = 0
         self._waiting = self._unanswered = False
         self._unguided = False
@@ -374,7 +374,7 @@ class VehicleSimNode(FlightNode):
     def _on_guidance_agreed(self, member: FlightMember) -> None:
         """Who guides is there, with a plan or to make one."""
         planning = member.state == State.PLANNING
-        self._planning_since = time.monotonic() if planning else math.inf
+        self._planning_since = time.monotonic() if planning else -math.inf
         if self._counting and not planning:
             self._lift_off()
         elif self._successor == member.member_id:
@@ -522,7 +522,7 @@ class VehicleSimNode(FlightNode):
 
     def _start(self) -> None:
         """Begin the flight, or the count that is held until guidance has its plan."""
-        if self._planning_since < math.inf:
+        if self._planning_since > -math.inf:
             self._counting = True
             self._membership.say(State.READY)
             self._planning_since = self._waiting_line_at = time.monotonic()
@@ -539,7 +539,7 @@ class VehicleSimNode(FlightNode):
     def _lift_off(self) -> None:
         """End the count: guidance, which has its plan, answers the first state."""
         self._counting = False
-        self._planning_since = math.inf
+        self._planning_since = -math.inf
         self._begin()
         self._publish_truth()
         self._await_answer()

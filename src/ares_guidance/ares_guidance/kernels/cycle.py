@@ -438,7 +438,7 @@ def hold(mission: MissionRecords, onboard: Onboard, before: float) -> None:
     Args:
         mission: as in :func:`guidance_step`; so the next.
         onboard: what is on board. Changed.
-        before: time of the navigation state before, s: a cut-off before it would not be flown.
+        before: time of the navigation state before, s: the vehicle takes no cut-off before it.
     """
     nav = onboard.navigation
     state = onboard.state
@@ -450,7 +450,7 @@ def hold(mission: MissionRecords, onboard: Onboard, before: float) -> None:
     if state.phase == PHASE_HOLD:
         solution.time_to_go = held_cutoff(aimed_lower(mission, state), onboard)
         cutoff = nav.time + solution.time_to_go - solution.tail_gain
-        steering.cutoff_time = max(cutoff, before)
+        steering.cutoff_time = cutoff if cutoff >= before else nav.time
         if cutoff <= nav.time:
             state.phase = PHASE_CUTOFF
 
