@@ -9,6 +9,8 @@ import pytest
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
+from ares_bringup.monitor import FlightMonitor
+from ares_bringup.summary import FlightSummary, facts_of
 from ares_guidance.node import GuidanceNode
 from ares_guidance.testing import RESTART
 from ares_models.mission import load_mission
@@ -174,6 +176,22 @@ def test_a_paced_flight_counts_its_pace_from_the_plan(graph, missions, plan, opt
     # the wait is not made up for
     assert time.monotonic() - begun > 0.5 * (len(graph.states) - 1) * 0.1
     assert not graph.reported("behind its pace")
+
+
+def test_the_plan_is_told_before_the_flight(graph, missions, plan, optimizer):
+    optimizer(distorted(plan, method="indirect", final_mass=7123.45))
+    said = []
+    summary = FlightSummary(facts_of(load_mission(missions["free"])), "peg", None, 77)
+    monitor = FlightMonitor(graph.observer, summary, said.append)
+    graph.start(GuidanceNode, mission=missions["free"], flight_id=77)
+    graph.start(VehicleSimNode, mission=missions["free"], flight_id=77, expected_judges=1)
+    graph.spin(lambda: said and summary.started)
+    (line,) = said
+    start = "plan taken, by method indirect: 7,123.5 kg after the last cut-off, no coast below "
+    assert line.startswith(start)
+    # the ground of this mission is at 6,200 km; the coast sets out some 340 km above it
+    assert 300.0 < float(line.removeprefix(start).removesuffix(" km")) < 360.0
+    monitor.leave()
 
 
 @pytest.mark.parametrize("pace", [0.0, 1.0])
