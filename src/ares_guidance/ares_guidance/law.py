@@ -270,7 +270,7 @@ def why_no_plan(law: str, arrays: MissionArrays, reason: str) -> str:
     """
     return (
         f"law {law} needs a plan of the free {name_free_arcs(arrays)}, the optimizer has none: "
-        f"{reason}; try another method of `ares optimize`, other bounds of these arcs, or fixed ones"
+        f"{reason}; try another method of `ares optimize`, other bounds of these arcs or fixed ones"
     )
 
 
