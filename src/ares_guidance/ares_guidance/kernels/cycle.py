@@ -69,6 +69,10 @@ from ares_models.kernels.vectors import (
 )
 
 CUTOFF_SEARCH_STEPS = 4
+#: s, by which the last of them may still move the cut-off: one that moves it on is on no way to it.
+CUTOFF_SETTLED = 0.1
+#: s, over which the speed that the target asks for is differenced along the flight.
+DIFFERENCE = 0.1
 
 
 @kernel
@@ -89,7 +93,7 @@ def held_cutoff(mission: MissionRecords, onboard: Onboard) -> float:
     Args: as in :func:`guidance_step`.
 
     Returns:
-        s from now, at full thrust.
+        s from now, at full thrust; as planned where it is not found.
     """
     environment = mission.environment
     nav = onboard.navigation
@@ -112,6 +116,7 @@ def held_cutoff(mission: MissionRecords, onboard: Onboard) -> float:
         plan_segments(mission, onboard)
     # thrust that comes after the command is counted with the burn
     t = max(solution.time_to_go, 0.0)
+    step = 0.0
     for _ in range(CUTOFF_SEARCH_STEPS):
         # no burn lasts longer than the mass
         t = min(t, 0.98 * tau)
@@ -128,10 +133,15 @@ def held_cutoff(mission: MissionRecords, onboard: Onboard) -> float:
         v_t = axpy(horizon, g, axpy(l_t, u, v))
         speed = norm(v_t)
         wanted = target_speed(mission.target, environment.mu, norm(axpy(horizon, v, r)))
-        gain = dot(v_t, axpy(acceleration, u, g)) / speed
+        after = target_speed(mission.target, environment.mu, norm(axpy(horizon + DIFFERENCE, v, r)))
+        # an orbit asks for less the higher it is met
+        gain = dot(v_t, axpy(acceleration, u, g)) / speed - (after - wanted) / DIFFERENCE
         if gain <= 0.0:
-            break
-        t += (wanted - speed) / gain
+            return float(solution.time_to_go)
+        step = (wanted - speed) / gain
+        t += step
+    if not abs(step) <= CUTOFF_SETTLED:
+        return float(solution.time_to_go)
     return t
 
 
@@ -422,10 +432,13 @@ def catch_up(mission: MissionRecords, onboard: Onboard) -> None:
 
 
 @kernel
-def hold(mission: MissionRecords, onboard: Onboard) -> None:
+def hold(mission: MissionRecords, onboard: Onboard, before: float) -> None:
     """Close to the end: freeze the steering, refine the cut-off, and come to it.
 
-    Args: as in :func:`guidance_step`.
+    Args:
+        mission: as in :func:`guidance_step`; so the next.
+        onboard: what is on board. Changed.
+        before: time of the navigation state before, s: the vehicle takes no cut-off before it.
     """
     nav = onboard.navigation
     state = onboard.state
@@ -436,8 +449,9 @@ def hold(mission: MissionRecords, onboard: Onboard) -> None:
         state.phase = PHASE_HOLD
     if state.phase == PHASE_HOLD:
         solution.time_to_go = held_cutoff(aimed_lower(mission, state), onboard)
-        steering.cutoff_time = nav.time + solution.time_to_go - solution.tail_gain
-        if steering.cutoff_time <= nav.time:
+        cutoff = nav.time + solution.time_to_go - solution.tail_gain
+        steering.cutoff_time = cutoff if cutoff >= before else nav.time
+        if cutoff <= nav.time:
             state.phase = PHASE_CUTOFF
 
 
@@ -504,8 +518,9 @@ def answer_state(mission: MissionRecords, onboard: Onboard) -> None:
     """As :func:`guidance_step`, for a sound state and the vehicle that is left."""
     nav = onboard.navigation
     state = onboard.state
+    before = state.time
     catch_up(mission, onboard)
-    hold(mission, onboard)
+    hold(mission, onboard, before)
     if nav.time >= state.next_cycle_time - 1e-9:
         run_cycle(mission, onboard)
     if state.phase == PHASE_CONVERGING and math.isnan(onboard.steering.cutoff_time):
