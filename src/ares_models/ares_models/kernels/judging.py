@@ -86,6 +86,7 @@ _ORIENTATION = math.radians(ORIENTATION_DEG)
 _SAME_ANGLE = math.radians(SAME_ANGLE_DEG)
 _FLAT = 0.1  # sine of the inclination below which a node means less
 _STATE = NAMES_RADIUS | NAMES_SPEED | NAMES_FLIGHT_PATH_ANGLE | NAMES_INCLINATION
+_SIZES = (NAMES_PERIGEE, NAMES_APOGEE, NAMES_SEMI_MAJOR_AXIS, NAMES_ECCENTRICITY, NAMES_C3)
 _KEPLERIAN = (
     _STATE
     | NAMES_ASCENDING_NODE
@@ -185,7 +186,19 @@ def fill_errors(r: Vector, v: Vector, target: Record, mu: float, result: Record)
 
 
 @kernel
-def fill_allowed(r: Vector, v: Vector, mu: float, result: Record) -> None:
+def _own_eccentricity(target: Record) -> float:
+    """Return the eccentricity of a target's orbit; inf where it is free, or is no matter."""
+    if target.kind == TARGET_KEPLERIAN:
+        return target.eccentricity
+    count = 0
+    for name in _SIZES:
+        if target.kind == TARGET_ELEMENTS and target.named & name:
+            count += 1
+    return target.eccentricity if count > 1 else math.inf
+
+
+@kernel
+def fill_allowed(r: Vector, v: Vector, target: Record, mu: float, result: Record) -> None:
     """Fill how much of each error is allowed to a state.
 
     Where a perigee points is allowed what turns the plane's angles, and what moves the perigee in
@@ -194,7 +207,8 @@ def fill_allowed(r: Vector, v: Vector, mu: float, result: Record) -> None:
     Args: as in :func:`fill_errors`.
     """
     radius, speed, angle, inclination, _ = insertion_quantities(r, v)
-    perigee, apogee, axis, e, c3, anomaly = allowed_figures(radius, speed, angle, mu)
+    wanted = _own_eccentricity(target)
+    perigee, apogee, axis, e, c3, anomaly = allowed_figures(radius, speed, angle, mu, wanted)
     node = min(math.pi, _ORIENTATION * max(1.0, _FLAT / math.sin(inclination)))
     result.radius_allowed = RADIUS_M
     result.speed_allowed = SPEED_M_S
@@ -334,7 +348,7 @@ def judge_state(
         result: with the fields JUDGED, changed.
     """
     fill_errors(r, v, target, mu, result)
-    fill_allowed(r, v, mu, result)
+    fill_allowed(r, v, target, mu, result)
     result.lacking_speed = lacking_speed(r, v, target, mu)
     safe = safe_radius(target, ground)
     lowest = min(safe, perigee_radius(target, mu))

@@ -17,6 +17,8 @@ Figures = tuple[float, float, float, float, float, float]
 Move = tuple[float, float, float]
 
 _ANGLE = math.radians(FLIGHT_PATH_ANGLE_DEG)
+#: An orbit is round whose eccentricity is less than so much of what the tolerances come to.
+_ROUND = 3.0
 
 
 @kernel
@@ -61,32 +63,52 @@ def _moves(radius: float, speed: float, angle: float, mu: float) -> tuple[Move, 
 
 
 @kernel
-def allowed_figures(radius: float, speed: float, angle: float, mu: float) -> Figures:
-    """Return how much the figures of :func:`orbit_figures` may be off, to first order.
+def allowed_figures(radius: float, speed: float, angle: float, mu: float, wanted: float) -> Figures:
+    """Return how much the figures of :func:`orbit_figures` may be off.
 
-    Where the tolerances turn the eccentricity vector by as much as it is long, its length changes
-    by more than to first order, and any true anomaly will do. nan: an apogee of an escape.
+    To first order what the tolerances come to. Of an orbit that they make a circle, or nearly,
+    perigee may be anywhere: there each moves perigee and apogee by as much as it ever does.
+
+    Args:
+        radius: m.
+        speed: m/s.
+        angle: flight-path angle, rad.
+        mu: m3/s2.
+        wanted: eccentricity of the target; inf: it has none of its own.
+
+    Returns:
+        nan: an apogee of an escape.
     """
     towards, ahead, parameter = shape(radius, speed, angle, mu)
     e = math.hypot(towards, ahead)
     cos, sin = (towards / e, ahead / e) if e > 0.0 else (1.0, 0.0)
-    longer = turned = perigee = apogee = 0.0
+    moves = _moves(radius, speed, angle, mu)
+    longer = turned = anyhow = 0.0
+    for move in moves:
+        longer += abs(cos * move[0] + sin * move[1])
+        turned += abs(cos * move[1] - sin * move[0])
+        anyhow += math.hypot(move[0], move[1])
+    least = min(e, wanted)
+    is_round = least < _ROUND * anyhow
     near = parameter / (1.0 + e)
     far = parameter / (1.0 - e) if e < 1.0 else math.nan
-    for move in _moves(radius, speed, angle, mu):
+    perigee = apogee = 0.0
+    for move in moves:
         stretch = cos * move[0] + sin * move[1]
-        longer += abs(stretch)
-        turned += abs(cos * move[1] - sin * move[0])
-        perigee += abs((move[2] - near * stretch) / (1.0 + e))
-        apogee += abs((move[2] + far * stretch) / (1.0 - e))
-    cusp = math.hypot(e + longer, turned) - (e + longer)
+        most = math.hypot(move[0], move[1])
+        if is_round:
+            perigee += abs(move[2]) + near * most
+            apogee += abs(move[2]) + far * most
+        else:
+            perigee += abs(move[2] - near * stretch)
+            apogee += abs(move[2] + far * stretch)
     c3 = 2.0 * (mu / (radius * radius) * RADIUS_M + speed * SPEED_M_S)
     energy = speed * speed - 2.0 * mu / radius
     return (
-        perigee + near / (1.0 + e) * cusp,
-        apogee + far / (1.0 - e) * cusp,
+        perigee / (1.0 + e),
+        apogee / (1.0 - e),
         mu / (energy * energy) * c3,
-        longer + cusp,
+        math.hypot(e + longer, turned) - e if not is_round else anyhow,
         c3,
-        math.asin(turned / e) if turned < e else math.pi,
+        math.atan2(turned, least - longer) if least > anyhow else math.pi,
     )
