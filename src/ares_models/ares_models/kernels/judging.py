@@ -30,6 +30,7 @@ from ares_models.kernels.targets import (
     named_plane,
     perigee_radius,
     project_to_plane,
+    size_and_shape,
 )
 from ares_models.kernels.vectors import Vector, axpy, cross, dot, norm, scale, unit
 from ares_models.tolerances import (
@@ -186,7 +187,7 @@ def fill_errors(r: Vector, v: Vector, target: Record, mu: float, result: Record)
 
 
 @kernel
-def _own_eccentricity(target: Record) -> float:
+def _own_eccentricity(target: Record, mu: float) -> float:
     """Return the eccentricity of a target's orbit; inf where it is free, or is no matter."""
     if target.kind == TARGET_KEPLERIAN:
         return target.eccentricity
@@ -194,7 +195,10 @@ def _own_eccentricity(target: Record) -> float:
     for name in _SIZES:
         if target.kind == TARGET_ELEMENTS and target.named & name:
             count += 1
-    return target.eccentricity if count > 1 else math.inf
+    if count < 2:
+        return math.inf
+    c3, perigee = size_and_shape(target, mu)
+    return 1.0 + perigee * c3 / mu
 
 
 @kernel
@@ -207,7 +211,7 @@ def fill_allowed(r: Vector, v: Vector, target: Record, mu: float, result: Record
     Args: as in :func:`fill_errors`.
     """
     radius, speed, angle, inclination, _ = insertion_quantities(r, v)
-    wanted = _own_eccentricity(target)
+    wanted = _own_eccentricity(target, mu)
     perigee, apogee, axis, e, c3, anomaly = allowed_figures(radius, speed, angle, mu, wanted)
     node = min(math.pi, _ORIENTATION * max(1.0, _FLAT / math.sin(inclination)))
     result.radius_allowed = RADIUS_M
