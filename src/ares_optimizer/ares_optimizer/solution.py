@@ -12,6 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ares_models.judge import End
+
 Array = NDArray[np.float64]
 
 
@@ -172,6 +174,7 @@ class Verification:
         peak_fmhr_after_jettison_w_m2: greatest heating from there to cut-off; nan without one.
         position_defect_m, velocity_defect_m_s, mass_defect_kg: greatest distance between the
             solver's own nodes and the integration, interior and terminal.
+        end: what is reached, as the judge of every flight says.
     """
 
     radius_m: float
@@ -185,6 +188,7 @@ class Verification:
     position_defect_m: float
     velocity_defect_m_s: float
     mass_defect_kg: float
+    end: End
 
 
 @dataclass(frozen=True)
@@ -350,6 +354,7 @@ class Solution:
                 "flight_path_angle_deg": _number(v.flight_path_angle_deg),
                 "inclination_deg": _number(v.inclination_deg),
                 "fmhr_w_m2": _number(v.fmhr_w_m2),
+                "end": str(v.end),
             },
         }
 

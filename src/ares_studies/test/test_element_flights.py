@@ -8,12 +8,11 @@ import pytest
 from ares_guidance.arrays import ERROR_PROPELLANT_SHORT
 from ares_guidance.law import LawSettings
 from ares_guidance.laws import check_law, make_law
+from ares_models.judge import End, judge
 from ares_models.mission import Mission, load_mission
 from ares_models.orbits import Elements
 from ares_optimizer.indirect.solve import solve_indirect
 from ares_studies.closed_loop import fly_compiled, offline_trajectory, ready_law
-from ares_studies.montecarlo.arrays import RESULT
-from ares_studies.montecarlo.kernels import judge_insertion, on_target
 
 EQUATOR = 6378140.0
 TRANSFER = {"perigee_altitude_m": 185e3, "apogee_altitude_m": 35786e3}
@@ -54,11 +53,14 @@ def aimed(name="ares_v", **target):
 
 
 def judged(mission, plant):
-    result = np.zeros(1, RESULT)
-    target = mission.arrays().target[0]
-    r, v = (tuple(plant[key].tolist()) for key in ("position", "velocity"))
-    judge_insertion(r, v, target, mission.environment.mu_m3_s2, result[0])
-    return on_target(target, result[0]), result[0]
+    result = judge(
+        plant["position"],
+        plant["velocity"],
+        mission.arrays().target[0],
+        mission.environment.mu_m3_s2,
+        mission.environment.earth.equatorial_radius_m,
+    )
+    return result.end is End.TARGET, result
 
 
 @pytest.mark.parametrize("law", LAWS)
