@@ -74,6 +74,9 @@ _PRICED = 1e-8
 #: Multipliers of the motion where nothing is to be saved, and the pull on directions there.
 _IDLE = 1e-6
 _PULL = 1e-4
+#: Between the ends of a program and of the flight that proves it, m and m/s.
+_END_M = 2.0
+_END_M_S = 1e-2
 #: Samples of a coast from state to state.
 _SAMPLES = 8
 #: Barrier that a solver begins with near a solution.
@@ -377,6 +380,7 @@ class _Proven:
         steering: by which it is flown.
         flight: None where no proof is asked for.
         checks: of the flight.
+        exact: the flight ends where the program does.
     """
 
     found: Found
@@ -384,6 +388,7 @@ class _Proven:
     steering: Steering
     flight: Flight | None
     checks: tuple[ConstraintCheck, ...]
+    exact: bool
 
 
 def _finished(search: _Search, best: Found, began: float) -> Solution:
@@ -408,7 +413,7 @@ def _finished(search: _Search, best: Found, began: float) -> Solution:
         if not steady and finer < _FINER[-1]:
             continue
         proven = _flown(search, found, adjoint)
-        if all(check.satisfied for check in proven.checks) or request.deadline.passed:
+        if (proven.exact and all(c.satisfied for c in proven.checks)) or request.deadline.passed:
             break
     elapsed = 1e3 * (time.perf_counter() - began)
     if proven is None:
@@ -582,7 +587,7 @@ def _flown(search: _Search, found: Found, adjoint: Adjoint) -> _Proven:
     program, point, request = found.program, found.point, search.request
     steering = steering_of(program, point, adjoint)
     if not request.verify:
-        return _Proven(found, adjoint, steering, None, ())
+        return _Proven(found, adjoint, steering, None, (), exact=True)
     times = times_of(program, point.x)
     planned = with_lengths(search.arrays, search.start[0], times.lengths)
     flight = fly(
@@ -595,7 +600,9 @@ def _flown(search: _Search, found: Found, adjoint: Adjoint) -> _Proven:
     )
     held = Heating.IGNORED if request.heating is Heating.IGNORED else Heating.AT_JETTISON
     checks = constraint_table(planned, search.start[0], flight, held)
-    return _Proven(found, adjoint, steering, flight, checks)
+    off = flight.final[:6] - adjoint.state[-1]
+    exact = bool(np.linalg.norm(off[:3]) < _END_M and np.linalg.norm(off[3:]) < _END_M_S)
+    return _Proven(found, adjoint, steering, flight, checks, exact)
 
 
 def steering_of(program: Transcription, point: Point, adjoint: Adjoint) -> Steering:
