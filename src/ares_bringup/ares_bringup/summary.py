@@ -163,9 +163,7 @@ def facts_of(mission: "Mission") -> MissionFacts:
         fairing=heating.index(True) if True in heating else None,
         equatorial_radius=mission.environment.earth.equatorial_radius_m,
         safe_perigee_altitude=mission.abort.safe_perigee_altitude_m if mission.abort else None,
-        environment=None
-        if mission.environment.earth.zero_longitude_deg is None
-        else mission.environment_array()[0],
+        environment=None if mission.zero_longitude_deg is None else mission.environment_array()[0],
         areas=mission.area_names,
     )
 

@@ -4,21 +4,17 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from ares_models.arrays import MAX_ARCS, MAX_JETTISONS
 from ares_models.mission_areas import check_areas
 from ares_models.mission_parts import BurnArc, CoastArc, Stage, fail, shortest
 from ares_models.mission_physics import check_body, check_engines, check_flight_time
+from ares_models.mission_start import check_initial_state
 from ares_models.mission_target import check_target
 
 if TYPE_CHECKING:
     from ares_models.mission import Mission
 
 MAX_STAGES = 8
-
-#: An ascent begins below this many Earth radii.
-MAX_INITIAL_RADII = 10.0
 
 # file values are rounded; masses may miss each other by this much of themselves
 _MASS_ROUNDING = 1e-6
@@ -39,7 +35,7 @@ def check_mission(mission: "Mission") -> None:
     _check_jettison_times(mission)
     check_flight_time(mission)
     _check_heating_limits(mission)
-    _check_initial_state(mission)
+    check_initial_state(mission)
     check_target(mission)
     check_areas(mission)
 
@@ -221,43 +217,3 @@ def _check_heating_limits(mission: "Mission") -> None:
                 jettison.heating_limit_holds,
                 f"at_jettison, for all but the lowest limit, {min(limits):g} W/m2",
             )
-
-
-def _check_initial_state(mission: "Mission") -> None:
-    start = mission.start()
-    earth = mission.environment.earth.earth()
-    radius = math.hypot(*start.position)
-    surface = earth.equatorial_radius
-    farthest = MAX_INITIAL_RADII * surface
-    if mission.environment.altitude == "ellipsoid" and radius > 0.0:
-        latitude, _ = earth.latitude_longitude(start.position, 0.0)
-        surface = earth.surface_radius(latitude)
-    key = {"position_m", "radius_m", "semi_major_axis_m"} & set(
-        type(mission.initial_state).model_fields
-    )
-    path = ("initial_state", *key)
-    if not surface < radius < farthest:
-        fail(
-            path,
-            round(radius, 3),
-            f"a distance from the Earth's centre above its surface, {surface:,.0f} m, "
-            f"and below {farthest:,.0f} m",
-        )
-    speed = math.hypot(*start.velocity)
-    escape = math.sqrt(2.0 * mission.environment.mu_m3_s2 / radius)
-    if speed >= 2.0 * escape:
-        key = {"velocity_m_s", "speed_m_s", "semi_major_axis_m"} & set(
-            type(mission.initial_state).model_fields
-        )
-        fail(
-            ("initial_state", *key),
-            round(speed, 3),
-            f"a speed below twice the escape speed, {2.0 * escape:,.0f} m/s",
-        )
-    momentum = float(np.linalg.norm(np.cross(start.position, start.velocity)))
-    if not momentum > 0.0:
-        fail(
-            ("initial_state",),
-            start.velocity.tolist(),
-            "a velocity that is not straight up, so that it spans a plane",
-        )

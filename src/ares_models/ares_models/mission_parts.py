@@ -10,8 +10,6 @@ from datetime import UTC, datetime
 from itertools import pairwise
 from typing import Annotated, Any, Literal, NoReturn
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import (
     AfterValidator,
     BaseModel,
@@ -26,11 +24,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from ares_models.arrays import MAX_ARCS, MAX_AREAS, MAX_KNOTS, MAX_VERTICES
-from ares_models.earth import Earth, LaunchAngles
-from ares_models.orbits import Elements
 from ares_models.ranges import Range
-
-Array = NDArray[np.float64]
 
 
 def fail(path: tuple[str | int, ...], value: object, expected: str) -> NoReturn:
@@ -62,8 +56,6 @@ MIN_TIME_S = 1e-3
 #: What NRLMSIS is asked for: 1e-22 W/m2/Hz, and a daily index.
 SOLAR_FLUX = Range(30.0, 500.0)
 GEOMAGNETIC_INDEX = Range(0.0, 400.0)
-#: From the centre, of an initial state by elements.
-LEAST_PERIGEE_M = 1.0
 #: Years of an epoch.
 FIRST_YEAR, LAST_YEAR = 1900, 2200
 
@@ -201,15 +193,6 @@ class EarthPart(Part):
             )
         return self
 
-    def earth(self) -> Earth:
-        """The same for computing."""
-        return Earth(
-            self.equatorial_radius_m,
-            self.polar_radius_m,
-            self.rotation_rate_rad_s,
-            math.radians(self.zero_longitude_deg or 0.0),
-        )
-
 
 _INDICES = ("f107", "f107a", "ap", "latitude_deg", "longitude_deg")
 
@@ -255,97 +238,6 @@ class EnvironmentPart(Part):
     atmosphere: AtmospherePart = Field(
         description="for the heating that a fairing waits for; no drag"
     )
-
-
-class StateVectors(Part):
-    """Initial state as inertial vectors."""
-
-    time_s: MissionTime = Field(description="mission elapsed time")
-    position_m: tuple[Coordinate, Coordinate, Coordinate] = Field(description="three numbers")
-    velocity_m_s: tuple[VelocityComponent, VelocityComponent, VelocityComponent] = Field(
-        description="three numbers"
-    )
-
-    def state(self, mu: float) -> tuple[Array, Array]:
-        """Position (m) and velocity (m/s), each shape (3,)."""
-        return np.array(self.position_m), np.array(self.velocity_m_s)
-
-
-class StateAngles(Part):
-    """Initial state as place, speed, flight-path angle and azimuth, all inertial."""
-
-    time_s: MissionTime = Field(description="mission elapsed time")
-    latitude_deg: Latitude = Field(description="geocentric")
-    right_ascension_deg: Turn = Field(description="from the inertial x axis, not from Greenwich")
-    radius_m: Radius = Field(description="from the centre")
-    speed_m_s: Speed = Field(description="inertial")
-    flight_path_angle_deg: FlightPathAngle = Field(description="of the inertial velocity")
-    azimuth_deg: Turn = Field(description="of the inertial velocity, north to east")
-
-    def state(self, mu: float) -> tuple[Array, Array]:
-        """Position (m) and velocity (m/s), each shape (3,); Eqs. 2.14 and 2.18."""
-        return LaunchAngles(
-            radius=self.radius_m,
-            latitude=math.radians(self.latitude_deg),
-            right_ascension=math.radians(self.right_ascension_deg),
-            speed=self.speed_m_s,
-            flight_path_angle=math.radians(self.flight_path_angle_deg),
-            azimuth=math.radians(self.azimuth_deg),
-        ).state()
-
-
-class StateElements(Part):
-    """Initial state as Keplerian elements."""
-
-    time_s: MissionTime = Field(description="mission elapsed time")
-    semi_major_axis_m: AnySemiMajorAxis = Field(description="negative for a hyperbola")
-    eccentricity: AnyEccentricity = Field(description="not 1")
-    inclination_deg: Inclination = Field(description="to the equator")
-    ascending_node_deg: Turn = Field(description="from the inertial x axis")
-    argument_of_perigee_deg: Turn = Field(description="from the node")
-    true_anomaly_deg: Turn = Field(description="from perigee")
-
-    @model_validator(mode="after")
-    def _conic(self) -> "StateElements":
-        if self.eccentricity == 1.0:
-            fail(("eccentricity",), self.eccentricity, "not exactly 1")
-        if self.semi_major_axis_m * (1.0 - self.eccentricity) < LEAST_PERIGEE_M:
-            fail(
-                ("semi_major_axis_m",),
-                self.semi_major_axis_m,
-                "more than 0 for an ellipse, less than 0 for a hyperbola, with a perigee at least "
-                f"{LEAST_PERIGEE_M:g} m from the centre",
-            )
-        if 1.0 + self.eccentricity * math.cos(math.radians(self.true_anomaly_deg)) <= 0.0:
-            fail(("true_anomaly_deg",), self.true_anomaly_deg, "an anomaly inside the asymptotes")
-        return self
-
-    def state(self, mu: float) -> tuple[Array, Array]:
-        """Position (m) and velocity (m/s), each shape (3,)."""
-        return Elements(
-            self.semi_major_axis_m,
-            self.eccentricity,
-            math.radians(self.inclination_deg),
-            math.radians(self.ascending_node_deg),
-            math.radians(self.argument_of_perigee_deg),
-            math.radians(self.true_anomaly_deg),
-        ).state(mu)
-
-
-InitialState = Annotated[
-    Annotated[StateVectors, Tag("<vectors>")]
-    | Annotated[StateAngles, Tag("<angles>")]
-    | Annotated[StateElements, Tag("<elements>")],
-    Discriminator(
-        by_keys(
-            {"<vectors>": StateVectors, "<angles>": StateAngles, "<elements>": StateElements},
-            None,
-        ),
-        custom_error_type="expected",
-        custom_error_message="position_m and velocity_m_s, or latitude_deg and so on, "
-        "or semi_major_axis_m and so on",
-    ),
-]
 
 
 def _check_curve(key: str, curve: tuple[tuple[float, float], ...] | None, end: float) -> None:

@@ -343,13 +343,19 @@ BROKEN = {
         ),
         " ",
         "initial_state",
-        "expected position_m and velocity_m_s, or latitude_deg",
+        (
+            "expected position_m and velocity_m_s, latitude_deg and so on, semi_major_axis_m and "
+            "so on, geodetic_latitude_deg and so on, or earth_fixed_position_m"
+        ),
     ),
     "position in km": (
         "[-5255758.0, -2044694.0, 3058330.0]",
         "[-5255.758, -2044.694, 3058.330]",
         "initial_state.position_m",
-        "is 6415.384; expected a distance from the Earth's centre above its surface",
+        (
+            "expected a distance from the Earth's centre above its surface, 6,373,260 m, and below "
+            "63,781,400 m; it is 6,415 m"
+        ),
     ),
     "position out of the Earth's reach": (
         "3058330.0]",
@@ -361,7 +367,7 @@ BROKEN = {
         "-1839.599",
         "-1839599",
         "initial_state.velocity_m_s",
-        "expected a speed below twice the escape speed, 22,295 m/s",
+        "expected an inertial speed below twice the escape speed, 22,295 m/s; it is",
     ),
     "no burn time": (
         "burn_time_s: free",

@@ -72,7 +72,7 @@ def _dry_shares(mission: Mission) -> Iterator[float]:
 def _start(mission: Mission) -> Iterator[Proposed]:
     """Where the flight begins: in orbit as well as guidance flies, else as open loop does."""
     start = mission.start()
-    earth = mission.environment.earth.earth()
+    earth = mission.earth()
     radius = float(np.linalg.norm(start.position))
     if _in_orbit(mission):
         share = f"{100 * ORBIT_SHARE:g} % of"

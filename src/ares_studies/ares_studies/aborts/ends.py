@@ -122,7 +122,7 @@ class Judge:
         self.areas = mission.area_names
         self._target = arrays.target[0]
         self._environment = arrays.environment[0]
-        self._earth = mission.environment.earth.earth()
+        self._earth = mission.earth()
         self._mu = float(self._environment["mu"])
         energy, self._radius = energy_and_radius(self._target, self._mu)
         self._speed = self._speed_of(energy)
