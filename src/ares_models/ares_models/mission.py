@@ -21,6 +21,7 @@ from ares_models.earth import Earth
 from ares_models.input_file import InputError, InputKind, KeyPath, by_cause, explain, read_input
 from ares_models.mission_areas import write_areas
 from ares_models.mission_checks import MAX_STAGES, check_mission
+from ares_models.mission_masses import ignition_mass
 from ares_models.mission_parts import (
     AbortPart,
     BurnArc,
@@ -28,10 +29,12 @@ from ares_models.mission_parts import (
     EnvironmentPart,
     HeatingLimitHolds,
     Jettison,
+    Load,
     Moment,
     Part,
     Stage,
     Text,
+    not_there,
     shortest,
 )
 from ares_models.mission_start import FORMS as START_FORMS
@@ -101,6 +104,16 @@ class Mission(Part):
     )
     title: Text = Field(description="what it is")
     source: Text = Field(description="where the numbers come from")
+    payload_kg: Load | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="what is carried, where masses are by item",
+    )
+    adapter_kg: Load | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="what it stands on, which stays with the last stage",
+    )
     epoch: Moment | None = Field(
         default=None,
         description="date and time of mission time 0, ISO 8601; UTC if no zone is given",
@@ -115,7 +128,7 @@ class Mission(Part):
 
     abort: AbortPart | None = Field(
         default=None,
-        exclude_if=lambda part: part is None,
+        exclude_if=not_there,
         description="what is flown to where the target is out of reach",
     )
 
@@ -170,6 +183,15 @@ class Mission(Part):
         name = self.stages[stage].name
         return sum(jettison.mass_kg for jettison in self.jettisons if jettison.stage == name)
 
+    def ignition_mass(self, stage: int) -> float:
+        """Return the mass of a stage and all above it when it begins, kg: as given, or by item."""
+        return ignition_mass(self, stage)
+
+    def fixed_propellant(self, stage: int) -> float:
+        """Return what the burns of fixed time of a stage take, kg."""
+        part = self.stages[stage]
+        return part.fixed_propellant(self.environment.g0_m_s2, self.ignition_mass(stage))
+
     def ignition_times(self) -> tuple[float, ...]:
         """Mission elapsed time of each stage's first ignition command, s, at the earliest."""
         times = []
@@ -193,8 +215,9 @@ class Mission(Part):
         if part.propellant_kg is not None:
             return part.propellant_kg
         if any(arc.free for arc in part.burns):
-            return DEFAULT_PROPELLANT_SHARE * (part.ignition_mass_kg - self.jettison_mass(stage))
-        return part.fixed_propellant(self.environment.g0_m_s2)
+            own = self.ignition_mass(stage) - self.jettison_mass(stage)
+            return DEFAULT_PROPELLANT_SHARE * own
+        return self.fixed_propellant(stage)
 
     @property
     def zero_longitude_deg(self) -> float | None:
@@ -223,7 +246,7 @@ class Mission(Part):
     def start(self) -> Start:
         """Time, position, velocity and mass at which the flight begins."""
         position, velocity = self.initial_state.state(self.environment.mu_m3_s2, self.earth())
-        return Start(self.initial_state.time_s, position, velocity, self.stages[0].ignition_mass_kg)
+        return Start(self.initial_state.time_s, position, velocity, self.ignition_mass(0))
 
     def atmosphere(self) -> Atmosphere:
         """The atmosphere; the density factor is not in it.
@@ -301,7 +324,7 @@ class Mission(Part):
                 row["shortest"] = shortest(arc)
                 row["longest"] = arc.max_s or arc.duration_s
                 row["begins_stage"] = int(k == 0)
-                row["stack_mass"] = stage.ignition_mass_kg
+                row["stack_mass"] = self.ignition_mass(i)
                 row["propellant"] = self.propellant(i)
                 row["exhaust_velocity"] = 1.0
                 row["kind"] = layout.COAST

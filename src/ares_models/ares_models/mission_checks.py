@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from ares_models.arrays import MAX_ARCS, MAX_JETTISONS
 from ares_models.mission_areas import check_areas
+from ares_models.mission_masses import check_mass_forms, check_masses
 from ares_models.mission_parts import BurnArc, CoastArc, Stage, fail, shortest
 from ares_models.mission_physics import check_body, check_engines, check_flight_time
 from ares_models.mission_start import check_initial_state
@@ -16,9 +17,6 @@ if TYPE_CHECKING:
 
 MAX_STAGES = 8
 
-# file values are rounded; masses may miss each other by this much of themselves
-_MASS_ROUNDING = 1e-6
-
 
 def check_mission(mission: "Mission") -> None:
     """Run every check; the first problem is raised with its key path.
@@ -27,10 +25,11 @@ def check_mission(mission: "Mission") -> None:
         PydanticCustomError: a problem; turned into a MissionError by the loader.
     """
     _check_names(mission)
+    check_mass_forms(mission)
     check_body(mission)
     _check_free_arcs(mission)
     _check_curves_fit(mission)
-    _check_masses(mission)
+    check_masses(mission)
     check_engines(mission)
     _check_jettison_times(mission)
     check_flight_time(mission)
@@ -112,50 +111,6 @@ def _coast_after(arcs: Sequence[BurnArc | CoastArc], k: int) -> float:
             break
         room += shortest(arc)
     return room
-
-
-def _check_masses(mission: "Mission") -> None:
-    g0 = mission.environment.g0_m_s2
-    stages = mission.stages
-    for i, stage in enumerate(stages):
-        own = mission.jettison_mass(i)
-        aboard = sum(mission.jettison_mass(k) for k in range(i, len(stages)))
-        if aboard >= stage.ignition_mass_kg:
-            fail(
-                ("stages", i, "ignition_mass_kg"),
-                stage.ignition_mass_kg,
-                f"more than the {aboard:,.6g} kg of jettisons that it contains",
-            )
-        after = stages[i + 1].ignition_mass_kg if i + 1 < len(stages) else 0.0
-        room = stage.ignition_mass_kg - own - after
-        slack = _MASS_ROUNDING * stage.ignition_mass_kg
-        if after and room <= 0.0:
-            fail(
-                ("stages", i + 1, "ignition_mass_kg"),
-                after,
-                f"less than the {stage.ignition_mass_kg - own:,.9g} kg of stage "
-                f"{stage.name} without its jettisons",
-            )
-        if stage.propellant_kg is not None and stage.propellant_kg >= room + slack:
-            fail(
-                ("stages", i, "propellant_kg"),
-                stage.propellant_kg,
-                f"at most the {room:,.9g} kg that the stage can lose",
-            )
-        used = stage.fixed_propellant(g0)
-        usable = room if stage.propellant_kg is None else stage.propellant_kg
-        if used > usable + slack:
-            k = max(
-                (k for k, arc in enumerate(stage.flight_arcs) if isinstance(arc, BurnArc)),
-                key=lambda k: -1 if stage.flight_arcs[k].free else k,
-            )
-            arc = stage.flight_arcs[k]
-            fail(
-                ("stages", i, *stage.arc_path(k, "burn_time_s")),
-                arc.duration_s,
-                f"burns that take at most {usable:,.9g} kg; the fixed burns of stage "
-                f"{stage.name} take {used:,.9g} kg",
-            )
 
 
 def _check_jettison_times(mission: "Mission") -> None:

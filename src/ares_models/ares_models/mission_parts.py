@@ -79,6 +79,7 @@ Inclination = Annotated[float, Range(0.0, 180.0)]
 AnySemiMajorAxis = Annotated[float, Range(-1e12, 1e12)]
 AnyEccentricity = Annotated[float, Range(0.0, 100.0)]
 Mass = Annotated[float, Range(1e-3, 1e9)]
+Load = Annotated[float, Range(0.0, 1e9)]
 Thrust = Annotated[float, Range(1e-3, 1e10)]
 SpecificImpulse = Annotated[float, Range(1.0, 1e6)]
 Duration = Annotated[float, Range(MIN_TIME_S, MAX_FLIGHT_S)]
@@ -141,6 +142,11 @@ class Part(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
+def not_there(value: object) -> bool:
+    """Return whether an optional key is left out: with it a mission stays what it was before."""
+    return value is None
+
+
 def one_of(*forms: tuple[str, ...]) -> dict[str, Any]:
     """For editors: a mapping has the keys of one of these forms, none of them empty."""
     filled = {"not": {"type": "null"}}
@@ -179,7 +185,7 @@ class EarthPart(Part):
     rotation_rate_rad_s: RotationRate = Field(description="about z")
     zero_longitude_deg: Turn | None = Field(
         default=None,
-        exclude_if=lambda angle: angle is None,
+        exclude_if=not_there,
         description="right ascension of longitude zero at mission time 0, from the inertial x axis",
     )
 
@@ -534,11 +540,22 @@ class Stage(Part):
     )
 
     name: Name = Field(description="unique; at most 80 characters")
-    ignition_mass_kg: Mass = Field(
-        description="this stage and everything above it, at the moment the stage begins"
+    ignition_mass_kg: Mass | None = Field(
+        default=None,
+        description="this stage and everything above it, at the moment the stage begins",
+    )
+    dry_mass_kg: Mass | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="in place of ignition_mass_kg: of the empty stage alone",
     )
     propellant_kg: Mass | None = Field(
         default=None, description="usable by the whole stage, shared by its burns"
+    )
+    residuals_kg: Load | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="beside dry_mass_kg: propellant that cannot be used",
     )
     arcs: Annotated[tuple[Arc, ...], Field(min_length=1)] | None = Field(
         default=None,
@@ -589,12 +606,17 @@ class Stage(Part):
         """The arcs with thrust."""
         return tuple(arc for arc in self.flight_arcs if isinstance(arc, BurnArc))
 
-    def fixed_propellant(self, g0: float) -> float:
-        """kg that the burns of fixed time take."""
+    def fixed_propellant(self, g0: float, mass_kg: float) -> float:
+        """Compute what the burns of fixed time take, kg.
+
+        Args:
+            g0: m/s2.
+            mass_kg: of the stage and all above it when it begins.
+        """
         used = 0.0
         for burn in self.burns:
             if not burn.free:
-                used += burn.propellant(g0, self.ignition_mass_kg - used)
+                used += burn.propellant(g0, mass_kg - used)
         return used
 
 

@@ -63,9 +63,9 @@ def propose(mission: Mission) -> Iterator[Proposed]:
 
 def _dry_shares(mission: Mission) -> Iterator[float]:
     """What is no propellant of each stage's own mass, its jettisons left out."""
-    for i, stage in enumerate(mission.stages):
-        after = mission.stages[i + 1].ignition_mass_kg if i + 1 < len(mission.stages) else 0.0
-        own = stage.ignition_mass_kg - mission.jettison_mass(i) - after
+    for i in range(len(mission.stages)):
+        after = mission.ignition_mass(i + 1) if i + 1 < len(mission.stages) else 0.0
+        own = mission.ignition_mass(i) - mission.jettison_mass(i) - after
         yield max(0.0, 1.0 - mission.propellant(i) / own)
 
 
