@@ -164,6 +164,12 @@ def _check_heating_limits(mission: "Mission") -> None:
         if jettison.heating_limit_w_m2 is not None
     ]
     for k, jettison in enumerate(mission.jettisons):
+        if mission.environment.atmosphere.model == "none" and jettison.heating_limit_w_m2:
+            fail(
+                ("jettisons", k, "heating_limit_w_m2"),
+                jettison.heating_limit_w_m2,
+                "time_s or time_after_ignition_s in its place, because atmosphere.model is none",
+            )
         # the lowest limit is met last: it governs the rest of the flight
         lowest = jettison.heating_limit_w_m2 == min(limits, default=None)
         if jettison.heating_limit_holds == "from_jettison" and not lowest:

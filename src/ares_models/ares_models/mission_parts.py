@@ -206,7 +206,7 @@ _INDICES = ("f107", "f107a", "ap", "latitude_deg", "longitude_deg")
 class AtmospherePart(Part):
     """Which atmosphere; the indices are for nrlmsis, and only for it."""
 
-    model: Literal["pra63", "pra63_exponential", "pra63_data", "us76", "nrlmsis"] = Field(
+    model: Literal["pra63", "pra63_exponential", "pra63_data", "us76", "nrlmsis", "none"] = Field(
         description="which atmosphere; nrlmsis takes place, day and activity from the keys below"
     )
     density_factor: DensityFactor = Field(default=1.0, description="multiplies every density")
@@ -226,6 +226,8 @@ class AtmospherePart(Part):
                 fail((key,), None, "a number, because model is nrlmsis")
             if self.model != "nrlmsis" and value is not None:
                 fail((key,), value, f"no such key, because model is {self.model}")
+        if self.model == "none" and "density_factor" in self.model_fields_set:
+            fail(("density_factor",), self.density_factor, "no such key, because model is none")
         return self
 
 

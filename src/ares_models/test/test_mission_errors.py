@@ -603,6 +603,21 @@ BROKEN = {
             "114.091 deg"
         ),
     ),
+    "heating where there is no air": (
+        "    model: pra63 ",
+        "    model: none ",
+        "jettisons[0].heating_limit_w_m2",
+        (
+            "is 1135.0; expected time_s or time_after_ignition_s in its place, because "
+            "atmosphere.model is none"
+        ),
+    ),
+    "no air, multiplied": (
+        "    model: pra63 ",
+        "    density_factor: 2.0\n    model: none ",
+        "environment.atmosphere.density_factor",
+        "is 2.0; expected no such key, because model is none",
+    ),
     "target of no kind": (
         "target:                           # Table 2.1",
         "target: {}\nother:",
