@@ -331,6 +331,7 @@ _UNITS = {
     "_m": "m",
     "_n": "N",
     "_s": "s",
+    "_h": "h",
 }
 
 _EXPECTED: dict[str, str] = {

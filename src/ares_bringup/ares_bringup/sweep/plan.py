@@ -34,6 +34,44 @@ _TARGETS: Mapping[str, Mapping[str, object]] = {
     "circle": {"perigee_altitude_m": 185000.0, "inclination_deg": 28.5},
     "escape": {"perigee_altitude_m": 185000.0, "c3_m2_s2": 1e6, "true_anomaly_deg": 5.0},
 }
+#: And with an epoch, from which the node is counted.
+_DATED: Mapping[str, Mapping[str, object]] = {
+    "raan": {
+        "radius_m": 6518889.0,
+        "speed_m_s": 7840.675,
+        "flight_path_angle_deg": 1.0064,
+        "inclination_deg": 28.5,
+        "raan_deg": 114.64,
+    },
+    "local_time": {
+        "radius_m": 6518889.0,
+        "speed_m_s": 7840.675,
+        "flight_path_angle_deg": 1.0064,
+        "inclination_deg": 28.5,
+        "local_time_of_node_h": 0.899,
+    },
+    "latitude": {
+        "perigee_altitude_m": 185000.0,
+        "apogee_altitude_m": 250000.0,
+        "inclination_deg": 28.5,
+        "raan_deg": 114.64,
+        "argument_of_latitude_deg": 150.0,
+        "true_anomaly_deg": 10.0,
+    },
+    "orbit_local_time": {
+        "perigee_altitude_m": 185000.0,
+        "inclination_deg": 28.5,
+        "local_time_of_node_h": 0.899,
+    },
+    "asymptote": {
+        "perigee_altitude_m": 185000.0,
+        "c3_m2_s2": 1e7,
+        "inclination_deg": 28.5,
+        "dla_deg": 5.0,
+        "rla_deg": 124.0,
+    },
+}
+_EPOCH = "2026-01-01T12:00:00Z"
 #: And one with starts relative to the ground, which are its own.
 _STARTS: Mapping[str, Mapping[str, object]] = {
     "over_ground": {
@@ -65,6 +103,8 @@ def bases(kind: str) -> dict[str, dict[str, Any]]:
     if kind == MISSION:
         for key, others in (("target", _TARGETS), ("initial_state", _STARTS)):
             found |= {name: found["ares_v"] | {key: dict(of)} for name, of in others.items()}
+        dated = found["ares_v"] | {"epoch": _EPOCH}
+        found |= {name: dated | {"target": dict(of)} for name, of in _DATED.items()}
     return found
 
 
