@@ -435,6 +435,12 @@ def explain(
     return f"{where}{name} is {format_value(value)}; expected {expected}"
 
 
+def at_line(place: KeyPath, text: str, lines: Mapping[KeyPath, int]) -> str:
+    """Return a text behind the line, if it is known, and the key that it is about."""
+    line = _line(place, lines)
+    return f"line {line}: {format_path(place)} {text}" if line else f"{format_path(place)} {text}"
+
+
 def _line(place: KeyPath, lines: Mapping[KeyPath, int]) -> int | None:
     """Line of a key, or of the nearest thing around it."""
     for end in range(len(place), 0, -1):

@@ -49,8 +49,9 @@ def _printable(text: str) -> str:
 # ---- every number that a file may hold, SI: wide enough for an apogee kick motor and for the
 # largest launcher ever drawn, and for bodies from a small moon to Jupiter
 
-#: Longest flight, s: from the initial state until the propellant of the free burn is gone.
-MAX_FLIGHT_S = 43_200.0
+#: Longest flight, s: ten days from the initial state until the propellant of the free burn is
+#: gone.
+MAX_FLIGHT_S = 864_000.0
 #: Shortest burn, coast or step of a thrust curve, s.
 MIN_TIME_S = 1e-3
 #: What NRLMSIS is asked for: 1e-22 W/m2/Hz, and a daily index.

@@ -294,7 +294,7 @@ class TargetOrbit(_TargetPlane):
         default=None, description="the same as an angle from perigee"
     )
 
-    def _key(self, element: str) -> str:
+    def key_of(self, element: str) -> str:
         """The key of the file that names an element."""
         if element == "ascending_node_deg":
             return self.node_key or element
@@ -304,7 +304,7 @@ class TargetOrbit(_TargetPlane):
         return radius if getattr(self, radius) is not None else f"{element}_altitude_m"
 
     def _given(self, elements: Iterable[str]) -> list[str]:
-        return [name for name in elements if getattr(self, self._key(name)) is not None]
+        return [name for name in elements if getattr(self, self.key_of(name)) is not None]
 
     @property
     def keplerian(self) -> bool:
@@ -323,7 +323,7 @@ class TargetOrbit(_TargetPlane):
         ):
             if len(self._given((one, other))) == 2:
                 fail((other,), getattr(self, other), f"no such key beside {one}")
-        sizes = [self._key(size) for size in self._given(_SIZES)]
+        sizes = [self.key_of(size) for size in self._given(_SIZES)]
         if not set(sizes) - {"eccentricity"}:
             fail(
                 ("perigee_radius_m",),
@@ -377,7 +377,7 @@ class TargetOrbit(_TargetPlane):
         if self.inclination_deg is None:
             fail(("inclination_deg",), None, f"a number in deg, {because}")
         for element in ("ascending_node_deg", "argument_of_perigee_deg"):
-            for key in map(self._key, self._given((element,))):
+            for key in map(self.key_of, self._given((element,))):
                 fail((key,), getattr(self, key), "no such key beside dla_deg and rla_deg")
         assert self.dla_deg is not None
         tilt = min(self.inclination_deg, 180.0 - self.inclination_deg)
@@ -410,7 +410,7 @@ class TargetOrbit(_TargetPlane):
             return
         if math.sin(math.radians(self.inclination_deg)) < _FLAT:
             named = ("ascending_node_deg", "argument_of_perigee_deg", "argument_of_latitude_deg")
-            for key in map(self._key, self._given(named)):
+            for key in map(self.key_of, self._given(named)):
                 fail((key,), getattr(self, key), "no such key, the orbit lies in the equator")
 
     def node_deg(self, mission: "Mission") -> float | None:
@@ -496,10 +496,10 @@ class TargetOrbit(_TargetPlane):
         above = f"above the Earth's radius, {ground:,.0f} m"
         sizes = self.sizes(mission)
         for apsis in self._given(("perigee", "apogee")):
-            key = self._key(apsis)
+            key = self.key_of(apsis)
             if sizes[f"{apsis}_radius"] <= ground:
                 fail(("target", key), getattr(self, key), f"the {apsis} {above}")
-        last = self._key(self._given(_SIZES)[-1])
+        last = self.key_of(self._given(_SIZES)[-1])
         conic = self.conic(mission)
         if conic.apogee < conic.perigee - CIRCLE_M:
             fail(("target", last), getattr(self, last), "an apogee that is not below the perigee")

@@ -272,9 +272,9 @@ BROKEN = {
     ),
     "thrust that takes for ever": (
         "thrust_n: 1306665.0",
-        "thrust_n: 10000.0",
+        "thrust_n: 1000.0",
         "stages[1].thrust_n",
-        "expected the 286,900 kg of propellant to be gone within 43,200 s of flight, by at least",
+        "expected the 286,900 kg of propellant to be gone within 864,000 s of flight, by at least",
     ),
     "start that outlasts the propellant": (
         "burn_time_s: free",
@@ -379,7 +379,7 @@ BROKEN = {
         "burn_time_s: 181.25",
         "burn_time_s: -1",
         "stages[0].burn_time_s",
-        "is -1; expected a number from 0.001 to 43200 in s",
+        "is -1; expected a number from 0.001 to 864000 in s",
     ),
     "no free burn": (
         "burn_time_s: free",
@@ -678,7 +678,7 @@ def test_the_line_is_that_of_the_key(tmp_path):
 def test_problem_inside_an_arc(tmp_path):
     path = edited(tmp_path, "coast_s: 0.70", "coast_s: -0.70", SATURN)
     assert (
-        "stages[0].arcs[0].coast_s is -0.7; expected a number from 0.001 to 43200 in s"
+        "stages[0].arcs[0].coast_s is -0.7; expected a number from 0.001 to 864000 in s"
         in message(path)
     )
     path = edited(tmp_path, "isp_s: 427.0", "isp: 427.0", SATURN)
@@ -793,10 +793,10 @@ def test_what_cannot_be_printed_is_shown_as_it_is_written(tmp_path):
     assert "stages[1].name is 'upper\\nstage'; expected text on one line" in message(path)
 
 
-def test_a_flight_of_more_than_half_a_day(tmp_path):
-    path = edited(tmp_path, "coast_s: 0.20", "coast_s: 42900", SATURN)
+def test_a_flight_of_more_than_ten_days(tmp_path):
+    path = edited(tmp_path, "coast_s: 0.20", "coast_s: 863700", SATURN)
     text = message(path)
-    assert "stages[1].arcs[0].coast_s is 42900.0; expected a flight of at most 43,200 s" in text
+    assert "stages[1].arcs[0].coast_s is 863700.0; expected a flight of at most 864,000 s" in text
 
 
 def test_a_last_stage_of_propellant_alone(tmp_path):

@@ -29,6 +29,9 @@ DISPERSED_MISSION = "ares_v"
 #: Of a search that is not to end by itself, s.
 TIME_LIMIT = ("--time-limit", "5")
 
+#: What a line on standard error begins with that changes nothing.
+WARNING = "ares: warning: "
+
 REFUSED = "refused"
 DONE = "done"
 BROKEN = "broken"
@@ -80,10 +83,12 @@ def command(*argv: str) -> str:
     out, err = io.StringIO(), io.StringIO()
     with redirect_stdout(out), redirect_stderr(err):
         status = main([*argv, "--json"])
+    lines = err.getvalue().splitlines(keepends=True)
+    said = "".join(line for line in lines if not line.startswith(WARNING))
     if status == EXIT_BAD_INPUT:
-        return f"{REFUSED}: {_one_line(err.getvalue())}"
-    if err.getvalue() or status not in (0, 1):
-        raise Broken(f"exit status {status}: {err.getvalue()!r}")
+        return f"{REFUSED}: {_one_line(said)}"
+    if said or status not in (0, 1):
+        raise Broken(f"exit status {status}: {said!r}")
     json.loads(out.getvalue(), parse_constant=_no_number)
     return DONE
 
