@@ -13,7 +13,7 @@ from ares_models.kernels.vectors import Vector, axpy, dot
 
 #: Between kicks, s: 2 m are left of what J2 does in a revolution of a low orbit, 100 km.
 STEP = 15.0
-_MOST_STEPS = 10_000.0
+_MOST_STEPS = 1000.0
 
 
 @kernel
