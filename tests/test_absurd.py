@@ -49,3 +49,5 @@ def test_what_is_absurd_is_answered(tmp_path, ares, case, words):
     # no such flight finds its way within the time; it is not called one
     assert done.returncode == (0 if words == ("missions",) else 1)
     assert all(line.startswith(WARNING) for line in lines)
+    # but that the thrust is hardly meant is said
+    assert bool(lines) == (case == "kick stage of 1 N")
