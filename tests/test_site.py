@@ -65,7 +65,7 @@ def test_the_reference_names_every_key(site: Path) -> None:
         for part in [schema, *schema["$defs"].values()]:
             for key in part.get("properties", {}):
                 assert f">{key}<" in page
-    assert "0.001 to 43200 or <code" in page  # burn_time_s, or free
+    assert "0.001 to 864000 or <code" in page  # burn_time_s, or free
 
 
 def test_the_command_line_shows_every_verb(site: Path, ares) -> None:

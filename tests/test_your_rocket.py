@@ -82,7 +82,7 @@ def test_the_page_to_the_letter(tmp_path, monkeypatch, ares):
             edits += 1
         else:
             follow(lines, ares)
-    assert edits == 5
+    assert edits == 4
     assert {path.name for path in tmp_path.iterdir()} == {
         *("my_rocket.yaml", "mission.schema.json", "my_flight"),
         *("my_rocket_dispersions.yaml", "dispersions.schema.json", "my_campaign"),

@@ -125,9 +125,7 @@ def facts_of(mission: "Mission") -> MissionFacts:
         jettisons=mission.jettison_names,
         fairing=heating.index(True) if True in heating else None,
         equatorial_radius=mission.environment.earth.equatorial_radius_m,
-        environment=None
-        if mission.environment.earth.zero_longitude_deg is None
-        else mission.environment_array()[0],
+        environment=None if mission.zero_longitude_deg is None else mission.environment_array()[0],
         areas=mission.area_names,
     )
 

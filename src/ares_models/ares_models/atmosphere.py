@@ -34,6 +34,10 @@ BLEND = 100.0
 EXPONENTIAL_BLEND = 250.0
 
 
+#: log of a density that is 0 as a number.
+_NO_AIR = -1e3
+
+
 class AtmosphereError(ValueError):
     """An atmosphere cannot be built; the text says why in one line."""
 
@@ -559,10 +563,16 @@ def nrlmsis_tables(
     return hermite_table(piece.altitude, piece.value, piece.slope)
 
 
+def no_air() -> Atmosphere:
+    """Return no air: a logarithm so low that density, and heating with it, is 0."""
+    return Atmosphere("none", np.array([[0.0, _NO_AIR, 0.0, 0.0, 0.0]]))
+
+
 #: Models that need no more than their name.
 FIXED_MODELS: dict[str, Callable[[], Atmosphere]] = {
     "pra63": pra63,
     "pra63_exponential": pra63_exponential,
     "pra63_data": pra63_data,
     "us76": us76,
+    "none": no_air,
 }

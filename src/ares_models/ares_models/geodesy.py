@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from ares_models.earth import Earth
 from ares_models.frames import earth_fixed_from_inertial
+from ares_models.kernels import states
 
 Array = NDArray[np.float64]
 
@@ -86,3 +87,46 @@ def earth_fixed_place(
     across = a * np.cos(parametric) + height_m * np.cos(latitude)
     along = b * np.sin(parametric) + height_m * np.sin(latitude)
     return np.array([across * np.cos(longitude), across * np.sin(longitude), along])
+
+
+def velocity_over_ground(
+    latitude_deg: float,
+    longitude_deg: float,
+    speed_m_s: float,
+    elevation_deg: float,
+    azimuth_deg: float,
+) -> Array:
+    """Return the Earth-fixed velocity over the ground at a geodetic place, shape (3,), m/s.
+
+    Args:
+        latitude_deg: geodetic.
+        longitude_deg: east of zero.
+        speed_m_s: relative to the Earth that turns.
+        elevation_deg: above the plane that touches the ellipsoid.
+        azimuth_deg: from north towards east.
+    """
+    latitude, longitude = np.radians(latitude_deg), np.radians(longitude_deg)
+    elevation, azimuth = np.radians(elevation_deg), np.radians(azimuth_deg)
+    east, north, up = np.array(states.east_north_up(float(latitude), float(longitude)))
+    across = np.cos(azimuth) * north + np.sin(azimuth) * east
+    velocity: Array = speed_m_s * (np.cos(elevation) * across + np.sin(elevation) * up)
+    return velocity
+
+
+def inertial_state(
+    time: float, position: Array, velocity: Array, earth: Earth
+) -> tuple[Array, Array]:
+    """Return the inertial position (m) and velocity (m/s) of an Earth-fixed state, each (3,).
+
+    V = V_rel + omega x r, Eq. 2.4 the other way.
+
+    Args:
+        time: mission elapsed time, s.
+        position: Earth-fixed, m, shape (3,).
+        velocity: relative to the Earth that turns, Earth-fixed components, m/s, shape (3,).
+        earth: its rotation.
+    """
+    rate = earth.rotation_rate
+    back = earth_fixed_from_inertial(time, rate, earth.angle_at_zero).T
+    r = back @ position
+    return r, back @ velocity + np.cross([0.0, 0.0, rate], r)

@@ -331,6 +331,7 @@ _UNITS = {
     "_m": "m",
     "_n": "N",
     "_s": "s",
+    "_h": "h",
 }
 
 _EXPECTED: dict[str, str] = {
@@ -432,6 +433,12 @@ def explain(
             expected = f"a number{unit}" if unit or number else "a value"
         return f"{where}{name} is missing; expected {expected}"
     return f"{where}{name} is {format_value(value)}; expected {expected}"
+
+
+def at_line(place: KeyPath, text: str, lines: Mapping[KeyPath, int]) -> str:
+    """Return a text behind the line, if it is known, and the key that it is about."""
+    line = _line(place, lines)
+    return f"line {line}: {format_path(place)} {text}" if line else f"{format_path(place)} {text}"
 
 
 def _line(place: KeyPath, lines: Mapping[KeyPath, int]) -> int | None:

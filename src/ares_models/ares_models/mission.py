@@ -17,9 +17,11 @@ from ares_models import arrays as layout
 from ares_models import mission_parts as parts
 from ares_models.arrays import NAVIGATION, MissionArrays
 from ares_models.atmosphere import FIXED_MODELS, Atmosphere, AtmosphereError, nrlmsis
+from ares_models.earth import Earth
 from ares_models.input_file import InputError, InputKind, KeyPath, by_cause, explain, read_input
 from ares_models.mission_areas import write_areas
 from ares_models.mission_checks import MAX_STAGES, check_mission
+from ares_models.mission_masses import ignition_mass
 from ares_models.mission_parts import (
     AbortPart,
     BurnArc,
@@ -27,15 +29,19 @@ from ares_models.mission_parts import (
     EngineOut,
     EnvironmentPart,
     HeatingLimitHolds,
-    InitialState,
     Jettison,
+    Load,
     Moment,
     Part,
     Stage,
     Text,
+    not_there,
     shortest,
 )
+from ares_models.mission_start import FORMS as START_FORMS
+from ares_models.mission_start import InitialState
 from ares_models.mission_target import Target, TargetOrbit, TargetState, target_record
+from ares_models.sidereal import greenwich_sidereal_time_deg, turns_as_earth
 
 __all__ = [
     "MISSION",
@@ -99,14 +105,22 @@ class Mission(Part):
     )
     title: Text = Field(description="what it is")
     source: Text = Field(description="where the numbers come from")
+    payload_kg: Load | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="what is carried, where masses are by item",
+    )
+    adapter_kg: Load | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="what it stands on, which stays with the last stage",
+    )
     epoch: Moment | None = Field(
         default=None,
         description="date and time of mission time 0, ISO 8601; UTC if no zone is given",
     )
     environment: EnvironmentPart = Field(description="body, gravity, atmosphere")
-    initial_state: InitialState = Field(
-        description="where the flight begins, in one of three forms"
-    )
+    initial_state: InitialState = Field(description="where the flight begins, in one of five forms")
     stages: Annotated[tuple[Stage, ...], Field(min_length=1, max_length=MAX_STAGES)] = Field(
         description="in flight order"
     )
@@ -115,7 +129,7 @@ class Mission(Part):
 
     abort: AbortPart | None = Field(
         default=None,
-        exclude_if=lambda part: part is None,
+        exclude_if=not_there,
         description="what is flown to where the target is out of reach",
     )
 
@@ -170,6 +184,15 @@ class Mission(Part):
         name = self.stages[stage].name
         return sum(jettison.mass_kg for jettison in self.jettisons if jettison.stage == name)
 
+    def ignition_mass(self, stage: int) -> float:
+        """Return the mass of a stage and all above it when it begins, kg: as given, or by item."""
+        return ignition_mass(self, stage)
+
+    def fixed_propellant(self, stage: int) -> float:
+        """Return what the burns of fixed time of a stage take, kg."""
+        part = self.stages[stage]
+        return part.fixed_propellant(self.environment.g0_m_s2, self.ignition_mass(stage))
+
     def ignition_times(self) -> tuple[float, ...]:
         """Mission elapsed time of each stage's first ignition command, s, at the earliest."""
         times = []
@@ -193,13 +216,38 @@ class Mission(Part):
         if part.propellant_kg is not None:
             return part.propellant_kg
         if any(arc.free for arc in part.burns):
-            return DEFAULT_PROPELLANT_SHARE * (part.ignition_mass_kg - self.jettison_mass(stage))
-        return part.fixed_propellant(self.environment.g0_m_s2)
+            own = self.ignition_mass(stage) - self.jettison_mass(stage)
+            return DEFAULT_PROPELLANT_SHARE * own
+        return self.fixed_propellant(stage)
+
+    @property
+    def zero_longitude_deg(self) -> float | None:
+        """Right ascension of longitude zero at mission time 0, deg; None: not known.
+
+        As the file gives it, or of the epoch, for a body that turns as the Earth does. The
+        inertial x axis then points to the mean equinox of date.
+        """
+        given = self.environment.earth.zero_longitude_deg
+        if given is not None or self.epoch is None:
+            return given
+        if not turns_as_earth(self.environment.earth.rotation_rate_rad_s):
+            return None
+        return greenwich_sidereal_time_deg(self.epoch)
+
+    def earth(self) -> Earth:
+        """Return figure and rotation of the body; longitude zero is at 0 where it is not known."""
+        part = self.environment.earth
+        return Earth(
+            part.equatorial_radius_m,
+            part.polar_radius_m,
+            part.rotation_rate_rad_s,
+            math.radians(self.zero_longitude_deg or 0.0),
+        )
 
     def start(self) -> Start:
         """Time, position, velocity and mass at which the flight begins."""
-        position, velocity = self.initial_state.state(self.environment.mu_m3_s2)
-        return Start(self.initial_state.time_s, position, velocity, self.stages[0].ignition_mass_kg)
+        position, velocity = self.initial_state.state(self.environment.mu_m3_s2, self.earth())
+        return Start(self.initial_state.time_s, position, velocity, self.ignition_mass(0))
 
     def atmosphere(self) -> Atmosphere:
         """The atmosphere; the density factor is not in it.
@@ -247,7 +295,7 @@ class Mission(Part):
         record["polar_radius"] = part.earth.polar_radius_m
         record["rotation_rate"] = part.earth.rotation_rate_rad_s
         record["j2"] = part.j2
-        record["zero_longitude"] = part.earth.earth().angle_at_zero
+        record["zero_longitude"] = self.earth().angle_at_zero
         record["density_factor"] = part.atmosphere.density_factor
         record["altitude_model"] = (
             layout.ALTITUDE_ELLIPSOID if part.altitude == "ellipsoid" else layout.ALTITUDE_SPHERICAL
@@ -279,7 +327,7 @@ class Mission(Part):
                 low = arc.min_altitude_m
                 row["min_altitude"] = math.nan if low is None else low
                 row["begins_stage"] = int(k == 0)
-                row["stack_mass"] = stage.ignition_mass_kg
+                row["stack_mass"] = self.ignition_mass(i)
                 row["propellant"] = self.propellant(i)
                 row["exhaust_velocity"] = 1.0
                 row["kind"] = layout.COAST
@@ -387,9 +435,7 @@ def _siblings(location: KeyPath) -> list[str]:
 
 
 _FORMS: dict[str, type[Part]] = {
-    "<vectors>": parts.StateVectors,
-    "<angles>": parts.StateAngles,
-    "<elements>": parts.StateElements,
+    **START_FORMS,
     "<burn>": parts.BurnArc,
     "<coast>": parts.CoastArc,
     "<state>": TargetState,

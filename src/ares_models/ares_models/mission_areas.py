@@ -48,7 +48,7 @@ def check_areas(mission: "Mission") -> None:
     """Report areas that cannot be told from one another, have no place, or no inside."""
     if mission.abort is None or not mission.abort.avoid:
         return
-    if mission.environment.earth.zero_longitude_deg is None:
+    if mission.zero_longitude_deg is None:
         fail(
             ("environment", "earth", "zero_longitude_deg"),
             None,
@@ -127,7 +127,7 @@ def _direction(mission: "Mission", latitude_deg: Any, longitude_deg: Any) -> Arr
     """Unit vector from the centre to a place on the ground, in axes that turn with the body."""
     latitude, longitude = math.radians(latitude_deg), math.radians(longitude_deg)
     if mission.environment.altitude == "ellipsoid":
-        latitude = mission.environment.earth.earth().geocentric_latitude(latitude)
+        latitude = mission.earth().geocentric_latitude(latitude)
     across = math.cos(latitude)
     return np.array(
         [across * math.cos(longitude), across * math.sin(longitude), math.sin(latitude)]

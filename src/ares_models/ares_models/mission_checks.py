@@ -4,24 +4,18 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from ares_models.arrays import MAX_ARCS, MAX_JETTISONS
 from ares_models.mission_areas import check_areas
+from ares_models.mission_masses import check_mass_forms, check_masses
 from ares_models.mission_parts import BurnArc, CoastArc, Stage, fail, shortest
 from ares_models.mission_physics import check_body, check_engines, check_flight_time
+from ares_models.mission_start import check_initial_state
 from ares_models.mission_target import check_target
 
 if TYPE_CHECKING:
     from ares_models.mission import Mission
 
 MAX_STAGES = 8
-
-#: An ascent begins below this many Earth radii.
-MAX_INITIAL_RADII = 10.0
-
-# file values are rounded; masses may miss each other by this much of themselves
-_MASS_ROUNDING = 1e-6
 
 
 def check_mission(mission: "Mission") -> None:
@@ -31,15 +25,16 @@ def check_mission(mission: "Mission") -> None:
         PydanticCustomError: a problem; turned into a MissionError by the loader.
     """
     _check_names(mission)
+    check_mass_forms(mission)
     check_body(mission)
     _check_free_arcs(mission)
     _check_curves_fit(mission)
-    _check_masses(mission)
+    check_masses(mission)
     check_engines(mission)
     _check_jettison_times(mission)
     check_flight_time(mission)
     _check_heating_limits(mission)
-    _check_initial_state(mission)
+    check_initial_state(mission)
     check_target(mission)
     check_areas(mission)
 
@@ -118,50 +113,6 @@ def _coast_after(arcs: Sequence[BurnArc | CoastArc], k: int) -> float:
     return room
 
 
-def _check_masses(mission: "Mission") -> None:
-    g0 = mission.environment.g0_m_s2
-    stages = mission.stages
-    for i, stage in enumerate(stages):
-        own = mission.jettison_mass(i)
-        aboard = sum(mission.jettison_mass(k) for k in range(i, len(stages)))
-        if aboard >= stage.ignition_mass_kg:
-            fail(
-                ("stages", i, "ignition_mass_kg"),
-                stage.ignition_mass_kg,
-                f"more than the {aboard:,.6g} kg of jettisons that it contains",
-            )
-        after = stages[i + 1].ignition_mass_kg if i + 1 < len(stages) else 0.0
-        room = stage.ignition_mass_kg - own - after
-        slack = _MASS_ROUNDING * stage.ignition_mass_kg
-        if after and room <= 0.0:
-            fail(
-                ("stages", i + 1, "ignition_mass_kg"),
-                after,
-                f"less than the {stage.ignition_mass_kg - own:,.9g} kg of stage "
-                f"{stage.name} without its jettisons",
-            )
-        if stage.propellant_kg is not None and stage.propellant_kg >= room + slack:
-            fail(
-                ("stages", i, "propellant_kg"),
-                stage.propellant_kg,
-                f"at most the {room:,.9g} kg that the stage can lose",
-            )
-        used = stage.fixed_propellant(g0)
-        usable = room if stage.propellant_kg is None else stage.propellant_kg
-        if used > usable + slack:
-            k = max(
-                (k for k, arc in enumerate(stage.flight_arcs) if isinstance(arc, BurnArc)),
-                key=lambda k: -1 if stage.flight_arcs[k].free else k,
-            )
-            arc = stage.flight_arcs[k]
-            fail(
-                ("stages", i, *stage.arc_path(k, "burn_time_s")),
-                arc.duration_s,
-                f"burns that take at most {usable:,.9g} kg; the fixed burns of stage "
-                f"{stage.name} take {used:,.9g} kg",
-            )
-
-
 def _check_jettison_times(mission: "Mission") -> None:
     ignition = mission.ignition_times()
     for k, jettison in enumerate(mission.jettisons):
@@ -213,6 +164,12 @@ def _check_heating_limits(mission: "Mission") -> None:
         if jettison.heating_limit_w_m2 is not None
     ]
     for k, jettison in enumerate(mission.jettisons):
+        if mission.environment.atmosphere.model == "none" and jettison.heating_limit_w_m2:
+            fail(
+                ("jettisons", k, "heating_limit_w_m2"),
+                jettison.heating_limit_w_m2,
+                "time_s or time_after_ignition_s in its place, because atmosphere.model is none",
+            )
         # the lowest limit is met last: it governs the rest of the flight
         lowest = jettison.heating_limit_w_m2 == min(limits, default=None)
         if jettison.heating_limit_holds == "from_jettison" and not lowest:
@@ -221,43 +178,3 @@ def _check_heating_limits(mission: "Mission") -> None:
                 jettison.heating_limit_holds,
                 f"at_jettison, for all but the lowest limit, {min(limits):g} W/m2",
             )
-
-
-def _check_initial_state(mission: "Mission") -> None:
-    start = mission.start()
-    earth = mission.environment.earth.earth()
-    radius = math.hypot(*start.position)
-    surface = earth.equatorial_radius
-    farthest = MAX_INITIAL_RADII * surface
-    if mission.environment.altitude == "ellipsoid" and radius > 0.0:
-        latitude, _ = earth.latitude_longitude(start.position, 0.0)
-        surface = earth.surface_radius(latitude)
-    key = {"position_m", "radius_m", "semi_major_axis_m"} & set(
-        type(mission.initial_state).model_fields
-    )
-    path = ("initial_state", *key)
-    if not surface < radius < farthest:
-        fail(
-            path,
-            round(radius, 3),
-            f"a distance from the Earth's centre above its surface, {surface:,.0f} m, "
-            f"and below {farthest:,.0f} m",
-        )
-    speed = math.hypot(*start.velocity)
-    escape = math.sqrt(2.0 * mission.environment.mu_m3_s2 / radius)
-    if speed >= 2.0 * escape:
-        key = {"velocity_m_s", "speed_m_s", "semi_major_axis_m"} & set(
-            type(mission.initial_state).model_fields
-        )
-        fail(
-            ("initial_state", *key),
-            round(speed, 3),
-            f"a speed below twice the escape speed, {2.0 * escape:,.0f} m/s",
-        )
-    momentum = float(np.linalg.norm(np.cross(start.position, start.velocity)))
-    if not momentum > 0.0:
-        fail(
-            ("initial_state",),
-            start.velocity.tolist(),
-            "a velocity that is not straight up, so that it spans a plane",
-        )

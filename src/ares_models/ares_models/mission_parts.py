@@ -10,8 +10,6 @@ from datetime import UTC, datetime
 from itertools import pairwise
 from typing import Annotated, Any, Literal, NoReturn
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import (
     AfterValidator,
     BaseModel,
@@ -26,11 +24,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from ares_models.arrays import MAX_ARCS, MAX_AREAS, MAX_KNOTS, MAX_VERTICES
-from ares_models.earth import Earth, LaunchAngles
-from ares_models.orbits import Elements
 from ares_models.ranges import Range
-
-Array = NDArray[np.float64]
 
 
 def fail(path: tuple[str | int, ...], value: object, expected: str) -> NoReturn:
@@ -55,15 +49,14 @@ def _printable(text: str) -> str:
 # ---- every number that a file may hold, SI: wide enough for an apogee kick motor and for the
 # largest launcher ever drawn, and for bodies from a small moon to Jupiter
 
-#: Longest flight, s: from the initial state until the propellant of the free burn is gone.
-MAX_FLIGHT_S = 43_200.0
+#: Longest flight, s: ten days from the initial state until the propellant of the free burn is
+#: gone.
+MAX_FLIGHT_S = 864_000.0
 #: Shortest burn, coast or step of a thrust curve, s.
 MIN_TIME_S = 1e-3
 #: What NRLMSIS is asked for: 1e-22 W/m2/Hz, and a daily index.
 SOLAR_FLUX = Range(30.0, 500.0)
 GEOMAGNETIC_INDEX = Range(0.0, 400.0)
-#: From the centre, of an initial state by elements.
-LEAST_PERIGEE_M = 1.0
 #: Years of an epoch.
 FIRST_YEAR, LAST_YEAR = 1900, 2200
 
@@ -82,11 +75,13 @@ Radius = Annotated[float, Range(1e5, 1e9)]
 Speed = Annotated[float, Range(1e-3, 1e6)]
 Latitude = Annotated[float, Range(-90.0, 90.0)]
 Turn = Annotated[float, Range(-360.0, 360.0)]
+LocalTime = Annotated[float, Range(0.0, 24.0)]
 FlightPathAngle = Annotated[float, Range(-90.0, 90.0)]
 Inclination = Annotated[float, Range(0.0, 180.0)]
 AnySemiMajorAxis = Annotated[float, Range(-1e12, 1e12)]
 AnyEccentricity = Annotated[float, Range(0.0, 100.0)]
 Mass = Annotated[float, Range(1e-3, 1e9)]
+Load = Annotated[float, Range(0.0, 1e9)]
 Thrust = Annotated[float, Range(1e-3, 1e10)]
 SpecificImpulse = Annotated[float, Range(1.0, 1e6)]
 Duration = Annotated[float, Range(MIN_TIME_S, MAX_FLIGHT_S)]
@@ -150,6 +145,11 @@ class Part(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
+def not_there(value: object) -> bool:
+    """Return whether an optional key is left out: with it a mission stays what it was before."""
+    return value is None
+
+
 def one_of(*forms: tuple[str, ...]) -> dict[str, Any]:
     """For editors: a mapping has the keys of one of these forms, none of them empty."""
     filled = {"not": {"type": "null"}}
@@ -188,7 +188,7 @@ class EarthPart(Part):
     rotation_rate_rad_s: RotationRate = Field(description="about z")
     zero_longitude_deg: Turn | None = Field(
         default=None,
-        exclude_if=lambda angle: angle is None,
+        exclude_if=not_there,
         description="right ascension of longitude zero at mission time 0, from the inertial x axis",
     )
 
@@ -202,15 +202,6 @@ class EarthPart(Part):
             )
         return self
 
-    def earth(self) -> Earth:
-        """The same for computing."""
-        return Earth(
-            self.equatorial_radius_m,
-            self.polar_radius_m,
-            self.rotation_rate_rad_s,
-            math.radians(self.zero_longitude_deg or 0.0),
-        )
-
 
 _INDICES = ("f107", "f107a", "ap", "latitude_deg", "longitude_deg")
 
@@ -218,7 +209,7 @@ _INDICES = ("f107", "f107a", "ap", "latitude_deg", "longitude_deg")
 class AtmospherePart(Part):
     """Which atmosphere; the indices are for nrlmsis, and only for it."""
 
-    model: Literal["pra63", "pra63_exponential", "pra63_data", "us76", "nrlmsis"] = Field(
+    model: Literal["pra63", "pra63_exponential", "pra63_data", "us76", "nrlmsis", "none"] = Field(
         description="which atmosphere; nrlmsis takes place, day and activity from the keys below"
     )
     density_factor: DensityFactor = Field(default=1.0, description="multiplies every density")
@@ -238,6 +229,8 @@ class AtmospherePart(Part):
                 fail((key,), None, "a number, because model is nrlmsis")
             if self.model != "nrlmsis" and value is not None:
                 fail((key,), value, f"no such key, because model is {self.model}")
+        if self.model == "none" and "density_factor" in self.model_fields_set:
+            fail(("density_factor",), self.density_factor, "no such key, because model is none")
         return self
 
 
@@ -256,97 +249,6 @@ class EnvironmentPart(Part):
     atmosphere: AtmospherePart = Field(
         description="for the heating that a fairing waits for; no drag"
     )
-
-
-class StateVectors(Part):
-    """Initial state as inertial vectors."""
-
-    time_s: MissionTime = Field(description="mission elapsed time")
-    position_m: tuple[Coordinate, Coordinate, Coordinate] = Field(description="three numbers")
-    velocity_m_s: tuple[VelocityComponent, VelocityComponent, VelocityComponent] = Field(
-        description="three numbers"
-    )
-
-    def state(self, mu: float) -> tuple[Array, Array]:
-        """Position (m) and velocity (m/s), each shape (3,)."""
-        return np.array(self.position_m), np.array(self.velocity_m_s)
-
-
-class StateAngles(Part):
-    """Initial state as place, speed, flight-path angle and azimuth, all inertial."""
-
-    time_s: MissionTime = Field(description="mission elapsed time")
-    latitude_deg: Latitude = Field(description="geocentric")
-    right_ascension_deg: Turn = Field(description="from the inertial x axis, not from Greenwich")
-    radius_m: Radius = Field(description="from the centre")
-    speed_m_s: Speed = Field(description="inertial")
-    flight_path_angle_deg: FlightPathAngle = Field(description="of the inertial velocity")
-    azimuth_deg: Turn = Field(description="of the inertial velocity, north to east")
-
-    def state(self, mu: float) -> tuple[Array, Array]:
-        """Position (m) and velocity (m/s), each shape (3,); Eqs. 2.14 and 2.18."""
-        return LaunchAngles(
-            radius=self.radius_m,
-            latitude=math.radians(self.latitude_deg),
-            right_ascension=math.radians(self.right_ascension_deg),
-            speed=self.speed_m_s,
-            flight_path_angle=math.radians(self.flight_path_angle_deg),
-            azimuth=math.radians(self.azimuth_deg),
-        ).state()
-
-
-class StateElements(Part):
-    """Initial state as Keplerian elements."""
-
-    time_s: MissionTime = Field(description="mission elapsed time")
-    semi_major_axis_m: AnySemiMajorAxis = Field(description="negative for a hyperbola")
-    eccentricity: AnyEccentricity = Field(description="not 1")
-    inclination_deg: Inclination = Field(description="to the equator")
-    ascending_node_deg: Turn = Field(description="from the inertial x axis")
-    argument_of_perigee_deg: Turn = Field(description="from the node")
-    true_anomaly_deg: Turn = Field(description="from perigee")
-
-    @model_validator(mode="after")
-    def _conic(self) -> "StateElements":
-        if self.eccentricity == 1.0:
-            fail(("eccentricity",), self.eccentricity, "not exactly 1")
-        if self.semi_major_axis_m * (1.0 - self.eccentricity) < LEAST_PERIGEE_M:
-            fail(
-                ("semi_major_axis_m",),
-                self.semi_major_axis_m,
-                "more than 0 for an ellipse, less than 0 for a hyperbola, with a perigee at least "
-                f"{LEAST_PERIGEE_M:g} m from the centre",
-            )
-        if 1.0 + self.eccentricity * math.cos(math.radians(self.true_anomaly_deg)) <= 0.0:
-            fail(("true_anomaly_deg",), self.true_anomaly_deg, "an anomaly inside the asymptotes")
-        return self
-
-    def state(self, mu: float) -> tuple[Array, Array]:
-        """Position (m) and velocity (m/s), each shape (3,)."""
-        return Elements(
-            self.semi_major_axis_m,
-            self.eccentricity,
-            math.radians(self.inclination_deg),
-            math.radians(self.ascending_node_deg),
-            math.radians(self.argument_of_perigee_deg),
-            math.radians(self.true_anomaly_deg),
-        ).state(mu)
-
-
-InitialState = Annotated[
-    Annotated[StateVectors, Tag("<vectors>")]
-    | Annotated[StateAngles, Tag("<angles>")]
-    | Annotated[StateElements, Tag("<elements>")],
-    Discriminator(
-        by_keys(
-            {"<vectors>": StateVectors, "<angles>": StateAngles, "<elements>": StateElements},
-            None,
-        ),
-        custom_error_type="expected",
-        custom_error_message="position_m and velocity_m_s, or latitude_deg and so on, "
-        "or semi_major_axis_m and so on",
-    ),
-]
 
 
 def _check_curve(key: str, curve: tuple[tuple[float, float], ...] | None, end: float) -> None:
@@ -658,11 +560,22 @@ class Stage(Part):
     )
 
     name: Name = Field(description="unique; at most 80 characters")
-    ignition_mass_kg: Mass = Field(
-        description="this stage and everything above it, at the moment the stage begins"
+    ignition_mass_kg: Mass | None = Field(
+        default=None,
+        description="this stage and everything above it, at the moment the stage begins",
+    )
+    dry_mass_kg: Mass | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="in place of ignition_mass_kg: of the empty stage alone",
     )
     propellant_kg: Mass | None = Field(
         default=None, description="usable by the whole stage, shared by its burns"
+    )
+    residuals_kg: Load | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="beside dry_mass_kg: propellant that cannot be used",
     )
     arcs: Annotated[tuple[Arc, ...], Field(min_length=1)] | None = Field(
         default=None,
@@ -714,12 +627,17 @@ class Stage(Part):
         """The arcs with thrust."""
         return tuple(arc for arc in self.flight_arcs if isinstance(arc, BurnArc))
 
-    def fixed_propellant(self, g0: float) -> float:
-        """kg that the burns of fixed time take."""
+    def fixed_propellant(self, g0: float, mass_kg: float) -> float:
+        """Compute what the burns of fixed time take, kg.
+
+        Args:
+            g0: m/s2.
+            mass_kg: of the stage and all above it when it begins.
+        """
         used = 0.0
         for burn in self.burns:
             if not burn.free:
-                used += burn.propellant(g0, self.ignition_mass_kg - used)
+                used += burn.propellant(g0, mass_kg - used)
         return used
 
 

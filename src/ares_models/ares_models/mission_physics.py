@@ -72,7 +72,7 @@ def check_engines(mission: "Mission") -> None:
                     f"an exhaust velocity g0 Isp of {EXHAUST_VELOCITY} m/s; it is "
                     f"{exhaust:.3g} m/s",
                 )
-            highest = MAX_ACCELERATION * stage.ignition_mass_kg
+            highest = MAX_ACCELERATION * mission.ignition_mass(i)
             if arc.thrust_n > highest:
                 fail(
                     ("stages", i, *stage.arc_path(k, "thrust_n")),
@@ -80,7 +80,7 @@ def check_engines(mission: "Mission") -> None:
                     f"at most {highest:.6g} N, {MAX_ACCELERATION:,.0f} m/s2 at ignition",
                 )
     last = mission.stages[-1]
-    most = (1.0 - LEAST_DRY_SHARE) * last.ignition_mass_kg
+    most = (1.0 - LEAST_DRY_SHARE) * mission.ignition_mass(len(mission.stages) - 1)
     if last.propellant_kg is not None and last.propellant_kg > most:
         fail(
             ("stages", len(mission.stages) - 1, "propellant_kg"),
@@ -140,7 +140,7 @@ def _longest_free_burn(
         begin: s after the initial state.
     """
     g0 = mission.environment.g0_m_s2
-    left = mission.propellant(stage) - mission.stages[stage].fixed_propellant(g0)
+    left = mission.propellant(stage) - mission.fixed_propellant(stage)
     full_thrust = left / burn.mass_flow(g0)
     # a start that outlasts the propellant never comes to full thrust
     started = 0.0 if burn.start is None else burn.start[-1][0]

@@ -14,15 +14,23 @@ from ares_models.mission_parts import (
     AnySemiMajorAxis,
     FlightPathAngle,
     Inclination,
+    Latitude,
+    LocalTime,
     Part,
     Radius,
     Speed,
     Turn,
     by_keys,
     fail,
+    not_there,
 )
 from ares_models.orbits import Insertion
 from ares_models.ranges import Range
+from ares_models.sidereal import (
+    greenwich_sidereal_time_deg,
+    node_of_local_time_deg,
+    turns_as_earth,
+)
 
 if TYPE_CHECKING:
     from ares_models.mission import Mission
@@ -44,7 +52,80 @@ Altitude = Annotated[float, Range(0.0, 1e9)]
 CharacteristicEnergy = Annotated[float, Range(-1e10, 1e10)]
 
 
-class TargetState(Part):
+_NODES = ("ascending_node_deg", "raan_deg", "local_time_of_node_h")
+
+
+class _TargetPlane(Part):
+    """The ways to name the node of a target, one at a time."""
+
+    raan_deg: Turn | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="in place of ascending_node_deg: from the mean equinox of the epoch",
+    )
+    local_time_of_node_h: LocalTime | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="in place of ascending_node_deg: mean solar time there at the epoch",
+    )
+
+    @model_validator(mode="after")
+    def _one_node(self) -> "_TargetPlane":
+        given = [key for key in _NODES if getattr(self, key) is not None]
+        if len(given) > 1:
+            fail((given[1],), getattr(self, given[1]), f"no such key beside {given[0]}")
+        return self
+
+    @property
+    def node_key(self) -> str | None:
+        """The key of the file that names the node."""
+        return next((key for key in _NODES if getattr(self, key) is not None), None)
+
+    def node_deg(self, mission: "Mission") -> float | None:
+        """Return the ascending node from the inertial x axis, deg; None: it is free."""
+        key = self.node_key
+        if key is None:
+            return None
+        value: float = getattr(self, key)
+        if key == "ascending_node_deg":
+            return value
+        equinox = _equinox_deg(mission, key, value)
+        if key == "raan_deg":
+            return equinox + value
+        assert mission.epoch is not None
+        return equinox + node_of_local_time_deg(mission.epoch, value)
+
+    def describe_node(self) -> str | None:
+        """Return how the node is named, in a few words."""
+        texts = {
+            "ascending_node_deg": "node {:g} deg",
+            "raan_deg": "RAAN {:g} deg",
+            "local_time_of_node_h": "node at {:g} h local time",
+        }
+        key = self.node_key
+        return None if key is None else texts[key].format(getattr(self, key))
+
+
+def _equinox_deg(mission: "Mission", key: str, value: float) -> float:
+    """Return the mean equinox of the epoch as an angle from the inertial x axis, deg.
+
+    Args:
+        mission: whose frame.
+        key: of the target, that counts from there.
+        value: of the key.
+
+    Raises:
+        PydanticCustomError: no epoch says where it is.
+    """
+    if mission.epoch is None:
+        fail(("epoch",), None, f"a date and time, because target.{key} is there")
+    if not turns_as_earth(mission.environment.earth.rotation_rate_rad_s):
+        fail(("target", key), value, "no such key, because the body does not turn as the Earth")
+    assert mission.zero_longitude_deg is not None
+    return mission.zero_longitude_deg - greenwich_sidereal_time_deg(mission.epoch)
+
+
+class TargetState(_TargetPlane):
     """Terminal set: radius, speed, flight-path angle, inclination; perhaps the node."""
 
     radius_m: Radius = Field(description="from the centre")
@@ -74,7 +155,7 @@ class TargetState(Part):
         """Fill a record TARGET, plane apart."""
         record["kind"] = (
             layout.TARGET_RADIUS_SPEED_ANGLE_INCLINATION
-            if self.ascending_node_deg is None
+            if self.node_key is None
             else layout.TARGET_RADIUS_SPEED_ANGLE_PLANE
         )
         record["radius"] = self.radius_m
@@ -87,9 +168,8 @@ class TargetState(Part):
             f"r {self.radius_m:,.0f} m, V {self.speed_m_s:,.3f} m/s, "
             f"gamma {self.flight_path_angle_deg:g} deg, i {self.inclination_deg:g} deg"
         )
-        if self.ascending_node_deg is not None:
-            aim += f", node {self.ascending_node_deg:g} deg"
-        return aim
+        node = self.describe_node()
+        return aim if node is None else f"{aim}, {node}"
 
 
 class Conic(NamedTuple):
@@ -173,7 +253,7 @@ _NAMES = {
 _NAMES_STATE = layout.NAMES_RADIUS | layout.NAMES_SPEED | layout.NAMES_FLIGHT_PATH_ANGLE
 
 
-class TargetOrbit(Part):
+class TargetOrbit(_TargetPlane):
     """Terminal set: an orbit by its elements, each named or left free."""
 
     perigee_radius_m: Radius | None = Field(default=None, description="from the centre")
@@ -196,26 +276,42 @@ class TargetOrbit(Part):
     inclination_deg: Inclination | None = Field(default=None, description="to the equator")
     ascending_node_deg: Turn | None = Field(default=None, description="from the inertial x axis")
     argument_of_perigee_deg: Turn | None = Field(default=None, description="from the node")
+    argument_of_latitude_deg: Turn | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="from the node to the cut-off; the argument of perigee or the anomaly follows",
+    )
+    dla_deg: Latitude | None = Field(
+        default=None, exclude_if=not_there, description="declination of the outgoing asymptote"
+    )
+    rla_deg: Turn | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="its right ascension, from the mean equinox of the epoch",
+    )
     at: Literal["perigee", "apogee"] | None = Field(default=None, description="where on it")
     true_anomaly_deg: Turn | None = Field(
         default=None, description="the same as an angle from perigee"
     )
 
-    def _key(self, element: str) -> str:
+    def key_of(self, element: str) -> str:
         """The key of the file that names an element."""
+        if element == "ascending_node_deg":
+            return self.node_key or element
         if element not in ("perigee", "apogee"):
             return element
         radius = f"{element}_radius_m"
         return radius if getattr(self, radius) is not None else f"{element}_altitude_m"
 
     def _given(self, elements: Iterable[str]) -> list[str]:
-        return [name for name in elements if getattr(self, self._key(name)) is not None]
+        return [name for name in elements if getattr(self, self.key_of(name)) is not None]
 
     @property
     def keplerian(self) -> bool:
         """Whether an ellipse is named in full and the place on it free."""
         e = self.eccentricity
-        return set(self._given(_NAMES)) == _KEPLERIAN and e is not None and e < 1.0
+        whole = set(self._given(_NAMES)) == _KEPLERIAN and self.argument_of_latitude_deg is None
+        return whole and e is not None and e < 1.0
 
     @model_validator(mode="after")
     def _sense(self) -> "TargetOrbit":
@@ -227,7 +323,7 @@ class TargetOrbit(Part):
         ):
             if len(self._given((one, other))) == 2:
                 fail((other,), getattr(self, other), f"no such key beside {one}")
-        sizes = [self._key(size) for size in self._given(_SIZES)]
+        sizes = [self.key_of(size) for size in self._given(_SIZES)]
         if not set(sizes) - {"eccentricity"}:
             fail(
                 ("perigee_radius_m",),
@@ -239,6 +335,8 @@ class TargetOrbit(Part):
             beside = f"{sizes[0]} and {sizes[1]}"
             fail((sizes[2],), getattr(self, sizes[2]), f"no such key beside {beside}")
         self._check_escape()
+        self._check_asymptote()
+        self._check_latitude()
         self._check_equatorial()
         return self
 
@@ -263,13 +361,105 @@ class TargetOrbit(Part):
         for key in (*apogee, *(("at",) if self.at == "apogee" else ())):
             fail((key,), getattr(self, key), f"no apogee, because {escape} is that of an escape")
 
+    def _check_asymptote(self) -> None:
+        """Report a direction to leave in that is not whole, or is not that of one orbit."""
+        given = [key for key in ("dla_deg", "rla_deg") if getattr(self, key) is not None]
+        if not given:
+            return
+        because = "because dla_deg and rla_deg give the node and the argument of perigee"
+        if len(given) == 1:
+            missing = "rla_deg" if given == ["dla_deg"] else "dla_deg"
+            fail((missing,), None, f"a number in deg beside {given[0]}")
+        if self.c3_m2_s2 is None or self.c3_m2_s2 <= 0.0:
+            fail(("c3_m2_s2",), self.c3_m2_s2, "a number above 0 m2/s2, of an asymptote")
+        if not self._given(("perigee",)):
+            fail(("perigee_altitude_m",), None, f"a number in m, {because}")
+        if self.inclination_deg is None:
+            fail(("inclination_deg",), None, f"a number in deg, {because}")
+        for element in ("ascending_node_deg", "argument_of_perigee_deg"):
+            for key in map(self.key_of, self._given((element,))):
+                fail((key,), getattr(self, key), "no such key beside dla_deg and rla_deg")
+        assert self.dla_deg is not None
+        tilt = min(self.inclination_deg, 180.0 - self.inclination_deg)
+        if tilt <= abs(self.dla_deg):
+            fail(
+                ("inclination_deg",),
+                self.inclination_deg,
+                f"more than dla_deg, {abs(self.dla_deg):g} deg, from either side of the equator",
+            )
+
+    def _check_latitude(self) -> None:
+        """Report an argument of latitude that nothing follows from."""
+        if self.argument_of_latitude_deg is None:
+            return
+        beside = self._given(("argument_of_perigee_deg", "at", "true_anomaly_deg"))
+        if self.dla_deg is not None:
+            beside.append("dla_deg")
+        if len(beside) != 1:
+            fail(
+                ("argument_of_latitude_deg",),
+                self.argument_of_latitude_deg,
+                "one of argument_of_perigee_deg, at and true_anomaly_deg beside it"
+                if not beside
+                else f"no such key beside {beside[0]} and {beside[1]}",
+            )
+
     def _check_equatorial(self) -> None:
         """Report a node where there is none, and what is counted from it."""
         if self.inclination_deg is None or self.keplerian:
             return
         if math.sin(math.radians(self.inclination_deg)) < _FLAT:
-            for key in self._given(("ascending_node_deg", "argument_of_perigee_deg")):
+            named = ("ascending_node_deg", "argument_of_perigee_deg", "argument_of_latitude_deg")
+            for key in map(self.key_of, self._given(named)):
                 fail((key,), getattr(self, key), "no such key, the orbit lies in the equator")
+
+    def node_deg(self, mission: "Mission") -> float | None:
+        """Return the ascending node from the inertial x axis, deg; None: it is free."""
+        if self.dla_deg is None:
+            return super().node_deg(mission)
+        return self._departure(mission)[0]
+
+    def _departure(self, mission: "Mission") -> tuple[float, float]:
+        """Return node and argument of perigee of the hyperbola to the asymptote, deg.
+
+        Of the two planes of this inclination through the asymptote the one that is nearer to the
+        start's. Battin, An Introduction to the Mathematics and Methods of Astrodynamics, ch. 4.
+        """
+        assert self.dla_deg is not None and self.rla_deg is not None
+        assert self.inclination_deg is not None
+        conic = self.conic(mission)
+        equinox = _equinox_deg(mission, "rla_deg", self.rla_deg)
+        ascension = math.radians(equinox + self.rla_deg)
+        tilt = math.radians(self.inclination_deg)
+        first = math.asin(math.sin(math.radians(self.dla_deg)) / math.sin(tilt))
+        start = mission.start()
+        momentum = np.cross(start.position, start.velocity)
+        ways = []
+        for latitude in (first, math.pi - first):
+            along = math.atan2(math.cos(tilt) * math.sin(latitude), math.cos(latitude))
+            node = ascension - along
+            normal = (
+                math.sin(tilt) * math.sin(node),
+                -math.sin(tilt) * math.cos(node),
+                math.cos(tilt),
+            )
+            ways.append((float(momentum @ normal), node, latitude))
+        _, node, latitude = max(ways)
+        perigee = latitude - math.acos(-1.0 / conic.eccentricity)
+        return math.degrees(node) % 360.0, math.degrees(perigee) % 360.0
+
+    def _perigee_and_anomaly(self, mission: "Mission") -> tuple[float | None, float | None]:
+        """Return argument of perigee and true anomaly of the cut-off, deg; None: free."""
+        argument = self.argument_of_perigee_deg
+        anomaly = {"perigee": 0.0, "apogee": 180.0, None: self.true_anomaly_deg}[self.at]
+        if self.dla_deg is not None:
+            argument = self._departure(mission)[1]
+        latitude = self.argument_of_latitude_deg
+        if latitude is not None and argument is not None:
+            anomaly = latitude - argument
+        elif latitude is not None and anomaly is not None:
+            argument = latitude - anomaly
+        return argument, anomaly
 
     def sizes(self, mission: "Mission") -> dict[str, float]:
         """Size and shape as far as they are named, by the fields of TARGET, SI."""
@@ -306,10 +496,10 @@ class TargetOrbit(Part):
         above = f"above the Earth's radius, {ground:,.0f} m"
         sizes = self.sizes(mission)
         for apsis in self._given(("perigee", "apogee")):
-            key = self._key(apsis)
+            key = self.key_of(apsis)
             if sizes[f"{apsis}_radius"] <= ground:
                 fail(("target", key), getattr(self, key), f"the {apsis} {above}")
-        last = self._key(self._given(_SIZES)[-1])
+        last = self.key_of(self._given(_SIZES)[-1])
         conic = self.conic(mission)
         if conic.apogee < conic.perigee - CIRCLE_M:
             fail(("target", last), getattr(self, last), "an apogee that is not below the perigee")
@@ -327,24 +517,27 @@ class TargetOrbit(Part):
             )
         if len(sizes) == 1 and conic.c3 < -mu / ground:
             fail(("target", last), getattr(self, last), f"a semi-major axis {above}")
-        self._check_place(conic, self.circular(mission))
+        self._check_place(mission, conic)
 
-    def _check_place(self, conic: Conic, circular: bool) -> None:
+    def _check_place(self, mission: "Mission", conic: Conic) -> None:
         """Report a perigee that a circle does not have, and an anomaly that an escape has not."""
-        for key in self._given(("argument_of_perigee_deg", "at", "true_anomaly_deg")):
-            if circular:
+        places = ("argument_of_latitude_deg", "true_anomaly_deg", "at")
+        if self.circular(mission):
+            for key in self._given((*places, "argument_of_perigee_deg")):
                 fail(("target", key), getattr(self, key), "no such key, the orbit is a circle")
-        anomaly = self.true_anomaly_deg
+        _, anomaly = self._perigee_and_anomaly(mission)
         if anomaly is None:
             return
         if 1.0 + conic.eccentricity * math.cos(math.radians(anomaly)) <= 0.0:
-            fail(("target", "true_anomaly_deg"), anomaly, "an anomaly inside the asymptotes")
+            key = self._given(places)[0]
+            fail(("target", key), getattr(self, key), "a cut-off inside the asymptotes")
 
     def write(self, record: NDArray[np.void], mission: "Mission") -> None:
         """Fill a record TARGET, plane apart."""
         mu = mission.environment.mu_m3_s2
-        if self.argument_of_perigee_deg is not None:
-            record["argument_of_perigee"] = math.radians(self.argument_of_perigee_deg)
+        argument, anomaly = self._perigee_and_anomaly(mission)
+        if argument is not None:
+            record["argument_of_perigee"] = math.radians(argument)
         if self.keplerian:
             record["kind"] = layout.TARGET_KEPLERIAN
             record["semi_major_axis"] = self.semi_major_axis_m
@@ -352,16 +545,19 @@ class TargetOrbit(Part):
             return
         conic = self.conic(mission)
         named = sum({_NAMES[element] for element in self._given(_NAMES)})
+        if self.dla_deg is not None:
+            named |= layout.NAMES_ASCENDING_NODE
+        if argument is not None:
+            named |= layout.NAMES_ARGUMENT_OF_PERIGEE
         record["kind"] = layout.TARGET_ELEMENTS
         record["perigee_radius"] = conic.perigee
         record["apogee_radius"] = conic.apogee
         record["eccentricity"] = conic.eccentricity
         record["c3"] = conic.c3
         record["semi_major_axis"] = -mu / conic.c3 if conic.c3 else math.inf
-        if self.at == "apogee":
-            record["true_anomaly"] = math.pi
-        elif self.true_anomaly_deg is not None:
-            record["true_anomaly"] = math.radians(self.true_anomaly_deg)
+        if anomaly is not None:
+            named |= layout.NAMES_TRUE_ANOMALY
+            record["true_anomaly"] = math.radians(anomaly)
         if self.circular(mission):
             record["radius"] = conic.perigee
             record["speed"] = math.sqrt(mu / conic.perigee)
@@ -380,7 +576,7 @@ class TargetOrbit(Part):
 
     def describe(self) -> str:
         """In one line."""
-        texts = {
+        orbit = {
             "perigee_radius_m": "perigee r {:,.0f} m",
             "perigee_altitude_m": "perigee {:,.0f} m",
             "apogee_radius_m": "apogee r {:,.0f} m",
@@ -389,12 +585,21 @@ class TargetOrbit(Part):
             "eccentricity": "e {:g}",
             "c3_m2_s2": "C3 {:,.0f} m2/s2",
             "inclination_deg": "i {:g} deg",
-            "ascending_node_deg": "node {:g} deg",
+        }
+        place = {
             "argument_of_perigee_deg": "argument of perigee {:g} deg",
             "at": "at {}",
             "true_anomaly_deg": "anomaly {:g} deg",
+            "argument_of_latitude_deg": "argument of latitude {:g} deg",
+            "dla_deg": "asymptote declination {:g} deg",
+            "rla_deg": "right ascension {:g} deg",
         }
-        return ", ".join(texts[key].format(getattr(self, key)) for key in self._given(texts))
+
+        def told(texts: Mapping[str, str]) -> list[str]:
+            return [texts[key].format(getattr(self, key)) for key in self._given(texts)]
+
+        node = self.describe_node()
+        return ", ".join([*told(orbit), *([] if node is None else [node]), *told(place)])
 
 
 Target = Annotated[
@@ -414,8 +619,9 @@ def target_record(mission: "Mission") -> NDArray[np.void]:
     record = np.zeros(1, layout.TARGET)
     if target.inclination_deg is not None:
         record["inclination"] = math.radians(target.inclination_deg)
-    if target.ascending_node_deg is not None:
-        record["ascending_node"] = math.radians(target.ascending_node_deg)
+    node = target.node_deg(mission)
+    if node is not None:
+        record["ascending_node"] = math.radians(node)
     if mission.abort is not None:
         equatorial = mission.environment.earth.equatorial_radius_m
         record["safe_radius"] = equatorial + mission.abort.safe_perigee_altitude_m
@@ -444,9 +650,10 @@ def _check_plane(mission: "Mission") -> None:
             f"within {limit:g} deg of the initial state's inclination, "
             f"{math.degrees(before.inclination):.3f} deg",
         )
-    if target.ascending_node_deg is None:
+    node = target.node_deg(mission)
+    if node is None:
         return
-    turn = math.radians(target.ascending_node_deg) - before.ascending_node
+    turn = math.radians(node) - before.ascending_node
     if target.inclination_deg is None:
         # the plane through the node that is nearest to that of the start
         between = math.sqrt(1.0 - (math.sin(before.inclination) * math.sin(turn)) ** 2)
@@ -456,9 +663,11 @@ def _check_plane(mission: "Mission") -> None:
             inclination
         ) * math.sin(before.inclination) * math.cos(turn)
     if between < math.cos(MAX_PLANE_CHANGE):
+        key = target.node_key or "rla_deg"
         fail(
-            ("target", "ascending_node_deg"),
-            target.ascending_node_deg,
+            ("target", key),
+            getattr(target, key),
             f"a plane within {limit:g} deg of the initial state's, whose node is at "
-            f"{math.degrees(before.ascending_node):.3f} deg",
+            f"{math.degrees(before.ascending_node):.3f} deg from the inertial x axis; it is at "
+            f"{node % 360.0:.3f} deg",
         )

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from ares_models import heating
 from ares_models.arrays import ALTITUDE_SPHERICAL, ENVIRONMENT
+from ares_models.atmosphere import no_air
 from ares_models.earth import Earth
 from ares_models.kernels import environment as kernels
 from ares_models.kernels.vectors import axpy
@@ -167,3 +168,14 @@ def test_log_heating_gradient(r, v):
 
 def test_environment_record_has_the_fields_that_kernels_read():
     assert set(ENVIRONMENT.names) >= {"mu", "j2", "density_factor", "altitude_model"}
+
+
+def test_without_air_nothing_heats():
+    air = no_air().table
+    env = environment()
+    for height in (-1e3, 0.0, 1e5, 1e9):
+        r = (env["equatorial_radius"] + height, 0.0, 0.0)
+        assert kernels.density(r, env, air) == 0.0
+        assert kernels.heating_rate(r, (0.0, 1e5, 0.0), env, air) == 0.0
+    log_rate, by_position, by_velocity = kernels.log_heating_gradient(POSITION, VELOCITY, env, air)
+    assert np.all(np.isfinite([log_rate, *by_position, *by_velocity]))

@@ -16,7 +16,7 @@ EARTHS = {
     "sphere": Earth(6378137.0, 6378137.0, 7.292115e-5),
     # as flat as a mission may have it
     "flat": Earth(6.4e6, 3.2e6, 1e-4),
-    "ares_v": replace(load_mission("ares_v").environment.earth.earth(), angle_at_zero=0.0),
+    "ares_v": replace(load_mission("ares_v").earth(), angle_at_zero=0.0),
 }
 
 

@@ -162,7 +162,7 @@ def mission_with(*areas):
 
 def direction(latitude_deg, longitude_deg):
     latitude, longitude = np.radians(latitude_deg), np.radians(longitude_deg)
-    latitude = ARES.environment.earth.earth().geocentric_latitude(latitude)
+    latitude = ARES.earth().geocentric_latitude(latitude)
     across = math.cos(latitude)
     return (across * math.cos(longitude), across * math.sin(longitude), math.sin(latitude))
 
@@ -249,7 +249,7 @@ def test_the_nearest_of_several_areas_is_named():
 
 
 def test_an_impact_in_words():
-    earth = ARES.environment.earth.earth()
+    earth = ARES.earth()
     record = mission_with(circle(-33.0, -71.6, 50e3, "Valparaiso")).environment_array()[0]
     at = Earth.position(
         earth, earth.geocentric_latitude(math.radians(-33.1)), math.radians(-71.5), 6.4e6, 500.0

@@ -11,7 +11,7 @@ import yaml
 from ares_models import arrays as layout
 from ares_models.input_file import read_input
 from ares_models.mission import MISSION, Mission, MissionError, list_missions, load_mission
-from ares_models.orbits import Elements, Insertion
+from ares_models.orbits import Insertion
 
 
 def shipped_text(name):
@@ -169,42 +169,6 @@ def test_names_follow_the_arcs():
     assert mission.arc_names[1] == "five engines"
     assert load_mission("ares_v").arc_names == ("core", "upper stage")
     assert mission.jettison_names[2] == "launch escape system"
-
-
-def test_initial_state_in_three_forms_is_one(tmp_path):
-    vectors = load_mission("ares_v").start()
-    mu = 3.986e14
-    orbit = Elements.from_state(vectors.position, vectors.velocity, mu)
-
-    def as_elements(data):
-        data["initial_state"] = {
-            "time_s": 155.9,
-            "semi_major_axis_m": orbit.semi_major_axis,
-            "eccentricity": orbit.eccentricity,
-            "inclination_deg": math.degrees(orbit.inclination),
-            "ascending_node_deg": math.degrees(orbit.ascending_node),
-            "argument_of_perigee_deg": math.degrees(orbit.argument_of_perigee),
-            "true_anomaly_deg": math.degrees(orbit.true_anomaly),
-        }
-
-    def as_angles(data):
-        from ares_models.earth import LaunchAngles
-
-        angles = LaunchAngles.from_state(vectors.position, vectors.velocity)
-        data["initial_state"] = {
-            "time_s": 155.9,
-            "latitude_deg": math.degrees(angles.latitude),
-            "right_ascension_deg": math.degrees(angles.right_ascension),
-            "radius_m": angles.radius,
-            "speed_m_s": angles.speed,
-            "flight_path_angle_deg": math.degrees(angles.flight_path_angle),
-            "azimuth_deg": math.degrees(angles.azimuth),
-        }
-
-    for change in (as_elements, as_angles):
-        start = load_mission(variant(tmp_path, change)).start()
-        assert np.allclose(start.position, vectors.position, rtol=0.0, atol=1e-3)
-        assert np.allclose(start.velocity, vectors.velocity, rtol=0.0, atol=1e-6)
 
 
 def test_jettison_after_ignition(tmp_path):

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from datetime import UTC, datetime
 from importlib import resources
 
 import numpy as np
@@ -12,7 +13,8 @@ from ares_models import arrays as layout
 from ares_models.kernels.targets import desired_state, plane_normal, size_and_shape, target_speed
 from ares_models.mission import MissionError, load_mission
 from ares_models.mission_target import TargetOrbit
-from ares_models.orbits import Elements
+from ares_models.orbits import Elements, Insertion
+from ares_models.sidereal import greenwich_sidereal_time_deg
 
 MU = 3.986e14
 EQUATOR = 6378140.0
@@ -241,3 +243,215 @@ def test_a_free_plane_is_that_of_the_motion(aimed):
         line = (math.cos(math.radians(114.0)), math.sin(math.radians(114.0)), 0.0)
         assert np.dot(normal, line) == pytest.approx(0.0, abs=1e-12)
         assert sign * np.dot(normal, h) > 0.0
+
+
+# ---- the node by the sky, the cut-off by its argument of latitude, the way out by its asymptote
+
+EPOCH = datetime(2026, 1, 1, 12, tzinfo=UTC)
+SIZES = {"perigee_altitude_m": 185e3, "apogee_altitude_m": 1e6, "inclination_deg": 28.5}
+STATE = {
+    "radius_m": 6518889.0,
+    "speed_m_s": 7840.675,
+    "flight_path_angle_deg": 1.0,
+    "inclination_deg": 28.5,
+}
+
+
+@pytest.fixture
+def dated(tmp_path):
+    """A mission with an epoch and another target; with or without its own longitude zero."""
+    text = resources.files("ares_models").joinpath("missions", "ares_v.yaml").read_text()
+
+    def load(target, zero=True, epoch=EPOCH, rate="7.2921159e-5"):
+        content = text[: text.index("jettisons:")]
+        content = content.replace("7.2921159e-5", rate)
+        if not zero:
+            content = content.replace("    zero_longitude_deg", "    # zero_longitude_deg")
+        if epoch is not None:
+            content += f"epoch: {json.dumps(epoch.isoformat())}\n"
+        path = tmp_path / "dated.yaml"
+        path.write_text(f"{content}target: {json.dumps(target)}\n")
+        return load_mission(path)
+
+    return load
+
+
+@pytest.mark.parametrize("form", [STATE, SIZES])
+def test_a_raan_is_from_the_equinox_wherever_the_x_axis_is(dated, form):
+    """Seen from the ground the node is in one place: RAAN less sidereal time."""
+    mission = dated(form | {"raan_deg": 114.64})
+    node = math.degrees(mission.arrays().target[0]["ascending_node"])
+    longitude = node - mission.zero_longitude_deg
+    apart = longitude - (114.64 - greenwich_sidereal_time_deg(EPOCH))
+    assert math.remainder(apart, 360.0) == pytest.approx(0.0, abs=1e-9)
+    # where the frame is that of the epoch it is the node itself
+    start = Insertion.from_state(SHIPPED.start().position, SHIPPED.start().velocity)
+    named = math.degrees(start.ascending_node)
+    mission = dated(form | {"raan_deg": named}, zero=False)
+    node = math.degrees(mission.arrays().target[0]["ascending_node"])
+    assert node == pytest.approx(named, abs=1e-12)
+
+
+def test_a_local_time_is_where_the_sun_says(dated):
+    """At noon of Greenwich longitude zero has noon: 15 deg farther east it is an hour later."""
+    target = STATE | {"local_time_of_node_h": 0.899}
+    mission = dated(target)
+    node = math.degrees(mission.arrays().target[0]["ascending_node"])
+    longitude = node - mission.zero_longitude_deg
+    apart = longitude - 15.0 * (0.899 - 12.0)
+    assert math.remainder(apart, 360.0) == pytest.approx(0.0, abs=1e-9)
+    assert "node at 0.899 h local time" in mission.target.describe()
+
+
+@pytest.mark.parametrize(
+    ("beside", "argument", "anomaly"),
+    [
+        ({"argument_of_perigee_deg": 130.0}, 130.0, 20.0),
+        ({"at": "perigee"}, 150.0, 0.0),
+        ({"at": "apogee"}, -30.0, 180.0),
+        ({"true_anomaly_deg": 5.0}, 145.0, 5.0),
+    ],
+)
+def test_an_argument_of_latitude_is_perigee_and_anomaly_together(aimed, beside, argument, anomaly):
+    target = aimed(**SIZES, **beside, argument_of_latitude_deg=150.0).arrays().target[0]
+    assert target["named"] & layout.NAMES_ARGUMENT_OF_PERIGEE
+    assert target["named"] & layout.NAMES_TRUE_ANOMALY
+    assert math.degrees(target["argument_of_perigee"]) == pytest.approx(argument)
+    assert math.degrees(target["true_anomaly"]) == pytest.approx(anomaly)
+
+
+ASYMPTOTE = {
+    "perigee_altitude_m": 185e3,
+    "c3_m2_s2": 1.2e7,
+    "inclination_deg": 28.5,
+    "dla_deg": 5.0,
+    "rla_deg": 124.0,
+}
+
+
+@pytest.mark.parametrize(
+    ("declination", "ascension"),
+    [(-20.0, 80.0), (0.0, 115.0), (5.0, 124.0), (5.0, 285.0), (28, 195)],
+)
+def test_whoever_leaves_along_the_hyperbola_goes_where_the_asymptote_points(
+    dated, declination, ascension
+):
+    mission = dated(ASYMPTOTE | {"dla_deg": declination, "rla_deg": ascension})
+    target = mission.arrays().target[0]
+    e = float(target["eccentricity"])
+    assert e == pytest.approx(1.0 + 1.2e7 * PERIGEE / MU)
+    # far out, by Keplerian elements alone: both position and velocity point there
+    orbit = Elements(
+        PERIGEE / (1.0 - e),
+        e,
+        float(target["inclination"]),
+        float(target["ascending_node"]),
+        float(target["argument_of_perigee"]),
+        math.acos(-1.0 / e) - 1e-9,
+    )
+    position, velocity = orbit.state(MU)
+    assert velocity @ velocity == pytest.approx(1.2e7, rel=1e-6)
+    equinox = mission.zero_longitude_deg - greenwich_sidereal_time_deg(EPOCH)
+    for vector in (position, velocity):
+        x, y, z = vector / np.linalg.norm(vector)
+        assert math.degrees(math.asin(z)) == pytest.approx(declination, abs=1e-4)
+        found = math.degrees(math.atan2(y, x)) - equinox
+        assert math.remainder(found - ascension, 360.0) == pytest.approx(0.0, abs=1e-4)
+    # the plane is the nearer one
+    start = SHIPPED.start()
+    momentum = np.cross(start.position, start.velocity)
+    node, tilt = float(target["ascending_node"]), math.radians(28.5)
+    normal = [math.sin(tilt) * math.sin(node), -math.sin(tilt) * math.cos(node), math.cos(tilt)]
+    assert math.degrees(math.acos(momentum @ normal / np.linalg.norm(momentum))) < 30.0
+
+
+@pytest.mark.parametrize(
+    ("target", "frame", "said"),
+    [
+        (
+            STATE | {"raan_deg": 114.0},
+            {"epoch": None},
+            "epoch is missing; expected a date and time, because target.raan_deg is there",
+        ),
+        (
+            STATE | {"raan_deg": 114.0},
+            {"rate": "7.0882e-5"},
+            "target.raan_deg is 114.0; expected no such key, because the body does not turn as",
+        ),
+        (
+            STATE | {"raan_deg": 114.0, "ascending_node_deg": 114.0},
+            {},
+            "target.raan_deg is 114.0; expected no such key beside ascending_node_deg",
+        ),
+        (
+            SIZES | {"local_time_of_node_h": 12.0},
+            {},
+            "target.local_time_of_node_h is 12.0; expected a plane within 30 deg of the initial",
+        ),
+        (
+            STATE | {"local_time_of_node_h": 25.0},
+            {},
+            "target.local_time_of_node_h is 25.0; expected a number from 0 to 24 in h",
+        ),
+        (
+            SIZES | {"argument_of_latitude_deg": 150.0},
+            {},
+            (
+                "target.argument_of_latitude_deg is 150.0; expected one of "
+                "argument_of_perigee_deg, at and true_anomaly_deg beside it"
+            ),
+        ),
+        (
+            SIZES
+            | {"argument_of_latitude_deg": 1.0, "at": "perigee", "argument_of_perigee_deg": 1.0},
+            {},
+            (
+                "target.argument_of_latitude_deg is 1.0; expected no such key beside "
+                "argument_of_perigee_deg and at"
+            ),
+        ),
+        (
+            SIZES | {"apogee_altitude_m": 185e3, "argument_of_latitude_deg": 1.0, "at": "perigee"},
+            {},
+            "target.argument_of_latitude_deg is 1.0; expected no such key, the orbit is a circle",
+        ),
+        (
+            {key: ASYMPTOTE[key] for key in ASYMPTOTE if key != "rla_deg"},
+            {},
+            "target.rla_deg is missing; expected a number in deg beside dla_deg",
+        ),
+        (
+            {key: ASYMPTOTE[key] for key in ASYMPTOTE if key != "inclination_deg"},
+            {},
+            (
+                "target.inclination_deg is missing; expected a number in deg, because dla_deg and "
+                "rla_deg give the node"
+            ),
+        ),
+        (
+            ASYMPTOTE | {"c3_m2_s2": -1e6},
+            {},
+            "target.c3_m2_s2 is -1000000.0; expected a number above 0 m2/s2, of an asymptote",
+        ),
+        (
+            ASYMPTOTE | {"dla_deg": -30.0},
+            {},
+            "target.inclination_deg is 28.5; expected more than dla_deg, 30 deg",
+        ),
+        (
+            ASYMPTOTE | {"rla_deg": 200.0},
+            {},
+            "target.rla_deg is 200.0; expected a plane within 30 deg of the initial state's",
+        ),
+        (
+            ASYMPTOTE | {"argument_of_latitude_deg": 30.0},
+            {},
+            "target.argument_of_latitude_deg is 30.0; expected a cut-off inside the asymptotes",
+        ),
+    ],
+)
+def test_directions_that_are_none(dated, target, frame, said):
+    with pytest.raises(MissionError) as caught:
+        dated(target, **frame)
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)

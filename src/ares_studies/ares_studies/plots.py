@@ -53,7 +53,8 @@ def draw_flight(
     pitch, _ = thrust_angles(truth["position"], truth["velocity"], truth["thrust_direction"])
     _line(axes[1, 1], t[1:], pitch[1:], "pitch of the thrust above the horizon, deg")
     _line(axes[2, 0], t, truth["heating_rate"], "free molecular heating, W/m²")
-    axes[2, 0].set_yscale("log")
+    if np.any(truth["heating_rate"] > 0.0):
+        axes[2, 0].set_yscale("log")
     _level(axes[2, 0], heating_limit_w_m2, "limit")
     # guidance may have left no word in what is intact of a bag
     predicted = status.get("cutoff_time", status["time"])

@@ -120,8 +120,9 @@ def mass_after_full_flow(mission: Mission, t_meco_s: float) -> float:
     However slowly an engine starts, no flight that cuts off then has less.
     """
     last = mission.stages[-1]
+    at = len(mission.stages) - 1
     (engine,) = last.burns
-    left = last.ignition_mass_kg - mission.jettison_mass(len(mission.stages) - 1)
+    left = mission.ignition_mass(at) - mission.jettison_mass(at)
     burning = t_meco_s - mission.ignition_times()[-1]
     return left - engine.mass_flow(mission.environment.g0_m_s2) * burning
 

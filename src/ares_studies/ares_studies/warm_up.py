@@ -13,6 +13,7 @@ from ares_guidance.law import PEG, Law
 from ares_guidance.laws import find_law
 from ares_guidance.registry import law_names
 from ares_models.mission import load_mission
+from ares_models.mission_warnings import warnings
 from ares_studies.closed_loop import fly_compiled, fly_stepwise
 from ares_studies.flight_page.geometry import impact_time
 from ares_studies.montecarlo.flights import Range, Settings
@@ -22,6 +23,7 @@ from ares_vehicle_sim.dispersions import Dispersions
 def fly_once(name: str) -> None:
     """The default mission as the nodes fly it; law peg before the laws are registered."""
     mission = load_mission("ares_v")
+    warnings(mission)
     law = Law(mission.arrays(foreseen=True)) if name == PEG.name else name
     fly_stepwise(mission, law=law)
 

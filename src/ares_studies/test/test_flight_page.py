@@ -25,7 +25,7 @@ from ares_studies.flight_page.page import Account, Happening, make_report, rende
 
 MISSION = load_mission("ares_v")
 ENVIRONMENT = MISSION.environment_array()[0]
-EARTH = MISSION.environment.earth.earth()
+EARTH = MISSION.earth()
 DEGREE = math.pi / 180.0
 
 

@@ -63,16 +63,16 @@ def propose(mission: Mission) -> Iterator[Proposed]:
 
 def _dry_shares(mission: Mission) -> Iterator[float]:
     """What is no propellant of each stage's own mass, its jettisons left out."""
-    for i, stage in enumerate(mission.stages):
-        after = mission.stages[i + 1].ignition_mass_kg if i + 1 < len(mission.stages) else 0.0
-        own = stage.ignition_mass_kg - mission.jettison_mass(i) - after
+    for i in range(len(mission.stages)):
+        after = mission.ignition_mass(i + 1) if i + 1 < len(mission.stages) else 0.0
+        own = mission.ignition_mass(i) - mission.jettison_mass(i) - after
         yield max(0.0, 1.0 - mission.propellant(i) / own)
 
 
 def _start(mission: Mission) -> Iterator[Proposed]:
     """Where the flight begins: in orbit as well as guidance flies, else as open loop does."""
     start = mission.start()
-    earth = mission.environment.earth.earth()
+    earth = mission.earth()
     radius = float(np.linalg.norm(start.position))
     if _in_orbit(mission):
         share = f"{100 * ORBIT_SHARE:g} % of"

@@ -95,7 +95,7 @@ def test_numbers_are_those_of_the_offline_page(story):
     assert shown["speed_m_s"] == 6500.0
     assert shown["acceleration_m_s2"] == 10.0
     assert shown["pitch_deg"] == pytest.approx(0.0, abs=1e-3)
-    earth = MISSION.environment.earth.earth()
+    earth = MISSION.earth()
     turn = math.degrees(2e-3 - 2.0 * earth.rotation_rate - earth.angle_at_zero)
     assert shown["longitude_deg"] == pytest.approx(turn, abs=1e-4)
     first = dict(zip(STATE_FIELDS, story.news(Seen())[0]["states"][0][1], strict=True))

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from rich.table import Table
 from rich.text import Text
 
+from ares_bringup.doubts import show_warnings
 from ares_bringup.report import console
 from ares_models.mission import Mission, list_missions, load_mission
 from ares_vehicle_sim.dispersions import DISPERSIONS, load_dispersions
@@ -48,6 +49,7 @@ def show_dispersions(names: Sequence[str] = ()) -> int:
 
 def _mission_rows(name: str) -> tuple[str, Rows]:
     mission = load(name)
+    show_warnings(name)
     texts = mission.describe()
     rows = [("valid", mission.title)]
     return mission.name, rows + [(key, texts[key]) for key in ("stages", "jettisons", "target")]

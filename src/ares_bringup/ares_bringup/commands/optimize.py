@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from ares_bringup.doubts import show_warnings
 from ares_bringup.options import CannotStart
 from ares_bringup.report import BLANK, console, number
 from ares_models.mission import Mission, MissionError, load_mission
@@ -67,6 +68,7 @@ def optimize(
     """
     try:
         mission = load_mission(mission_name)
+        show_warnings(mission_name)
         times = _held_times(mission, held)
         _load(method)
         solution = solve(

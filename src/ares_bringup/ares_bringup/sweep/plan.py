@@ -34,6 +34,61 @@ _TARGETS: Mapping[str, Mapping[str, object]] = {
     "circle": {"perigee_altitude_m": 185000.0, "inclination_deg": 28.5},
     "escape": {"perigee_altitude_m": 185000.0, "c3_m2_s2": 1e6, "true_anomaly_deg": 5.0},
 }
+#: And with an epoch, from which the node is counted.
+_DATED: Mapping[str, Mapping[str, object]] = {
+    "raan": {
+        "radius_m": 6518889.0,
+        "speed_m_s": 7840.675,
+        "flight_path_angle_deg": 1.0064,
+        "inclination_deg": 28.5,
+        "raan_deg": 114.64,
+    },
+    "local_time": {
+        "radius_m": 6518889.0,
+        "speed_m_s": 7840.675,
+        "flight_path_angle_deg": 1.0064,
+        "inclination_deg": 28.5,
+        "local_time_of_node_h": 0.899,
+    },
+    "latitude": {
+        "perigee_altitude_m": 185000.0,
+        "apogee_altitude_m": 250000.0,
+        "inclination_deg": 28.5,
+        "raan_deg": 114.64,
+        "argument_of_latitude_deg": 150.0,
+        "true_anomaly_deg": 10.0,
+    },
+    "orbit_local_time": {
+        "perigee_altitude_m": 185000.0,
+        "inclination_deg": 28.5,
+        "local_time_of_node_h": 0.899,
+    },
+    "asymptote": {
+        "perigee_altitude_m": 185000.0,
+        "c3_m2_s2": 1e7,
+        "inclination_deg": 28.5,
+        "dla_deg": 5.0,
+        "rla_deg": 124.0,
+    },
+}
+_EPOCH = "2026-01-01T12:00:00Z"
+#: And one with starts relative to the ground, which are its own.
+_STARTS: Mapping[str, Mapping[str, object]] = {
+    "over_ground": {
+        "time_s": 155.9,
+        "geodetic_latitude_deg": 28.6318,
+        "longitude_deg": -80.0004,
+        "altitude_m": 42_123.6,
+        "ground_speed_m_s": 1494.02,
+        "elevation_deg": 13.3074,
+        "ground_azimuth_deg": 88.3041,
+    },
+    "earth_fixed": {
+        "time_s": 155.9,
+        "earth_fixed_position_m": [979247.7, -5553813.1, 3058330.0],
+        "earth_fixed_velocity_m_s": [1480.021, -24.597, 202.55],
+    },
+}
 _MODELS: Mapping[str, type[Part]] = {MISSION: Mission, DISPERSIONS: Dispersions}
 _KINDS: Mapping[str, InputKind] = {MISSION: MISSION_FILE, DISPERSIONS: DISPERSIONS_FILE}
 
@@ -46,7 +101,10 @@ def bases(kind: str) -> dict[str, dict[str, Any]]:
     paths |= {name: Path(str(folder.joinpath(f"{name}.yaml"))) for name in _OWN[kind]}
     found = {name: read_input(path, file)[0] for name, path in paths.items()}
     if kind == MISSION:
-        found |= {name: found["ares_v"] | {"target": dict(of)} for name, of in _TARGETS.items()}
+        for key, others in (("target", _TARGETS), ("initial_state", _STARTS)):
+            found |= {name: found["ares_v"] | {key: dict(of)} for name, of in others.items()}
+        dated = found["ares_v"] | {"epoch": _EPOCH}
+        found |= {name: dated | {"target": dict(of)} for name, of in _DATED.items()}
     return found
 
 

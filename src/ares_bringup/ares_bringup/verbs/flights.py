@@ -174,8 +174,10 @@ def fly(
 
 def _fly(options: FlyOptions, as_json: bool) -> int:
     """Fly, show how it goes on, tell how it went: as a table, or as one JSON object."""
+    from ares_bringup.doubts import show_warnings
     from ares_bringup.fly import fly as fly_mission
 
+    show_warnings(options.mission)
     with ExitStack() as shown:
         show = None
         if not as_json and sys.stderr.isatty():

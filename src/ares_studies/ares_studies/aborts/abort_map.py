@@ -443,6 +443,6 @@ class MapMaker:
             self._nominal,
             rows,
             outlines(self._mission),
-            self._mission.environment.earth.zero_longitude_deg is not None
+            self._mission.zero_longitude_deg is not None
             and bool(land_on(self._mission.environment.earth.equatorial_radius_m)),
         )

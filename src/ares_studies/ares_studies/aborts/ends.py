@@ -77,7 +77,7 @@ class Judge:
         self._jettisons = mission.jettison_names
         self._target = arrays.target[0]
         self._environment = arrays.environment[0]
-        self._earth = mission.environment.earth.earth()
+        self._earth = mission.earth()
 
     def judge(
         self,

@@ -58,4 +58,4 @@ class Export:
 
     @property
     def _earth(self) -> Earth:
-        return self.recording.mission.environment.earth.earth()
+        return self.recording.mission.earth()

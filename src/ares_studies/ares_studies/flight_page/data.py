@@ -170,7 +170,7 @@ def make_flight(recording: Recording) -> Flight:
             truth["position"][falls],
             truth["velocity"][falls],
             mission.environment_array()[0],
-            mission.environment.earth.earth(),
+            mission.earth(),
         ),
         heating_limit_w_m2=min(limits, default=None),
     )
@@ -239,7 +239,7 @@ def states_of(truth: Columns, mission: Mission) -> States:
     """
     position, velocity = truth["position"], truth["velocity"]
     pitch, yaw = thrust_angles(position, velocity, truth["thrust_direction"])
-    earth = mission.environment.earth.earth()
+    earth = mission.earth()
     track = ground_track(truth["time"], position, earth)
     orbit = np.array(
         [

@@ -114,9 +114,7 @@ def make_report(
         comparison=comparison,
         chapters=make_chapters(flights, names, marks),
         globe=make_globe(flights, names, [account.end for account in accounts]),
-        placed=all(
-            flight.mission.environment.earth.zero_longitude_deg is not None for flight in flights
-        ),
+        placed=all(flight.mission.zero_longitude_deg is not None for flight in flights),
     )
 
 

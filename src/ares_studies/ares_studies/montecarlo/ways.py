@@ -93,7 +93,7 @@ def _on_globe(mission: Mission, rows: NDArray[np.float64], name: str, role: Role
     """A way from its states: time and position, shape (n, 4)."""
     kept = rows[np.unique(np.linspace(0, len(rows) - 1, POINTS).astype(int))]
     time, position = kept[:, 0], kept[:, 1:]
-    track = ground_track(time, position, mission.environment.earth.earth())
+    track = ground_track(time, position, mission.earth())
     radius = mission.environment.earth.equatorial_radius_m
     return GlobeFlight(
         name=name,

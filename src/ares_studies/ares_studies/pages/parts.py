@@ -246,9 +246,11 @@ def line(
         y: shape (n,); nan where there is nothing to draw.
         digits: decimals of y that are kept.
         shape: how it is drawn.
-        log: seen on a logarithmic axis.
+        log: seen on a logarithmic axis, on which there is no 0.
     """
     xs, ys = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+    if log:
+        ys = np.where(ys > 0.0, ys, np.nan)
     kept = thin(xs, np.log10(ys) if log else ys)
     return Series(name, role, shape, _numbers(xs[kept], 3), _numbers(ys[kept], digits))
 

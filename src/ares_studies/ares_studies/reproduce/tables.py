@@ -69,18 +69,17 @@ _NOTES_2_1 = {
 def table_2_2(s: Sources) -> Table:
     """The vehicle, and whether it closes."""
     thesis = printed.values("table-2.2")
-    core, upper = s.mission.stages
     core_arc, upper_arc = s.arrays.arcs[0], s.arrays.arcs[-1]
     burnout = float(core_arc["stack_mass"]) - float(core_arc["mass_flow"]) * (
         s.staging_s - s.mission.initial_state.time_s
     )
     rows = (
         beside("Start, s", thesis["start_s"], s.mission.initial_state.time_s, 1),
-        beside("Mass at the start, kg", thesis["start_mass_kg"], core.ignition_mass_kg, 0),
+        beside("Mass at the start, kg", thesis["start_mass_kg"], s.mission.ignition_mass(0), 0),
         beside("Core thrust, N", thesis["core_thrust_n"], float(core_arc["thrust"]), 0),
         beside("Core specific impulse, s", thesis["core_isp_s"], _isp(s, 0), 1),
         beside("Staging, s", thesis["staging_s"], s.staging_s, 2),
-        beside("Mass after staging, kg", thesis["upper_mass_kg"], upper.ignition_mass_kg, 0),
+        beside("Mass after staging, kg", thesis["upper_mass_kg"], s.mission.ignition_mass(1), 0),
         beside("Upper-stage thrust, N", thesis["upper_thrust_n"], float(upper_arc["thrust"]), 0),
         beside("Upper-stage specific impulse, s", thesis["upper_isp_s"], _isp(s, -1), 1),
         beside("Fairing, kg", thesis["fairing_kg"], float(s.arrays.jettisons["mass"][0]), 0),
@@ -91,7 +90,7 @@ def table_2_2(s: Sources) -> Table:
         ),
         beside("Flow of the core, kg/s", math.nan, float(core_arc["mass_flow"]), 2),
         beside("Mass at core burnout, kg", math.nan, burnout, 0),
-        beside("Stays behind at staging, kg", math.nan, burnout - upper.ignition_mass_kg, 0),
+        beside("Stays behind at staging, kg", math.nan, burnout - s.mission.ignition_mass(1), 0),
         beside("Flow of the upper stage, kg/s", math.nan, float(upper_arc["mass_flow"]), 3),
     )
     closes = mass_after_full_flow(s.mission, printed.values("table-4.1")["thesis"]["cutoff_s"])

@@ -190,7 +190,7 @@ class Story:
             truth: columns of VehicleState, with `time` in s and `sequence`.
         """
         mission = self._mission
-        earth = mission.environment.earth.earth()
+        earth = mission.earth()
         shown = states_of(truth, mission)
         # the first state of a flight stands before its first command
         for angle in (shown.pitch_deg, shown.yaw_deg):

@@ -342,7 +342,7 @@ class ViewNode(FlightNode):
         self._forward(topic, stamp_ns, message)
 
     def _show_the_start(self, shown: Shown, stamp_ns: int, state: Any) -> None:
-        earth = shown.mission.environment.earth.earth()
+        earth = shown.mission.earth()
         self._publish(MARKER, messages.globe(stamp_ns, earth), stamp_ns)
         self._publish(TF_STATIC, messages.fixed_frames(stamp_ns, state, earth), stamp_ns)
 
@@ -354,7 +354,7 @@ class ViewNode(FlightNode):
         stamp_ns, state, data = self._waiting
         self._waiting = None
         self._last_shown = time.monotonic()
-        earth = shown.mission.environment.earth.earth()
+        earth = shown.mission.earth()
         seconds = 0.0 if shown.shown_ns is None else (stamp_ns - shown.shown_ns) / NANOSECONDS
         direction = state["thrust_direction"]
         turn = turn_rate(shown.direction, direction, seconds)

@@ -1,0 +1,120 @@
+"""Masses of a mission: of each stage with all above it, or by item; whether they close.
+
+By item every mass stands once: dry mass, propellant and residuals of each stage, what is dropped,
+adapter and payload. What is ignited follows.
+"""
+
+from typing import TYPE_CHECKING
+
+from ares_models.mission_parts import BurnArc, fail
+
+if TYPE_CHECKING:
+    from ares_models.mission import Mission
+
+# file values are rounded; masses may miss each other by this much of themselves
+_MASS_ROUNDING = 1e-6
+
+_LOADS = ("payload_kg", "adapter_kg")
+_ITEMS = ("dry_mass_kg", "residuals_kg")
+
+
+def check_mass_forms(mission: "Mission") -> None:
+    """Report masses that are given in both forms, or in neither.
+
+    Raises:
+        PydanticCustomError: so.
+    """
+    whole = [i for i, stage in enumerate(mission.stages) if stage.ignition_mass_kg is not None]
+    if whole:
+        _check_no_items(mission, f"no such key beside stages[{whole[0]}].ignition_mass_kg")
+        for i in range(len(mission.stages)):
+            if i not in whole:
+                fail(("stages", i, "ignition_mass_kg"), None, "a number in kg")
+        return
+    by_item = mission.payload_kg is not None or any(
+        getattr(stage, key) is not None for stage in mission.stages for key in _ITEMS
+    )
+    if not by_item:
+        fail(
+            ("stages", 0, "ignition_mass_kg"),
+            None,
+            "a number in kg, or masses by item: dry_mass_kg and propellant_kg of each stage, "
+            "payload_kg",
+        )
+    if mission.payload_kg is None:
+        fail(("payload_kg",), None, "a number in kg, because no stage has an ignition_mass_kg")
+    for i, stage in enumerate(mission.stages):
+        for key in ("dry_mass_kg", "propellant_kg"):
+            if getattr(stage, key) is None:
+                fail(("stages", i, key), None, "a number in kg, because masses are by item")
+
+
+def _check_no_items(mission: "Mission", expected: str) -> None:
+    for key in _LOADS:
+        if getattr(mission, key) is not None:
+            fail((key,), getattr(mission, key), expected)
+    for i, stage in enumerate(mission.stages):
+        for key in _ITEMS:
+            if getattr(stage, key) is not None:
+                fail(("stages", i, key), getattr(stage, key), expected)
+
+
+def ignition_mass(mission: "Mission", stage: int) -> float:
+    """Return the mass of a stage and everything above it at the moment it begins, kg."""
+    part = mission.stages[stage]
+    if part.ignition_mass_kg is not None:
+        return part.ignition_mass_kg
+    if stage + 1 < len(mission.stages):
+        above = ignition_mass(mission, stage + 1)
+    else:
+        above = sum(getattr(mission, key) or 0.0 for key in _LOADS)
+    items = (part.dry_mass_kg, part.propellant_kg, part.residuals_kg)
+    return sum(item or 0.0 for item in items) + mission.jettison_mass(stage) + above
+
+
+def check_masses(mission: "Mission") -> None:
+    """Report masses that do not close: what burns, what drops and what stays.
+
+    Raises:
+        PydanticCustomError: they do not.
+    """
+    stages = mission.stages
+    for i, stage in enumerate(stages):
+        whole = mission.ignition_mass(i)
+        own = mission.jettison_mass(i)
+        aboard = sum(mission.jettison_mass(k) for k in range(i, len(stages)))
+        if aboard >= whole:
+            fail(
+                ("stages", i, "ignition_mass_kg"),
+                whole,
+                f"more than the {aboard:,.6g} kg of jettisons that it contains",
+            )
+        after = mission.ignition_mass(i + 1) if i + 1 < len(stages) else 0.0
+        room = whole - own - after
+        slack = _MASS_ROUNDING * whole
+        if after and room <= 0.0:
+            fail(
+                ("stages", i + 1, "ignition_mass_kg"),
+                after,
+                f"less than the {whole - own:,.9g} kg of stage {stage.name} without its jettisons",
+            )
+        if stage.propellant_kg is not None and stage.propellant_kg >= room + slack:
+            fail(
+                ("stages", i, "propellant_kg"),
+                stage.propellant_kg,
+                f"at most the {room:,.9g} kg that the stage can lose",
+            )
+        used = mission.fixed_propellant(i)
+        usable = room if stage.propellant_kg is None else stage.propellant_kg
+        if used > usable + slack:
+            k = max(
+                (k for k, arc in enumerate(stage.flight_arcs) if isinstance(arc, BurnArc)),
+                key=lambda k: -1 if stage.flight_arcs[k].free else k,
+            )
+            arc = stage.flight_arcs[k]
+            fail(
+                ("stages", i, *stage.arc_path(k, "burn_time_s")),
+                arc.duration_s,
+                f"burns that take at most {usable:,.9g} kg; the fixed burns of stage "
+                f"{stage.name} take {used:,.9g} kg",
+            )

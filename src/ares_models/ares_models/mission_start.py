@@ -1,0 +1,257 @@
+"""Where a mission begins: the forms of an initial state, and what makes no sense in one.
+
+Three forms are inertial, two are relative to the body that turns below.
+"""
+
+import math
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from ares_models.earth import Earth, LaunchAngles
+from ares_models.geodesy import earth_fixed_place, inertial_state, velocity_over_ground
+from ares_models.mission_parts import (
+    AnyEccentricity,
+    AnySemiMajorAxis,
+    Coordinate,
+    FlightPathAngle,
+    Inclination,
+    Latitude,
+    MissionTime,
+    Part,
+    Radius,
+    Speed,
+    Turn,
+    VelocityComponent,
+    by_keys,
+    fail,
+)
+from ares_models.orbits import Elements
+from ares_models.ranges import Range
+
+if TYPE_CHECKING:
+    from ares_models.mission import Mission
+
+Array = NDArray[np.float64]
+
+#: An ascent begins below this many Earth radii.
+MAX_INITIAL_RADII = 10.0
+#: From the centre, of an initial state by elements, m.
+LEAST_PERIGEE_M = 1.0
+
+Position = tuple[Coordinate, Coordinate, Coordinate]
+Velocity = tuple[VelocityComponent, VelocityComponent, VelocityComponent]
+StartAltitude = Annotated[float, Range(0.0, 1e9)]
+
+
+class InitialStatePart(Part):
+    """What every form of an initial state has.
+
+    Attributes:
+        PLACE: key that is named where the place is wrong.
+        MOTION: the same of the velocity.
+        ON_GROUND: whether the form names a place on the body that turns.
+    """
+
+    PLACE: ClassVar[str]
+    MOTION: ClassVar[str]
+    ON_GROUND: ClassVar[bool] = False
+
+    time_s: MissionTime = Field(description="mission elapsed time")
+
+
+class StateVectors(InitialStatePart):
+    """Initial state as inertial vectors."""
+
+    PLACE = "position_m"
+    MOTION = "velocity_m_s"
+
+    position_m: Position = Field(description="three numbers")
+    velocity_m_s: Velocity = Field(description="three numbers")
+
+    def state(self, mu: float, earth: Earth) -> tuple[Array, Array]:
+        """Position (m) and velocity (m/s), each shape (3,)."""
+        return np.array(self.position_m), np.array(self.velocity_m_s)
+
+
+class StateAngles(InitialStatePart):
+    """Initial state as place, speed, flight-path angle and azimuth, all inertial."""
+
+    PLACE = "radius_m"
+    MOTION = "speed_m_s"
+
+    latitude_deg: Latitude = Field(description="geocentric")
+    right_ascension_deg: Turn = Field(description="from the inertial x axis, not from Greenwich")
+    radius_m: Radius = Field(description="from the centre")
+    speed_m_s: Speed = Field(description="inertial")
+    flight_path_angle_deg: FlightPathAngle = Field(description="of the inertial velocity")
+    azimuth_deg: Turn = Field(description="of the inertial velocity, north to east")
+
+    def state(self, mu: float, earth: Earth) -> tuple[Array, Array]:
+        """Position (m) and velocity (m/s), each shape (3,); Eqs. 2.14 and 2.18."""
+        return LaunchAngles(
+            radius=self.radius_m,
+            latitude=math.radians(self.latitude_deg),
+            right_ascension=math.radians(self.right_ascension_deg),
+            speed=self.speed_m_s,
+            flight_path_angle=math.radians(self.flight_path_angle_deg),
+            azimuth=math.radians(self.azimuth_deg),
+        ).state()
+
+
+class StateElements(InitialStatePart):
+    """Initial state as Keplerian elements."""
+
+    PLACE = "semi_major_axis_m"
+    MOTION = "semi_major_axis_m"
+
+    semi_major_axis_m: AnySemiMajorAxis = Field(description="negative for a hyperbola")
+    eccentricity: AnyEccentricity = Field(description="not 1")
+    inclination_deg: Inclination = Field(description="to the equator")
+    ascending_node_deg: Turn = Field(description="from the inertial x axis")
+    argument_of_perigee_deg: Turn = Field(description="from the node")
+    true_anomaly_deg: Turn = Field(description="from perigee")
+
+    @model_validator(mode="after")
+    def _conic(self) -> "StateElements":
+        if self.eccentricity == 1.0:
+            fail(("eccentricity",), self.eccentricity, "not exactly 1")
+        if self.semi_major_axis_m * (1.0 - self.eccentricity) < LEAST_PERIGEE_M:
+            fail(
+                ("semi_major_axis_m",),
+                self.semi_major_axis_m,
+                "more than 0 for an ellipse, less than 0 for a hyperbola, with a perigee at least "
+                f"{LEAST_PERIGEE_M:g} m from the centre",
+            )
+        if 1.0 + self.eccentricity * math.cos(math.radians(self.true_anomaly_deg)) <= 0.0:
+            fail(("true_anomaly_deg",), self.true_anomaly_deg, "an anomaly inside the asymptotes")
+        return self
+
+    def state(self, mu: float, earth: Earth) -> tuple[Array, Array]:
+        """Position (m) and velocity (m/s), each shape (3,)."""
+        return Elements(
+            self.semi_major_axis_m,
+            self.eccentricity,
+            math.radians(self.inclination_deg),
+            math.radians(self.ascending_node_deg),
+            math.radians(self.argument_of_perigee_deg),
+            math.radians(self.true_anomaly_deg),
+        ).state(mu)
+
+
+class StateOverGround(InitialStatePart):
+    """Initial state as a geodetic place and a velocity over the ground."""
+
+    PLACE = "altitude_m"
+    MOTION = "ground_speed_m_s"
+    ON_GROUND = True
+
+    geodetic_latitude_deg: Latitude = Field(description="of the normal of the ellipsoid")
+    longitude_deg: Turn = Field(description="from longitude zero, positive to the east")
+    altitude_m: StartAltitude = Field(description="above the ellipsoid")
+    ground_speed_m_s: Speed = Field(description="relative to the body that turns")
+    elevation_deg: FlightPathAngle = Field(description="of that velocity, above the horizon")
+    ground_azimuth_deg: Turn = Field(description="of that velocity, north to east")
+
+    def state(self, mu: float, earth: Earth) -> tuple[Array, Array]:
+        """Position (m) and velocity (m/s), each shape (3,)."""
+        place = self.geodetic_latitude_deg, self.longitude_deg
+        motion = self.ground_speed_m_s, self.elevation_deg, self.ground_azimuth_deg
+        return inertial_state(
+            self.time_s,
+            earth_fixed_place(*place, self.altitude_m, earth),
+            velocity_over_ground(*place, *motion),
+            earth,
+        )
+
+
+class StateEarthFixed(InitialStatePart):
+    """Initial state as vectors in axes that turn with the body."""
+
+    PLACE = "earth_fixed_position_m"
+    MOTION = "earth_fixed_velocity_m_s"
+    ON_GROUND = True
+
+    earth_fixed_position_m: Position = Field(
+        description="three numbers: x through longitude zero, z to the north pole"
+    )
+    earth_fixed_velocity_m_s: Velocity = Field(
+        description="three numbers: relative to the body that turns, in the same axes"
+    )
+
+    def state(self, mu: float, earth: Earth) -> tuple[Array, Array]:
+        """Position (m) and velocity (m/s), each shape (3,)."""
+        position = np.array(self.earth_fixed_position_m)
+        return inertial_state(self.time_s, position, np.array(self.earth_fixed_velocity_m_s), earth)
+
+
+FORMS: dict[str, type[InitialStatePart]] = {
+    "<vectors>": StateVectors,
+    "<angles>": StateAngles,
+    "<elements>": StateElements,
+    "<over ground>": StateOverGround,
+    "<earth-fixed>": StateEarthFixed,
+}
+
+InitialState = Annotated[
+    Annotated[StateVectors, Tag("<vectors>")]
+    | Annotated[StateAngles, Tag("<angles>")]
+    | Annotated[StateElements, Tag("<elements>")]
+    | Annotated[StateOverGround, Tag("<over ground>")]
+    | Annotated[StateEarthFixed, Tag("<earth-fixed>")],
+    Discriminator(
+        by_keys(FORMS, None),
+        custom_error_type="expected",
+        custom_error_message="position_m and velocity_m_s, latitude_deg and so on, "
+        "semi_major_axis_m and so on, geodetic_latitude_deg and so on, "
+        "or earth_fixed_position_m and earth_fixed_velocity_m_s",
+    ),
+]
+
+
+def check_initial_state(mission: "Mission") -> None:
+    """Report a start below the ground, too far out, too fast, or straight up.
+
+    Raises:
+        PydanticCustomError: it is one.
+    """
+    form = mission.initial_state
+    if form.ON_GROUND and mission.zero_longitude_deg is None:
+        fail(
+            ("environment", "earth", "zero_longitude_deg"),
+            None,
+            "a number, or an epoch on the Earth, because initial_state is relative to the ground",
+        )
+    start = mission.start()
+    earth = mission.earth()
+    radius = math.hypot(*start.position)
+    surface = earth.equatorial_radius
+    farthest = MAX_INITIAL_RADII * surface
+    if mission.environment.altitude == "ellipsoid" and radius > 0.0:
+        latitude, _ = earth.latitude_longitude(start.position, 0.0)
+        surface = earth.surface_radius(latitude)
+    if not surface < radius < farthest:
+        fail(
+            ("initial_state", form.PLACE),
+            getattr(form, form.PLACE),
+            f"a distance from the Earth's centre above its surface, {surface:,.0f} m, "
+            f"and below {farthest:,.0f} m; it is {radius:,.0f} m",
+        )
+    speed = math.hypot(*start.velocity)
+    escape = math.sqrt(2.0 * mission.environment.mu_m3_s2 / radius)
+    if speed >= 2.0 * escape:
+        fail(
+            ("initial_state", form.MOTION),
+            getattr(form, form.MOTION),
+            f"an inertial speed below twice the escape speed, {2.0 * escape:,.0f} m/s; it is "
+            f"{speed:,.0f} m/s",
+        )
+    momentum = float(np.linalg.norm(np.cross(start.position, start.velocity)))
+    if not momentum > 0.0:
+        fail(
+            ("initial_state",),
+            start.velocity.tolist(),
+            "a velocity that is not straight up, so that it spans a plane",
+        )

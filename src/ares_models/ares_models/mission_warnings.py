@@ -1,0 +1,201 @@
+"""What a mission may say but hardly means: slips of a unit, an orbit inside the air.
+
+A warning is sure, not complete: all shipped missions are without one.
+"""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ares_models.heating import free_molecular_heating
+from ares_models.input_file import KeyPath, at_line, format_number, read_input
+from ares_models.mission_parts import BurnArc
+from ares_models.mission_target import TargetOrbit
+
+if TYPE_CHECKING:
+    from ares_models.mission import Mission
+
+#: Air in which nothing stays in orbit, kg/m3: that of 100 km on the Earth.
+THICK_AIR = 5.6e-7
+#: The same where a flight is only cut off, on its way up: that of 84 km.
+THICKEST_AIR = 1e-5
+#: m/s, g0 Isp of a chemical engine: 61 s is worse than cold gas, 500 s better than any.
+CHEMICAL = (600.0, 4_903.3)
+#: Thrust over mass of a chemical stage, m/s2: electric ones have a thousandth at most.
+CHEMICAL_ACCELERATION = 0.1
+#: m/s2; the fiercest interceptors have more.
+FIERCEST = 500.0
+#: s; no chemical engine burns for a day.
+LONGEST_BURN = 86_400.0
+#: Pa; launchers have 50 kPa at most, and the flights of the file have no drag.
+MOST_PRESSURE = 1.5e5
+#: m/s and m: slower than this so high is no start.
+SLOWEST, SLOWEST_FROM = 20.0, 1e4
+#: W/m2; 1,135 is usual.
+HEATING_LIMITS = (5.0, 5e4)
+#: An orbit whose heating is so many times a limit never meets it.
+FAR_ABOVE = 3.0
+#: m2/s2, of a C3 that is given in km2/s2.
+LEAST_C3 = 300.0
+#: Dry mass over propellant; the lightest stages have three times as much.
+LEAST_STRUCTURE = 0.01
+
+
+class Doubt(NamedTuple):
+    """A value that is hardly meant.
+
+    Attributes:
+        path: key path of the value.
+        text: what stands there, and why it is doubtful.
+    """
+
+    path: KeyPath
+    text: str
+
+
+def warnings(mission: "Mission") -> list[str]:
+    """Return what is hardly meant, one line each that begins with the key; usually none."""
+    return [at_line(doubt.path, doubt.text, {}) for doubt in _doubts(mission)]
+
+
+def file_warnings(name_or_path: str | Path) -> list[str]:
+    """Return the warnings of a mission, each with its file and line.
+
+    Args:
+        name_or_path: of a good mission, as :func:`ares_models.mission.load_mission` takes it.
+    """
+    from ares_models.mission import MISSION, load_mission
+
+    doubts = list(_doubts(load_mission(name_or_path)))
+    if not doubts:
+        return []
+    path = MISSION.find(name_or_path)
+    _, lines = read_input(path, MISSION)
+    return [f"{path}: {at_line(doubt.path, doubt.text, lines)}" for doubt in doubts]
+
+
+def _doubts(mission: "Mission") -> Iterator[Doubt]:
+    yield from _start(mission)
+    for i in range(len(mission.stages)):
+        yield from _stage(mission, i)
+    yield from _heating_limits(mission)
+    yield from _target(mission)
+
+
+def _density(mission: "Mission", altitude: float) -> float:
+    """Return the density at an altitude, m, in kg/m3."""
+    factor: float = mission.environment.atmosphere.density_factor
+    return factor * mission.atmosphere().density(altitude)
+
+
+def _over_equator(mission: "Mission", radius: float) -> float:
+    """Return the density at a radius, m, over the equator, kg/m3."""
+    return _density(mission, radius - mission.environment.earth.equatorial_radius_m)
+
+
+def _start(mission: "Mission") -> Iterator[Doubt]:
+    form, start, earth = mission.initial_state, mission.start(), mission.earth()
+    radius, speed = math.hypot(*start.position), math.hypot(*start.velocity)
+    surface = earth.equatorial_radius
+    if mission.environment.altitude == "ellipsoid":
+        surface = earth.surface_radius(earth.latitude_longitude(start.position, 0.0)[0])
+    altitude = radius - surface
+    relative = start.velocity - np.cross([0.0, 0.0, earth.rotation_rate], start.position)
+    pressure = 0.5 * _density(mission, altitude) * float(relative @ relative)
+    if pressure > MOST_PRESSURE:
+        yield Doubt(
+            ("initial_state", form.PLACE),
+            f"makes a dynamic pressure of {pressure:,.0f} Pa; is it in m? There is no drag here",
+        )
+    if speed < SLOWEST and altitude > SLOWEST_FROM:
+        yield Doubt(("initial_state", form.MOTION), f"makes {speed:.3g} m/s; is it in m/s?")
+
+
+def _stage(mission: "Mission", i: int) -> Iterator[Doubt]:
+    stage, g0 = mission.stages[i], mission.environment.g0_m_s2
+    mass = mission.ignition_mass(i)
+    for k, burn in enumerate(stage.flight_arcs):
+        if not isinstance(burn, BurnArc):
+            continue
+        path = ("stages", i)
+        acceleration = burn.thrust_n / mass
+        exhaust = g0 * burn.isp_s
+        chemical = CHEMICAL[0] <= exhaust <= CHEMICAL[1]
+        if not chemical and acceleration > CHEMICAL_ACCELERATION:
+            low, high = (speed / g0 for speed in CHEMICAL)
+            yield Doubt(
+                (*path, *stage.arc_path(k, "isp_s")),
+                f"is {burn.isp_s:g} s; chemical engines have {low:.0f} to {high:.0f} s",
+            )
+        if acceleration > FIERCEST:
+            yield Doubt(
+                (*path, *stage.arc_path(k, "thrust_n")),
+                f"makes {acceleration:,.0f} m/s2 at ignition; is it in N, the mass in kg?",
+            )
+        burning = mission.propellant(i) / burn.mass_flow(g0)
+        if chemical and burn.free and burning > LONGEST_BURN:
+            yield Doubt(
+                (*path, *stage.arc_path(k, "thrust_n")),
+                f"burns the stage's propellant in {burning / 86_400.0:,.1f} days; is it in N?",
+            )
+    dry, propellant = stage.dry_mass_kg, stage.propellant_kg
+    if dry is not None and propellant is not None and dry < LEAST_STRUCTURE * propellant:
+        yield Doubt(
+            ("stages", i, "dry_mass_kg"),
+            f"is {dry:g} kg for {propellant:,g} kg of propellant; is it in kg?",
+        )
+
+
+def _heating_limits(mission: "Mission") -> Iterator[Doubt]:
+    least, most = HEATING_LIMITS
+    mu = mission.environment.mu_m3_s2
+    for k, jettison in enumerate(mission.jettisons):
+        limit = jettison.heating_limit_w_m2
+        if limit is None:
+            continue
+        path = ("jettisons", k, "heating_limit_w_m2")
+        if not least <= limit <= most:
+            yield Doubt(path, f"is {format_number(limit)} W/m2; 1,135 W/m2 is usual")
+            continue
+        circle = _highest(mission)
+        if circle is None or _over_equator(mission, circle) > THICK_AIR:
+            continue
+        relative = math.sqrt(mu / circle) - mission.environment.earth.rotation_rate_rad_s * circle
+        there = free_molecular_heating(_over_equator(mission, circle), relative)
+        if there > FAR_ABOVE * limit:
+            yield Doubt(path, f"is never met: in the target's orbit it is {there:,.0f} W/m2")
+
+
+def _highest(mission: "Mission") -> float | None:
+    """Return the greatest radius of an orbit that is aimed at, m; None where it is left open."""
+    target = mission.target
+    if isinstance(target, TargetOrbit):
+        return target.conic(mission).apogee if target.circular(mission) else None
+    return target.radius_m
+
+
+def _target(mission: "Mission") -> Iterator[Doubt]:
+    target = mission.target
+    if not isinstance(target, TargetOrbit):
+        thick = _over_equator(mission, target.radius_m)
+        if thick > THICKEST_AIR:
+            yield Doubt(("target", "radius_m"), _inside(thick))
+        return
+    c3 = target.c3_m2_s2
+    if c3 is not None and 0.0 < abs(c3) < LEAST_C3:
+        yield Doubt(("target", "c3_m2_s2"), f"is {c3:g} m2/s2; is it in m2/s2?")
+    for apsis in ("perigee", "apogee"):
+        radius = target.sizes(mission).get(f"{apsis}_radius")
+        if radius is None:
+            continue
+        thick = _over_equator(mission, radius)
+        if thick > THICK_AIR:
+            yield Doubt(("target", target.key_of(apsis)), _inside(thick))
+            return
+
+
+def _inside(thick: float) -> str:
+    return f"is inside the air, {thick:.1e} kg/m3: no orbit lasts there"

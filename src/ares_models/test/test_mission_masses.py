@@ -1,0 +1,121 @@
+"""Masses by item: each once, what is ignited follows; both forms of one vehicle are one."""
+
+import pytest
+import yaml
+
+from ares_models.input_file import read_input
+from ares_models.mission import MISSION, TEMPLATE, MissionError, load_mission
+
+STAGES = {
+    "first stage": {"dry_mass_kg": 1025.0, "propellant_kg": 2225.0},
+    "second stage": {"dry_mass_kg": 235.0, "propellant_kg": 2150.0, "residuals_kg": 15.0},
+}
+
+
+def changed(tmp_path, change):
+    """The template, whose masses are by item, changed."""
+    data, _ = read_input(TEMPLATE, MISSION)
+    change(data)
+    path = tmp_path / "changed.yaml"
+    path.write_text(yaml.safe_dump(data))
+    return load_mission(path)
+
+
+def put(place, **values):
+    def change(data):
+        at = data if place is None else data["stages"][place]
+        at.update(values)
+        for key in [key for key, value in at.items() if value is None]:
+            del at[key]
+
+    return change
+
+
+def by_whole_masses(data):
+    """A stage and all above it, added up by hand."""
+    del data["payload_kg"]
+    for stage, mass in zip(data["stages"], (5900.0, 2650.0), strict=True):
+        for key in ("dry_mass_kg", "residuals_kg"):
+            stage.pop(key, None)
+        stage["ignition_mass_kg"] = mass
+
+
+def test_what_is_ignited_is_what_stands_above():
+    mission = load_mission(TEMPLATE)
+    assert {stage.name for stage in mission.stages} == set(STAGES)
+    above = 200.0
+    for i, items in reversed(list(enumerate(STAGES.values()))):
+        # the fairing is the second stage's; whoever is below carries it too
+        above += sum(items.values()) + (50.0 if i == 1 else 0.0)
+        assert mission.ignition_mass(i) == pytest.approx(above, rel=1e-15)
+    assert mission.start().mass_kg == above == 5900.0
+    assert mission.propellant(1) == 2150.0
+
+
+def test_both_forms_of_one_vehicle_fly_alike(tmp_path):
+    items, whole = load_mission(TEMPLATE).arrays(), changed(tmp_path, by_whole_masses).arrays()
+    for one, other in zip(items, whole, strict=True):
+        assert one.tobytes() == other.tobytes()
+
+
+def test_the_payload_is_one_line_to_change(tmp_path):
+    before = load_mission(TEMPLATE)
+    after = changed(tmp_path, put(None, payload_kg=230.0, adapter_kg=12.0))
+    for i in range(2):
+        assert after.ignition_mass(i) == before.ignition_mass(i) + 42.0
+    assert changed(tmp_path, put(None, payload_kg=0)).ignition_mass(1) == 2450.0
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (
+            put(1, ignition_mass_kg=2650.0),
+            "payload_kg is 200.0; expected no such key beside stages[1].ignition_mass_kg",
+        ),
+        (
+            lambda data: (by_whole_masses(data), put(1, dry_mass_kg=235.0)(data)),
+            (
+                "stages[1].dry_mass_kg is 235.0; expected no such key beside "
+                "stages[0].ignition_mass_kg"
+            ),
+        ),
+        (
+            lambda data: (by_whole_masses(data), put(1, ignition_mass_kg=None)(data)),
+            "stages[1].ignition_mass_kg is missing; expected a number in kg",
+        ),
+        (
+            put(None, payload_kg=None),
+            (
+                "payload_kg is missing; expected a number in kg, because no stage has an "
+                "ignition_mass_kg"
+            ),
+        ),
+        (
+            put(0, propellant_kg=None),
+            (
+                "stages[0].propellant_kg is missing; expected a number in kg, because masses are "
+                "by item"
+            ),
+        ),
+        (
+            lambda data: (
+                by_whole_masses(data),
+                [put(i, ignition_mass_kg=None)(data) for i in range(2)],
+            ),
+            (
+                "stages[0].ignition_mass_kg is missing; expected a number in kg, or masses by "
+                "item: dry_mass_kg and propellant_kg of each stage, payload_kg"
+            ),
+        ),
+        (
+            put(0, propellant_kg=2000.0),
+            "stages[0].burn_time_s is 45.0; expected burns that take at most 2,000 kg",
+        ),
+    ],
+)
+def test_masses_that_are_not_all_there_or_are_there_twice(tmp_path, change, said):
+    with pytest.raises(MissionError) as caught:
+        changed(tmp_path, change)
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,112 @@
+"""What is hardly meant is said, with line and key; of what flies nothing is."""
+
+import pytest
+import yaml
+
+from ares_models.input_file import read_input
+from ares_models.mission import MISSION, TEMPLATE, list_missions, load_mission
+from ares_models.mission_warnings import file_warnings, warnings
+
+
+@pytest.mark.parametrize("name", [*list_missions(), TEMPLATE])
+def test_of_a_shipped_mission_nothing_is_said(name):
+    assert warnings(load_mission(name)) == []
+    assert file_warnings(name) == []
+
+
+def changed(tmp_path, changes, base=TEMPLATE):
+    """A mission with values by their key paths; its file."""
+    data, _ = read_input(MISSION.find(base), MISSION)
+    for path, value in changes.items():
+        *way, last = (int(key) if key.isdigit() else key for key in path.split("."))
+        at = data
+        for key in way:
+            at = at[key]
+        at[last] = value
+    file = tmp_path / "doubtful.yaml"
+    file.write_text(yaml.safe_dump(data))
+    return file
+
+
+SLIPS = {
+    "circle in km": (
+        {"target.perigee_altitude_m": 300.0, "target.apogee_altitude_m": 300.0},
+        ["target.perigee_altitude_m is inside the air, 1.2e+00 kg/m3"],
+    ),
+    "orbit too low": (
+        {"target.perigee_altitude_m": 95e3},
+        ["target.perigee_altitude_m is inside the air, 1.4e-06 kg/m3: no orbit lasts there"],
+    ),
+    "Isp times ten": (
+        {"stages.1.arcs.1.isp_s": 3430.0},
+        ["stages[1].arcs[1].isp_s is 3430 s; chemical engines have 61 to 500 s"],
+    ),
+    "Isp by ten": (
+        {"stages.1.arcs.1.isp_s": 34.3},
+        ["stages[1].arcs[1].isp_s is 34.3 s; chemical engines have 61 to 500 s"],
+    ),
+    "thrust in kN": (
+        {"stages.1.arcs.1.thrust_n": 25.8},
+        ["stages[1].arcs[1].thrust_n burns the stage's propellant in 3.2 days; is it in N?"],
+    ),
+    "thrust in mN": (
+        {"stages.1.arcs.1.thrust_n": 25.8e6, "stages.1.arcs.1.isp_s": 343.0},
+        ["stages[1].arcs[1].thrust_n makes 9,736 m/s2 at ignition; is it in N, the mass in kg?"],
+    ),
+    "dry mass in t": (
+        {"stages.1.dry_mass_kg": 0.235},
+        ["stages[1].dry_mass_kg is 0.235 kg for 2,150 kg of propellant; is it in kg?"],
+    ),
+    "limit in kW/m2": (
+        {"jettisons.0.heating_limit_w_m2": 1.135},
+        ["jettisons[0].heating_limit_w_m2 is 1.135 W/m2; 1,135 W/m2 is usual"],
+    ),
+    "limit in mW/m2": (
+        {"jettisons.0.heating_limit_w_m2": 1.135e6},
+        ["jettisons[0].heating_limit_w_m2 is 1.135e6 W/m2; 1,135 W/m2 is usual"],
+    ),
+    "limit that no part of the orbit meets": (
+        {"target.perigee_altitude_m": 118e3, "target.apogee_altitude_m": 118e3},
+        ["jettisons[0].heating_limit_w_m2 is never met: in the target's orbit it is 5,"],
+    ),
+    "start in km": (
+        {"initial_state.radius_m": 6_370_000.0},
+        ["initial_state.radius_m makes a dynamic pressure of"],
+    ),
+    "speed in km/s": (
+        {"initial_state.speed_m_s": 1.8},
+        ["initial_state.speed_m_s makes 1.8 m/s; is it in m/s?"],
+    ),
+}
+
+
+@pytest.mark.parametrize("slip", SLIPS)
+def test_a_slip_is_named_with_its_line(tmp_path, slip):
+    changes, expected = SLIPS[slip]
+    file = changed(tmp_path, changes)
+    said = warnings(load_mission(file))
+    assert len(said) == len(expected), said
+    for line, text in zip(said, expected, strict=True):
+        assert line.startswith(text)
+        assert "\n" not in line
+    # the same with file and line, which is that of the key
+    rows = file.read_text().splitlines()
+    for line, text in zip(file_warnings(file), said, strict=True):
+        where = line.removeprefix(f"{file}: line ").partition(":")[0]
+        assert line.endswith(f": {text}")
+        key = text.split()[0].rpartition(".")[2]
+        assert rows[int(where) - 1].strip("- ").startswith(f"{key}:")
+
+
+def test_an_energy_in_km2_s2(tmp_path):
+    target = {"c3_m2_s2": 12.5, "perigee_altitude_m": 185e3, "inclination_deg": 28.5}
+    file = changed(tmp_path, {"target": target}, base="ares_v")
+    assert warnings(load_mission(file)) == ["target.c3_m2_s2 is 12.5 m2/s2; is it in m2/s2?"]
+
+
+def test_a_cut_off_deep_in_the_air(tmp_path):
+    low = {"target.radius_m": 6_448_000.0}
+    (line,) = warnings(load_mission(changed(tmp_path, low, base="ares_v")))
+    assert line.startswith("target.radius_m is inside the air")
+    # where there is no air an orbit may be as low as the ground allows
+    assert warnings(load_mission("apollo11_ascent")) == []
