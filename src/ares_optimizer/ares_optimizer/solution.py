@@ -263,6 +263,8 @@ class Solution:
         costates: None when the method gives none.
         flown: the mission's arcs from the start on, with their times.
         lengths_s: of the free arcs before the last, in flight order, as planned.
+        by_legs: guidance flies it leg by leg, each burn to its planned end: it keeps a constraint
+            on the way, as the floor of a coast, that the two-point problem does not know of.
         parameters: shape (n,), the solver's own variables: a guess for the next call.
         restarts: further starts that the solver had to make.
         notes: further figures by name, with unit suffix.
@@ -279,6 +281,7 @@ class Solution:
     arcs: tuple[SteeringArc, ...] = ()
     flown: tuple[FlownArc, ...] = ()
     lengths_s: tuple[float, ...] = ()
+    by_legs: bool = False
     constraints: tuple[ConstraintCheck, ...] = ()
     verification: Verification | None = None
     trajectory: Trajectory | None = None

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_guidance.guess import ArcPlan, OfflineTrajectory
-from ares_guidance.law import Law, LawKind, LawSettings, needs_plan
+from ares_guidance.law import Law, LawKind, LawSettings, name_what_is_free, needs_plan
 from ares_guidance.laws import make_law
 from ares_models.failures import Failure
 from ares_models.mission import Mission
@@ -67,13 +67,14 @@ def offline_trajectory(solution: Solution) -> OfflineTrajectory:
         flown_arc=np.array([arc.arc for arc in solution.flown], dtype=np.int64),
         flown_start_time=np.array([arc.start_s for arc in solution.flown]),
         flown_end_time=np.array([arc.end_s for arc in solution.flown]),
+        by_legs=solution.by_legs,
     )
 
 
 def arc_plan(
     mission: Mission, law: LawKind, state: NDArray[np.void] | None = None
 ) -> ArcPlan | None:
-    """The optimizer's plan of a mission's free arcs, for a law that needs one; else None.
+    """The optimizer's plan of what a mission leaves free, for a law that needs one; else None.
 
     Args:
         mission: what is flown.
@@ -90,7 +91,9 @@ def arc_plan(
 
     solution = solve(mission, "indirect", state=state, verify=False)
     if solution.status is not Status.CONVERGED:
-        raise ValueError(f"law {law.name} needs a plan of the free arcs: {solution.reason}")
+        raise ValueError(
+            f"law {law.name} needs a plan for {name_what_is_free(arrays)}: {solution.reason}"
+        )
     return offline_trajectory(solution).arc_plan(arrays)
 
 

@@ -39,7 +39,12 @@ from ares_guidance.kernels.near import (
     move_radius,
 )
 from ares_guidance.kernels.prediction import LinearTangent
-from ares_guidance.kernels.segments import acceleration_at, plan_segments, thrust_integrals
+from ares_guidance.kernels.segments import (
+    acceleration_at,
+    least_time_to_go,
+    plan_segments,
+    thrust_integrals,
+)
 from ares_guidance.kernels.shortfall import (
     MOST_DOWN,
     ROUNDS,
@@ -52,7 +57,7 @@ from ares_guidance.kernels.shortfall import (
     perigee_radius,
 )
 from ares_guidance.kernels.start import start_guess
-from ares_models.arrays import BURN, MAX_ARCS, MissionRecords, Record
+from ares_models.arrays import BURN, MAX_ARCS, TARGET_ELEMENTS, TARGET_KEPLERIAN, MissionRecords, Record
 from ares_models.jit import inlined, kernel
 from ares_models.kernels.environment import gravity, heating_rate
 from ares_models.kernels.sequence import SAME_TIME, awaits_heating
@@ -86,6 +91,8 @@ def throttled_thrust(state: Record, t: float) -> tuple[float, float, float]:
 def held_cutoff(mission: MissionRecords, onboard: Onboard) -> float:
     """Time to go under frozen steering: when the speed will be that of the target.
 
+    Before the last arc it stays as it is.
+
     Args: as in :func:`guidance_step`.
 
     Returns:
@@ -96,9 +103,8 @@ def held_cutoff(mission: MissionRecords, onboard: Onboard) -> float:
     state = onboard.state
     solution = state.solution
     arc = mission.arcs[nav.arc]
-    left = nav.arc_start_time + arc.duration - nav.time
-    if arc.kind != BURN or left < solution.time_to_go:
-        # the cut-off is that of a later arc
+    if nav.arc + 1 < mission.arcs.shape[0]:
+        # the cut-off is that of the last arc: those before are flown whole
         return solution.time_to_go
     r = load(nav.position)
     v = load(nav.velocity)
@@ -111,6 +117,9 @@ def held_cutoff(mission: MissionRecords, onboard: Onboard) -> float:
     if throttled:
         plan_segments(mission, onboard)
     # thrust that comes after the command is counted with the burn
+    kind = mission.target.kind
+    by_energy = kind == TARGET_KEPLERIAN or kind == TARGET_ELEMENTS
+    least = least_time_to_go(mission.arcs, nav, state)
     t = max(solution.time_to_go, 0.0)
     for _ in range(CUTOFF_SEARCH_STEPS):
         # no burn lasts longer than the mass
@@ -128,11 +137,13 @@ def held_cutoff(mission: MissionRecords, onboard: Onboard) -> float:
         v_t = axpy(horizon, g, axpy(l_t, u, v))
         speed = norm(v_t)
         wanted = target_speed(mission.target, environment.mu, norm(axpy(horizon, v, r)))
-        gain = dot(v_t, axpy(acceleration, u, g)) / speed
+        # the speed of an orbit falls with the radius as that of the vehicle does
+        pull = (0.0, 0.0, 0.0) if by_energy else g
+        gain = dot(v_t, axpy(acceleration, u, pull)) / speed
         if gain <= 0.0:
             break
         t += (wanted - speed) / gain
-    return t
+    return max(t, least)
 
 
 @kernel
