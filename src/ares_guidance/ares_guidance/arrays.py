@@ -474,6 +474,7 @@ GUIDANCE_STATE = np.dtype(
         ("solution", SOLUTION),  # under iteration
         ("saved", SOLUTION),  # that before this cycle
         ("exact", SOLUTION),  # that to the target, while another is sought
+        ("shortest", SOLUTION),  # that of least time, while one that lasts longer is sought
         ("predicted_position", np.float64, (3,)),
         ("predicted_velocity", np.float64, (3,)),
         ("aim", np.int64),  # AIM_*

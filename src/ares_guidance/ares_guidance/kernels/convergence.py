@@ -25,9 +25,10 @@ LAW = LAW_PEG
 #: held: nothing comes after to make up for what it leaves.
 LAST_SHARE = 0.01
 LAST_PASSES = 20
-#: rad; the same as `small_turn_limit` once something has failed. What is left of the vehicle may
-#: fly long and weakly, where the expansion about the mean costs mass.
-SMALL_AFTER_FAILURE = 0.2
+#: rad; the same as `small_turn_limit` once something has failed, and in a flight by legs. What is
+#: left of the vehicle, or a leg with its coasts, may be long and weak, where the expansion about the
+#: mean costs mass.
+SMALL_WHERE_LONG = 0.2
 
 
 @kernel
@@ -102,8 +103,8 @@ def seek_free(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[in
     state = onboard.state
     state.turn.held = 0.0
     limit = onboard.settings.small_turn_limit
-    if state.found.count > 0 and math.isfinite(limit):
-        limit = min(limit, SMALL_AFTER_FAILURE)
+    if (state.found.count > 0 or state.leg.count > 0) and math.isfinite(limit):
+        limit = min(limit, SMALL_WHERE_LONG)
     small_does = False
     dear = 0.0
     if state.solution.primer.gradient == 0.0:

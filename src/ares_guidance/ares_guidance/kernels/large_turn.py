@@ -86,9 +86,9 @@ LOFT_COSTS = 0.3
 #: First pull downrange that is tried to spend what the target does not need, either way, and
 #: rounds in which it is fitted.
 PULL = 0.02
-PULL_ROUNDS = 6
+PULL_ROUNDS = 12
 #: Share of the last pull by which the next may be larger, and may differ where it is good enough.
-MOST_PULL = 10.0
+MOST_PULL = 3.0
 NEAR_PULL = 0.1
 
 #: State at the end of the thrust, and the primer with its rate there.
@@ -464,22 +464,25 @@ def pull_downrange(mission: MissionRecords, onboard: Onboard, pull: float, least
 
     Args:
         mission: as in :func:`converge_large_turn`; so the next.
-        onboard: what is on board. Changed.
+        onboard: what is on board, the optimum in ``shortest`` too. Changed.
         pull: the first.
         least: s to go, more than the optimum takes.
 
     Returns:
         whether the solution is near.
     """
-    turn = onboard.state.turn
-    shortest = onboard.state.solution.time_to_go
+    state = onboard.state
+    shortest = state.shortest.time_to_go
+    good = 0.0
     for _ in range(PULL_ROUNDS):
-        turn.pull = pull
-        if converge_large_turn(mission, onboard) != ERROR_NONE:
-            return False
-        more = onboard.state.solution.time_to_go - shortest
-        if not more > 0.0:
-            return False
+        state.turn.pull = pull
+        error = converge_large_turn(mission, onboard)
+        more = state.solution.time_to_go - shortest
+        if error != ERROR_NONE or not more > 0.0:
+            state.solution = state.shortest
+            pull = 0.5 * (pull + good)
+            continue
+        good = pull
         share = math.sqrt((least - shortest) / more)
         if abs(share - 1.0) < NEAR_PULL:
             return True
@@ -507,10 +510,10 @@ def converge_held(mission: MissionRecords, onboard: Onboard, least: float) -> in
     if turn.held > 0.0:
         turn.held = least
         return converge_large_turn(mission, onboard)
-    state.exact = state.solution
+    state.shortest = state.solution
     near = False
     for k in range(2):
-        state.solution = state.exact
+        state.solution = state.shortest
         near = near or pull_downrange(mission, onboard, PULL - 2.0 * k * PULL, least)
         if near:
             break
@@ -521,5 +524,5 @@ def converge_held(mission: MissionRecords, onboard: Onboard, least: float) -> in
         error = converge_large_turn(mission, onboard)
     if error != ERROR_NONE:
         turn.held = 0.0
-        state.solution = state.exact
+        state.solution = state.shortest
     return error
