@@ -45,52 +45,48 @@ def leaves_arcs_free(arrays: MissionArrays) -> bool:
     return bool(np.any(np.isinf(arrays.arcs["duration"][:-1])))
 
 
-def _leaves_shape_free(target: np.void) -> bool:
-    """Return whether a target by elements names less than its size and shape."""
-    named = int(target["named"])
-    return sum(1 for size in _SIZES if named & size) < 2
+def _names_energy_alone(named: int) -> bool:
+    """Return whether an orbit of this energy may have any perigee; NAMES_* bits."""
+    sizes = [size for size in _SIZES if named & size]
+    return len(sizes) == 1 and sizes[0] in (NAMES_SEMI_MAJOR_AXIS, NAMES_C3)
 
 
 def leaves_end_free(target: np.void) -> bool:
     """Return whether a target, record TARGET, leaves free where on which orbit it is met.
 
-    With the argument of perigee named the direction of the end decides the place.
+    With the argument of perigee named the direction of the end decides the place. Of an apogee
+    alone the perigee is at the height of the mission's start, since the optimum may have none.
     """
-    if target["kind"] != TARGET_ELEMENTS or int(target["named"]) & NAMES_RADIUS:
+    named = int(target["named"])
+    if target["kind"] != TARGET_ELEMENTS or named & NAMES_RADIUS:
         return False
-    placed = int(target["named"]) & (NAMES_ARGUMENT_OF_PERIGEE | NAMES_TRUE_ANOMALY)
-    return not placed or _leaves_shape_free(target)
+    if _names_energy_alone(named):
+        return True
+    placed = named & (NAMES_ARGUMENT_OF_PERIGEE | NAMES_TRUE_ANOMALY)
+    sizes = sum(1 for size in _SIZES if named & size)
+    return not placed and sizes == 2
 
 
 def aim_at(target: np.void, end: Insertion, mu: float) -> None:
     """Set what a target leaves free of orbit and place to those of a state on it.
 
-    Size and shape that are named stay as they are, to the last digit.
+    What is named stays as it is, to the last digit.
 
     Args:
         target: record TARGET of kind TARGET_ELEMENTS. Changed.
         end: the state.
         mu: gravitational parameter, m3/s2.
     """
-    c3 = end.speed**2 - 2.0 * mu / end.radius
     momentum = end.radius * end.speed * math.cos(end.flight_path_angle)
     towards = momentum**2 / (mu * end.radius) - 1.0
     ahead = momentum * end.speed * math.sin(end.flight_path_angle) / mu
     if not int(target["named"]) & NAMES_TRUE_ANOMALY:
         target["true_anomaly"] = math.atan2(ahead, towards)
-    if not _leaves_shape_free(target):
+    if not _names_energy_alone(int(target["named"])):
         return
-    e = math.hypot(ahead, towards)
-    perigee = momentum**2 / (mu * (1.0 + e))
-    if int(target["named"]) & NAMES_APOGEE:
-        apogee = float(target["apogee_radius"])
-        perigee = min(perigee, apogee)
-        c3 = -2.0 * mu / (perigee + apogee)
-    else:
-        c3 = float(target["c3"])
-    e = 1.0 + perigee * c3 / mu
-    target["perigee_radius"], target["eccentricity"], target["c3"] = perigee, e, c3
-    target["semi_major_axis"] = -mu / c3 if c3 else math.inf
+    perigee = momentum**2 / (mu * (1.0 + math.hypot(ahead, towards)))
+    e = 1.0 + perigee * float(target["c3"]) / mu
+    target["perigee_radius"], target["eccentricity"] = perigee, e
     target["apogee_radius"] = perigee * (1.0 + e) / (1.0 - e) if e < 1.0 else math.inf
 
 
