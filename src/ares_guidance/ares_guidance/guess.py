@@ -45,49 +45,25 @@ def leaves_arcs_free(arrays: MissionArrays) -> bool:
     return bool(np.any(np.isinf(arrays.arcs["duration"][:-1])))
 
 
-def _names_energy_alone(named: int) -> bool:
-    """Return whether an orbit of this energy may have any perigee; NAMES_* bits."""
-    sizes = [size for size in _SIZES if named & size]
-    return len(sizes) == 1 and sizes[0] in (NAMES_SEMI_MAJOR_AXIS, NAMES_C3)
-
-
 def leaves_end_free(target: np.void) -> bool:
-    """Return whether a target, record TARGET, leaves free where on which orbit it is met.
+    """Return whether a target, record TARGET, leaves free where on a known orbit it is met.
 
-    With the argument of perigee named the direction of the end decides the place. Of an apogee
-    alone the perigee is at the height of the mission's start, since the optimum may have none.
+    With the argument of perigee named the direction of the end decides the place. An orbit of
+    which only one of size and shape is named is not known: perigee is aimed at, as the mission
+    completes it.
     """
     named = int(target["named"])
-    if target["kind"] != TARGET_ELEMENTS or named & NAMES_RADIUS:
-        return False
-    if _names_energy_alone(named):
-        return True
-    placed = named & (NAMES_ARGUMENT_OF_PERIGEE | NAMES_TRUE_ANOMALY)
-    sizes = sum(1 for size in _SIZES if named & size)
-    return not placed and sizes == 2
+    placed = named & (NAMES_RADIUS | NAMES_ARGUMENT_OF_PERIGEE | NAMES_TRUE_ANOMALY)
+    known = sum(1 for size in _SIZES if named & size) == 2
+    return bool(target["kind"] == TARGET_ELEMENTS and known and not placed)
 
 
-def aim_at(target: np.void, end: Insertion, mu: float) -> None:
-    """Set what a target leaves free of orbit and place to those of a state on it.
-
-    What is named stays as it is, to the last digit.
-
-    Args:
-        target: record TARGET of kind TARGET_ELEMENTS. Changed.
-        end: the state.
-        mu: gravitational parameter, m3/s2.
-    """
-    momentum = end.radius * end.speed * math.cos(end.flight_path_angle)
-    towards = momentum**2 / (mu * end.radius) - 1.0
-    ahead = momentum * end.speed * math.sin(end.flight_path_angle) / mu
-    if not int(target["named"]) & NAMES_TRUE_ANOMALY:
-        target["true_anomaly"] = math.atan2(ahead, towards)
-    if not _names_energy_alone(int(target["named"])):
-        return
-    perigee = momentum**2 / (mu * (1.0 + math.hypot(ahead, towards)))
-    e = 1.0 + perigee * float(target["c3"]) / mu
-    target["perigee_radius"], target["eccentricity"] = perigee, e
-    target["apogee_radius"] = perigee * (1.0 + e) / (1.0 - e) if e < 1.0 else math.inf
+def true_anomaly_of(state: Insertion, mu: float) -> float:
+    """Return the angle from perigee, rad, of a state; mu in m3/s2."""
+    momentum = state.radius * state.speed * math.cos(state.flight_path_angle)
+    towards = momentum**2 / (mu * state.radius) - 1.0
+    ahead = momentum * state.speed * math.sin(state.flight_path_angle) / mu
+    return math.atan2(ahead, towards)
 
 
 def _expect(sound: NDArray[np.bool_], name: str, expected: str) -> None:
@@ -184,9 +160,10 @@ class ArcPlan:
         record["by_legs"] = self.by_legs
         if leaves_end_free(arrays.target[0]):
             record["aims"] = 1
-            record["target"][0, len(arcs) - 1] = arrays.target[0]
+            target = record["target"][0, len(arcs) - 1]
+            target[()] = arrays.target[0]
             end = self._end(len(arcs) - 1)
-            aim_at(record["target"][0, len(arcs) - 1], end, float(arrays.environment["mu"][0]))
+            target["true_anomaly"] = true_anomaly_of(end, float(arrays.environment["mu"][0]))
         for k in np.flatnonzero(np.isinf(arcs["duration"])):
             if k < self.first_arc:
                 continue

@@ -446,10 +446,14 @@ def hold(mission: MissionRecords, onboard: Onboard) -> None:
         adopt_steering(onboard)
         state.phase = PHASE_HOLD
     if state.phase == PHASE_HOLD:
+        ahead = steering.cutoff_time > nav.time
         solution.time_to_go = held_cutoff(aimed_lower(mission, state), onboard)
         steering.cutoff_time = nav.time + solution.time_to_go - solution.tail_gain
         if steering.cutoff_time <= nav.time:
             state.phase = PHASE_CUTOFF
+            if ahead:
+                # not cut off yet: at once, since the vehicle obeys no time that is past
+                steering.cutoff_time = nav.time
 
 
 @kernel

@@ -2,12 +2,12 @@
 
 What the cycle shares with the other laws sees a mission whose arcs are as long as the last
 solution has them; the law itself solves for them anew. A plan that keeps what the two-point problem
-does not know of is flown leg by leg.
+does not know of is flown leg by leg, and so is any once no optimum is found from where the flight is.
 """
 
 import math
 
-from ares_guidance.arrays import Onboard
+from ares_guidance.arrays import PHASE_TRACKING, Onboard
 from ares_guidance.kernels.cycle import guidance_step
 from ares_guidance.kernels.legs import lay_out, mission_of_leg, step_by_legs
 from ares_models.arrays import MissionRecords
@@ -47,3 +47,8 @@ def step_whole(mission: MissionRecords, onboard: Onboard) -> None:
     lay_out(mission, state, mission.arcs.shape[0] - 1)
     guidance_step(mission_of_leg(mission, state.leg), onboard)
     command_ends(mission, onboard)
+    lost = state.optimal.solved == 0 and state.phase <= PHASE_TRACKING
+    if lost and state.stale_cycles >= onboard.settings.max_stale_cycles:
+        # from here the best is not found: what was planned is flown
+        state.plan.by_legs = 1
+        state.leg.count = 0
