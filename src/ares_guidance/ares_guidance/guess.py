@@ -7,20 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_guidance.arrays import PLAN
-from ares_models.arrays import (
-    BURN,
-    NAMES_APOGEE,
-    NAMES_ARGUMENT_OF_PERIGEE,
-    NAMES_C3,
-    NAMES_ECCENTRICITY,
-    NAMES_PERIGEE,
-    NAMES_RADIUS,
-    NAMES_SEMI_MAJOR_AXIS,
-    NAMES_TRUE_ANOMALY,
-    TARGET_ELEMENTS,
-    TARGET_RADIUS_SPEED_ANGLE_PLANE,
-    MissionArrays,
-)
+from ares_models.arrays import BURN, TARGET_RADIUS_SPEED_ANGLE_PLANE, MissionArrays
+from ares_models.mission_target import leaves_end_free
 from ares_models.orbits import Insertion
 
 Array = NDArray[np.float64]
@@ -36,26 +24,9 @@ FASTEST_TURN = 1.0
 LEAST_DROP = 1e-6
 
 
-#: Elements of size and shape: an orbit is known by two of them.
-_SIZES = (NAMES_PERIGEE, NAMES_APOGEE, NAMES_SEMI_MAJOR_AXIS, NAMES_ECCENTRICITY, NAMES_C3)
-
-
 def leaves_arcs_free(arrays: MissionArrays) -> bool:
     """Return whether arcs before the mission's last are free."""
     return bool(np.any(np.isinf(arrays.arcs["duration"][:-1])))
-
-
-def leaves_end_free(target: np.void) -> bool:
-    """Return whether a target, record TARGET, leaves free where on a known orbit it is met.
-
-    With the argument of perigee named the direction of the end decides the place. An orbit of
-    which only one of size and shape is named is not known: perigee is aimed at, as the mission
-    completes it.
-    """
-    named = int(target["named"])
-    placed = named & (NAMES_RADIUS | NAMES_ARGUMENT_OF_PERIGEE | NAMES_TRUE_ANOMALY)
-    known = sum(1 for size in _SIZES if named & size) == 2
-    return bool(target["kind"] == TARGET_ELEMENTS and known and not placed)
 
 
 def true_anomaly_of(state: Insertion, mu: float) -> float:

@@ -20,15 +20,11 @@ from ares_guidance.arrays import (
     OnboardArrays,
     blank_onboard,
 )
-from ares_guidance.guess import (
-    ArcPlan,
-    OfflineTrajectory,
-    leaves_arcs_free,
-    leaves_end_free,
-)
+from ares_guidance.guess import ArcPlan, OfflineTrajectory, leaves_arcs_free
 from ares_guidance.kernels.legs import step_by_legs
 from ares_models.arrays import BURN, HEATING_LIMIT, MissionArrays
 from ares_models.jit import specialised
+from ares_models.mission_target import leaves_end_free
 
 
 def _setting(
