@@ -144,6 +144,15 @@ def refused(says, **options):
     return Cause(2, (says,), options, bag=False)
 
 
+def two_burns(**changes):
+    """The short burn in two, with a free coast between them."""
+    mission = short_burn(**changes)
+    stage = mission["stages"][0]
+    burn = {name: stage.pop(name) for name in ("thrust_n", "isp_s", "burn_time_s")}
+    stage["arcs"] = [burn, {"coast_s": "free", "max_s": 600.0}, dict(burn)]
+    return mission
+
+
 SLOW = {"pace": "8"}
 #: Of a flight that does not come to its end: on a busy machine it is heard of late.
 SLOWEST = {"pace": "2"}
@@ -196,6 +205,27 @@ CAUSES = {
         2,
         ("expected one that finds a way from the mission's start to its target",),
         mission=short_burn(**{"target.radius_m": 7.4e6}),
+        bag=False,
+    ),
+    "no plan": Cause(
+        2,
+        ("law peg needs a plan of the free arcs 0, 1, the optimizer has none: ", "ares optimize"),
+        mission=two_burns(**{"stages.0.propellant_kg": 450.0}),
+        bag=False,
+    ),
+    "no plan for a paced flight": Cause(
+        2,
+        ("law optimal needs a plan of the free arcs 0, 1, the optimizer has none: ",),
+        {"guidance": "optimal", "pace": "1"},
+        mission=two_burns(**{"stages.0.propellant_kg": 450.0}),
+        ways=PROCESSES,
+        bag=False,
+    ),
+    "a law that flies no plan": Cause(
+        2,
+        ("flies missions of which only the last arc is free: expected peg, igm or optimal",),
+        {"guidance": "peg_thesis"},
+        mission=two_burns(),
         bag=False,
     ),
     "a missed target": Cause(

@@ -29,7 +29,7 @@ from ares_bags.writer import GUIDANCE_KEY, INCOMPLETE_KEY, BagWriter
 from ares_msgs.msg import FlightMember
 from ares_node.diagnostics import Level, of_another_flight
 from ares_node.identity import id_text
-from ares_node.membership import FLIGHT_ID, Membership, Role, State
+from ares_node.membership import AGREED, FLIGHT_ID, Membership, Role, State
 from ares_node.node import FlightNode, NodeError
 from ares_node.parameters import Parameter
 from ares_node.qos import (
@@ -134,6 +134,8 @@ class RecorderNode(FlightNode):
         self._missing = 0
         #: the bag was closed while the flight went on, which may end before this process does
         self._cut_off = False
+        #: the simulator holds the count, or has refused the flight
+        self._unbegun = False
         self._held_back: list[Callable[[], None]] = []
 
     @property
@@ -275,10 +277,12 @@ class RecorderNode(FlightNode):
         if self._membership.flight_id:
             self._take_held_back()
         simulator = self._membership.simulator
+        if simulator is not None and simulator.state != State.LEFT:
+            self._unbegun = simulator.state in (State.READY, State.FAILED)
         if simulator is None or simulator.state != State.OVER or self._writer is None:
             return
         guidance = self._membership.guidance
-        if guidance is None or guidance.state != State.READY:
+        if guidance is None or guidance.state not in AGREED:
             self.drain_and_close()
         elif self._ending is None:
             # it may be dead and never say how many statuses there were
@@ -418,7 +422,7 @@ class RecorderNode(FlightNode):
             self._ending = None
         self._inputs.clear()
         self._note_the_flight()
-        if self._writer is not None and not self._received:
+        if self._writer is not None and (self._unbegun or not self._received):
             # a flight that never began leaves no bag
             self._writer.discard()
         self._try(lambda writer: writer.close())

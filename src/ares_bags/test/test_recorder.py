@@ -514,6 +514,29 @@ def test_the_simulator_says_how_many_states_there_were(
     simulator.close()
 
 
+@pytest.mark.parametrize("words", [(State.READY, State.FAILED), (State.READY, State.LEFT)])
+def test_a_flight_that_is_refused_leaves_no_bag(
+    source: Source, recorders: Any, tmp_path: Path, words: tuple[State, ...]
+) -> None:
+    """Its first state has been told, for a plan that was not found."""
+    simulator = Membership(source.node, Role.VEHICLE_SIM, "ares_v", FLIGHT_ID)
+    simulator.listen()
+    recorder = recorders(bag=str(tmp_path / "flight"), flight_id=FLIGHT_ID, topics=["nav_state"])
+    assert recorder.start(), recorder.failure
+    assert spin_until(source.executor, lambda: source.nav.get_subscription_count() == 1)
+    for word in words:
+        simulator.say(word)
+        heard = source.executor.spin_once
+        for _ in range(20):
+            heard(timeout_sec=0.01)
+    source.nav.publish(nav_state(0))
+    assert spin_until(source.executor, lambda: recorder.message_counts == {NAV: 1})
+    recorder.drain_and_close()
+    assert recorder.error is None
+    assert not (tmp_path / "flight").exists()
+    simulator.close()
+
+
 @pytest.mark.parametrize(("sent", "whole"), [(4, True), (3, False)])
 def test_guidance_says_how_many_statuses_there_were(
     source: Source, recorders: Any, tmp_path: Path, sent: int, whole: bool

@@ -9,11 +9,14 @@ from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 
+from ares_bags.errors import printable
 from ares_bringup.summary import Diagnostic, Event, FlightSummary, Status
 from ares_msgs.msg import FlightEvent, FlightMember, GuidanceStatus
 from ares_node.diagnostics import (
+    FINAL_MASS_KG,
     GOOD,
     LONGEST_CYCLE_MS,
+    LOWEST_COAST_M,
     PACE,
     PAGES,
     PAUSED,
@@ -193,8 +196,12 @@ class FlightMonitor:
             if of_another_flight(status, self.summary.flight_id):
                 self._is_ours(0)
                 continue
+            if status.hardware_id != hardware_id(self.summary.flight_id):
+                continue
+            if plan := _plan(status):
+                self._say(plan)
             level = _LEVELS.get(status.level)
-            if level is not None and status.hardware_id == hardware_id(self.summary.flight_id):
+            if level is not None:
                 self.last_heard = time.monotonic()
                 line = Diagnostic(
                     time=seconds_from_stamp(message.header.stamp),
@@ -232,6 +239,17 @@ class FlightMonitor:
 
     def _on_lost(self, info: Any) -> None:
         self.summary.lost_messages += info.total_count_change
+
+
+def _plan(status: DiagnosticStatus) -> str:
+    """The plan that guidance has taken, in a line; empty where a status tells of none."""
+    said = {item.key: item.value for item in status.values}
+    mass, lowest = number_of(said, FINAL_MASS_KG), number_of(said, LOWEST_COAST_M)
+    if mass is None:
+        return ""
+    coasts = f", no coast below {lowest / 1e3:,.1f} km" if lowest is not None else ""
+    method = printable(said.get("method", ""))
+    return f"plan taken, by method {method}: {mass:,.1f} kg after the last cut-off{coasts}"
 
 
 def _vector(values: Any) -> tuple[float, float, float]:

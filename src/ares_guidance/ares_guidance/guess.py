@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_guidance.arrays import PLAN
+from ares_guidance.floor import check_floor
 from ares_models.arrays import BURN, TARGET_RADIUS_SPEED_ANGLE_PLANE, MissionArrays
 from ares_models.mission_target import leaves_end_free
 from ares_models.orbits import Insertion
@@ -324,10 +325,11 @@ class OfflineTrajectory:
             arrays: the mission.
 
         Raises:
-            ValueError: the trajectory is not one of this mission.
+            ValueError: the trajectory is not one of this mission, or goes through the ground.
         """
         arcs = arrays.arcs
         self._check_arcs(arcs)
+        check_floor(self, arrays)
         lengths, states, directions, positions = {}, {}, {}, {}
         primers, ignitions = {}, {}
         begin = -math.inf

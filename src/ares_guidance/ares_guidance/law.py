@@ -266,7 +266,7 @@ def name_free_arcs(arrays: MissionArrays) -> str:
 
 def name_what_is_free(arrays: MissionArrays) -> str:
     """Name for a person what a plan decides: free arcs, the end on the target's orbit."""
-    parts = [f"the free {name_free_arcs(arrays)} of the mission"] * leaves_arcs_free(arrays)
+    parts = [f"the free {name_free_arcs(arrays)}"] * leaves_arcs_free(arrays)
     parts += ["the end on the target's orbit"] * leaves_end_free(arrays.target[0])
     return " and ".join(parts)
 
@@ -357,7 +357,7 @@ class Law:
         if self.lacks_plan:
             raise ValueError(
                 f"law is {self.kind.name!r}, which needs a plan for "
-                f"{name_what_is_free(self._arrays)}; use --initial-guess optimizer"
+                f"{name_what_is_free(self._arrays)} of the mission; use --initial-guess optimizer"
             )
 
     def follow_arcs(self, plan: ArcPlan) -> None:

@@ -13,14 +13,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ares_guidance.floor import lowest_coast
 from ares_guidance.guess import OfflineTrajectory
-from ares_guidance.law import Law, LawSettings
+from ares_guidance.law import Law, LawSettings, name_what_is_free, needs_plan
 from ares_guidance.laws import make_law
 from ares_models.arrays import HEATING_LIMIT, NAVIGATION
 from ares_models.mission import Mission
 from ares_models.software import software
 from ares_msgs.msg import GuidanceStatus, NavState, ThrustCommand
 from ares_msgs.srv import SolveTrajectory
+from ares_node.diagnostics import FINAL_MASS_KG, LOWEST_COAST_M
 from ares_node.states import StateMessage
 from ares_node.time import NANOSECONDS, ns_from_stamp, stamp_from_ns
 
@@ -91,6 +93,12 @@ class Answers:
         needed = law.kind.needs_trajectory or law.lacks_plan
         return bool(self._values["initial_guess"] != "none" or needed)
 
+    @property
+    def time_limit(self) -> float:
+        """Wall time in s that the optimizer has."""
+        name = "plan_timeout_s" if self.law.lacks_plan else "optimizer_timeout_s"
+        return float(self._values[name])
+
     def request(self, state: NavState) -> SolveTrajectory.Request:
         """What the optimizer is asked from a navigation state."""
         self._asked = ns_from_stamp(state.stamp) / NANOSECONDS, float(state.mass)
@@ -100,18 +108,37 @@ class Answers:
             method=ANALYTIC if analytic else "",
             use_nav_state=True,
             nav_state=state,
-            time_limit=self._values["optimizer_timeout_s"],
+            time_limit=self.time_limit,
         )
 
-    def start_from(self, answer: SolveTrajectory.Response) -> None:
+    def start_from(self, answer: SolveTrajectory.Response) -> dict[str, float]:
         """Start from the optimizer's answer to the last `request`.
 
+        Returns:
+            What is told of a plan: FINAL_MASS_KG and LOWEST_COAST_M; of another start nothing.
+
         Raises:
-            ValueError: it is no start; one line.
+            ValueError: it is no start, or a plan that must not be flown; one line.
         """
         trajectory = _trajectory(answer)
         trajectory.check_begin(*self._asked)
         self.law.start_from(trajectory)
+        if not needs_plan(self.arrays):
+            return {}
+        lowest = lowest_coast(trajectory, self.arrays)
+        return {FINAL_MASS_KG: float(answer.final_mass), LOWEST_COAST_M: lowest}
+
+    def why_not(self, reason: str) -> str:
+        """Why a mission is not flown of which the optimizer has no plan, and what to try; a line.
+
+        Args:
+            reason: the optimizer's.
+        """
+        return (
+            f"not flown: law {self.law.kind.name} needs a plan of {name_what_is_free(self.arrays)}, "
+            f"the optimizer has none: {reason}; try another method of `ares optimize`, other bounds "
+            "of what is free, or fix it"
+        )
 
     # ---- the flight
 

@@ -41,7 +41,7 @@ from ares_msgs.msg import FlightMember, GuidanceStatus, NavState, ThrustCommand
 from ares_msgs.srv import SolveTrajectory
 from ares_node.diagnostics import LONGEST_CYCLE_MS, Level, Timing, timing
 from ares_node.identity import id_text
-from ares_node.membership import FLIGHT_ID, OPEN, Membership, Role, State
+from ares_node.membership import AGREED, FLIGHT_ID, OPEN, Membership, Role, State
 from ares_node.node import FlightNode
 from ares_node.parameters import Parameter
 from ares_node.qos import (
@@ -110,6 +110,15 @@ PARAMETERS = (
         unit="s",
         minimum=0.0,
         maximum=60.0,
+    ),
+    Parameter(
+        "plan_timeout_s",
+        120.0,
+        "Wall time to wait for the optimizer's plan of a mission's free arcs before the flight is "
+        "refused.",
+        unit="s",
+        minimum=0.001,
+        maximum=3600.0,
     ),
 ) + tuple(
     Parameter(
@@ -216,6 +225,7 @@ class GuidanceNode(FlightNode):
             self._wants_guess = True
             self._guess = None
             self._looked_since = None
+            self._ask_from = -math.inf
             self._watch.reset()
         self._reported = int(GuidanceStatus.NONE)
         self._findings = 0
@@ -240,7 +250,9 @@ class GuidanceNode(FlightNode):
     def _join(self) -> None:
         """Agree on a flight, or see why not."""
         mine = self._membership
-        gone = time.monotonic() - self._heard_at > GONE_AFTER
+        silent = time.monotonic() - self._heard_at > GONE_AFTER
+        # while it plans it hears nothing: the count is held
+        gone = silent and mine.state is not State.PLANNING
         simulator = mine.simulator
         if simulator is not None and simulator.state == State.OVER and self._guiding:
             mine.say(State.OVER, last_sequence=self._statuses)
@@ -259,7 +271,8 @@ class GuidanceNode(FlightNode):
             )
         elif simulator.guidance_id == mine.member_id:
             if mine.state is State.PRESENT:
-                mine.agree(mine.member_id)
+                plans = self._law.lacks_plan
+                mine.agree(mine.member_id, State.PLANNING if plans else State.READY)
                 self._take_held_back()
         elif simulator.guidance_id:
             mine.say(State.PRESENT)
@@ -269,7 +282,7 @@ class GuidanceNode(FlightNode):
 
     @property
     def _guiding(self) -> bool:
-        return self._membership.state is State.READY
+        return self._membership.state in AGREED
 
     def _tell(self, text: str) -> None:
         """Report once per flight."""
@@ -311,6 +324,7 @@ class GuidanceNode(FlightNode):
         if not self._wants_guess:
             return True
         waited = time.monotonic() - self._asked_at if self._guess else 0.0
+        limit = self._answers.time_limit
         if self._guess is None:
             optimizer = self._optimizer
             if time.monotonic() < self._ask_from:
@@ -323,7 +337,7 @@ class GuidanceNode(FlightNode):
             return not self._wants_guess
         if self._guess.done():
             self._take_guess(self._guess.result(), now)
-        elif waited > self.values["optimizer_timeout_s"]:
+        elif waited > limit:
             self._guess.cancel()
             self._without_guess(f"no answer within {waited:.1f} s", now)
         return not self._wants_guess
@@ -332,7 +346,7 @@ class GuidanceNode(FlightNode):
         """The optimizer's node may still be on its way into the graph."""
         if self._looked_since is None:
             self._looked_since = time.monotonic()
-        return time.monotonic() - self._looked_since < self.values["optimizer_timeout_s"]
+        return time.monotonic() - self._looked_since < self._answers.time_limit
 
     def _ask(self, optimizer: Client, data: bytes) -> None:
         request = self._answers.request(deserialize_message(data, NavState))
@@ -346,22 +360,36 @@ class GuidanceNode(FlightNode):
             self._without_guess(reason or f"error {answer.error_code}", now)
             return
         try:
-            self._answers.start_from(answer)
+            told = self._answers.start_from(answer)
         except ValueError as error:
             self._without_guess(f"unusable answer: {error}", now)
             return
         self._wants_guess = False
-        about = {"method": answer.method, ASKED_AT_NS: self._asked}
+        about = {"method": answer.method, ASKED_AT_NS: self._asked, **told}
         self.diagnostics.report(Level.OK, ANSWER_TAKEN, now, about)
+        self._end_planning()
+
+    def _end_planning(self) -> None:
+        """Say that answers follow, or that it is not worth waiting for them."""
+        if self._membership.state is State.PLANNING:
+            self._heard_at = time.monotonic()
+            self._membership.say(State.READY)
 
     def _without_guess(self, reason: str, now: int) -> None:
         if self._law.lacks_plan:
-            # nothing can be flown without it
-            text = f"optimizer: {reason}; law {self._law.kind.name} needs its plan: asking again"
-            self.diagnostics.report(Level.ERROR, text, now)
             self._guess = None
             self._looked_since = None
+            simulator = self._membership.simulator
+            if simulator is None or simulator.state != State.FLYING:
+                # no engine is lit yet, and none will be
+                text = self._answers.why_not(reason)
+                self.diagnostics.report(Level.ERROR, text, now)
+                self._membership.say(State.FAILED, reason=text)
+                return
+            text = f"optimizer: {reason}; law {self._law.kind.name} needs its plan: asking again"
+            self.diagnostics.report(Level.ERROR, text, now)
             self._ask_from = time.monotonic() + self.values["optimizer_timeout_s"]
+            self._end_planning()
             return
         self._wants_guess = False
         instead = "starting from the navigation state alone"

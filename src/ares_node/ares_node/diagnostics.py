@@ -17,6 +17,10 @@ from ares_node.time import stamp_from_ns
 Timing = DiagnosticStatus
 #: What guidance tells of its timing when its last solution stands.
 LONGEST_CYCLE_MS = "longest_cycle_ms"
+#: What guidance reports of the plan that it has taken: mass after the last cut-off, and the lowest
+#: altitude of its coasts.
+FINAL_MASS_KG = "final_mass_kg"
+LOWEST_COAST_M = "lowest_coast_m"
 #: What simulator and replay tell of the wall clock: real-time factor, whether it pauses, and the
 #: full name of the node, whose parameters of the same names may be set.
 PACE = "pace"

@@ -8,6 +8,7 @@ whoever then answers its word is known to hear all its publishers.
 from collections.abc import Callable
 from enum import IntEnum
 
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.subscription import Subscription
@@ -45,6 +46,7 @@ class State(IntEnum):
     OVER = FlightMember.OVER
     FAILED = FlightMember.FAILED
     LEFT = FlightMember.LEFT
+    PLANNING = FlightMember.PLANNING
 
 
 #: Members that are remembered; of more, those that spoke last.
@@ -52,6 +54,8 @@ MOST_HEARD = 1000
 
 #: States in which a simulator has a flight to give away or in the air.
 OPEN = (State.PREPARING, State.PRESENT, State.READY, State.FLYING)
+#: States in which a guidance has agreed to a flight.
+AGREED = (State.READY, State.PLANNING)
 
 
 class Membership:
@@ -113,12 +117,17 @@ class Membership:
         )
 
     def close(self) -> None:
-        """Take part no more."""
-        self.say(State.LEFT)
+        """Take part no more; that it failed is its last word."""
+        if self.state is not State.FAILED:
+            self.say(State.LEFT)
         if self._in is not None:
             self._node.destroy_subscription(self._in)
         for publisher in (self._out, *self._others_out):
             self._node.destroy_publisher(publisher)
+
+    def wait_until_heard(self, seconds: float) -> None:
+        """Let the others get the own word, for so long at most."""
+        self._out.wait_for_all_acked(Duration(seconds=seconds))
 
     def speak_for(self, member_id: int) -> None:
         """Say for another member, whose process is no more, that it takes part no more."""
@@ -220,9 +229,9 @@ class Membership:
                 self.say(State.PRESENT, flight_id=int(found[-1].flight_id), guidance_id=0)
         return self.simulator
 
-    def agree(self, guidance_id: int) -> None:
+    def agree(self, guidance_id: int, state: State = State.READY) -> None:
         """Say that simulator and guidance are heard, and which guidance that is."""
-        self.say(State.READY, guidance_id=guidance_id)
+        self.say(state, guidance_id=guidance_id)
 
     def witness(self) -> bool:
         """What recorder and judge do when somebody has spoken: agree once they hear all.

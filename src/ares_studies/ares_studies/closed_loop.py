@@ -92,7 +92,7 @@ def arc_plan(
     solution = solve(mission, "indirect", state=state, verify=False)
     if solution.status is not Status.CONVERGED:
         raise ValueError(
-            f"law {law.name} needs a plan for {name_what_is_free(arrays)}: {solution.reason}"
+            f"law {law.name} needs a plan of {name_what_is_free(arrays)}: {solution.reason}"
         )
     return offline_trajectory(solution).arc_plan(arrays)
 

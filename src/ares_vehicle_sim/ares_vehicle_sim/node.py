@@ -22,7 +22,7 @@ from ares_models.mission import load_mission
 from ares_msgs.msg import FlightEvent, FlightMember, NavState, ThrustCommand, VehicleState
 from ares_node.diagnostics import Level, Timing, pace_word
 from ares_node.identity import id_text, new_id
-from ares_node.membership import FLIGHT_ID, MOST_HEARD, Membership, Role, State
+from ares_node.membership import AGREED, FLIGHT_ID, MOST_HEARD, OPEN, Membership, Role, State
 from ares_node.node import FlightNode, NodeError
 from ares_node.parameters import Parameter
 from ares_node.qos import (
@@ -63,6 +63,8 @@ ACKNOWLEDGE_TIMEOUT = 3.0
 LINK_LOST_AFTER = 3
 #: Each further answer is waited for this much shorter than the one before.
 PATIENCE_RATIO = 0.2
+#: A plan is waited for in flight so many times as long as an answer.
+PLAN_PATIENCE = 10.0
 #: Wall time in s between steps on a lost link: an answer can still come through.
 LOST_LINK_PERIOD = 0.001
 #: What differs in its numbers only is reported at most once in this flight time, s.
@@ -127,8 +129,8 @@ PARAMETERS = (
     Parameter(
         "start_timeout_s",
         300.0,
-        "Wall time to wait for guidance, recorders and judges before giving up; while they still "
-        "prepare it does not run out.",
+        "Wall time to wait for guidance, recorders and judges before giving up, and for guidance "
+        "that plans once more; while they still prepare it does not run out.",
         unit="s",
         minimum=0.0,
     ),
@@ -172,8 +174,9 @@ class VehicleSimNode(FlightNode):
     """Publishes navigation state, truth, events and the clock; flies the commands.
 
     The flight starts when a guidance and the expected recorders and judges have agreed on it
-    (see FlightMember). Each navigation state waits for the command that answers it, then the
-    vehicle moves on.
+    (see FlightMember). Where guidance has to plan first, the count is held: it gets the first
+    navigation state, and nothing else happens until it has its plan. Each navigation state waits
+    for the command that answers it, then the vehicle moves on.
     """
 
     def __init__(self, **kwargs: Any) -> None:
@@ -227,7 +230,9 @@ class VehicleSimNode(FlightNode):
         self._nav_message = StateMessage(NavState)
         self._truth_message = StateMessage(VehicleState)
         self._steering = np.zeros(1, STEERING)
-        self._flying = False
+        self._flying = self._counting = False
+        self._planning_since = -math.inf
+        self._successor = 0
         self._waiting = self._unanswered = False
         self._unguided = False
         self._link_lost = False
@@ -256,7 +261,7 @@ class VehicleSimNode(FlightNode):
         """Stop; a flight under way cannot be taken up again."""
         self.destroy_timer(self._watch)
         self._stop_pacing()
-        self._waiting = self._held = False
+        self._waiting = self._held = self._counting = False
 
     def cleanup(self) -> None:
         """Free the endpoints and the flight."""
@@ -285,6 +290,7 @@ class VehicleSimNode(FlightNode):
             for publisher in (self._nav_out, self._truth_out, self._event_out):
                 left = max(0.0, deadline - time.monotonic())
                 publisher.wait_for_all_acked(Duration(seconds=left))
+            self._membership.wait_until_heard(max(0.0, deadline - time.monotonic()))
 
     @property
     def simulator(self) -> Simulator:
@@ -312,9 +318,10 @@ class VehicleSimNode(FlightNode):
             return
         ours = member.flight_id == self.flight_id
         given = bool(self.values["flight_id"]) and not ours
-        if self._membership.state is State.FLYING or given:
+        taken = (State.READY, State.FLYING)
+        if self._membership.state in taken or given:
             self._tell(member, f"another simulator, {member.node}: it has no part in this flight")
-        elif member.state == State.FLYING or member.member_id < self._membership.member_id:
+        elif member.state in taken or member.member_id < self._membership.member_id:
             # of two that wait for the same one goes on
             self._give_up(f"another simulator already publishes {self._nav_out.topic_name}")
 
@@ -328,10 +335,12 @@ class VehicleSimNode(FlightNode):
             )
         elif member.member_id == mine.guidance_id:
             if member.state in (State.LEFT, State.FAILED):
-                if mine.state in (State.PRESENT, State.FLYING):
+                if self._counting:
+                    self._give_up(member.reason or f"{member.node} has left while it planned")
+                elif mine.state in OPEN:
                     self._on_guidance_gone()
-            elif member.state == State.READY and self._flying:
-                self._on_successor()
+            elif member.state in AGREED:
+                self._on_guidance_agreed(member)
         elif member.state == State.PRESENT:
             if mine.guidance_id:
                 self._tell(
@@ -348,6 +357,7 @@ class VehicleSimNode(FlightNode):
             if member.mission in ("", self._mission_name) and member.member_id != mine.guidance_id:
                 if self._flying:
                     self._report(Level.WARN, f"{member.node} takes over from lost guidance")
+                    self._successor = int(member.member_id)
                 mine.say(mine.state, guidance_id=int(member.member_id))
                 return
 
@@ -360,6 +370,24 @@ class VehicleSimNode(FlightNode):
             if self.values["pace"] == 0.0:
                 self._answer_deadline += self.values["command_timeout_s"]
         self._choose_guidance()
+
+    def _on_guidance_agreed(self, member: FlightMember) -> None:
+        """Who guides is there, with a plan or to make one."""
+        planning = member.state == State.PLANNING
+        self._planning_since = time.monotonic() if planning else -math.inf
+        if self._counting and not planning:
+            self._lift_off()
+        elif self._successor == member.member_id:
+            self._successor = 0
+            self._on_successor()
+        elif self._waiting and not planning:
+            # its answer is on the way
+            self._answer_deadline = time.monotonic() + self._patience
+
+    def _waits_for_plan(self, now: float) -> bool:
+        """Whether guidance, restarted, plans and a flight that keeps no pace waits for it."""
+        patience = PLAN_PATIENCE * self.values["command_timeout_s"]
+        return now - self._planning_since < patience and self.values["pace"] == 0.0
 
     def _on_successor(self) -> None:
         """Who takes over hears us: its answers are waited for, from the next state on."""
@@ -379,13 +407,16 @@ class VehicleSimNode(FlightNode):
 
     def _on_watch(self) -> None:
         now = time.monotonic()
+        if self._counting:
+            self._hold_count(now)
+            return
         if not self._flying:
             if not self.simulator.complete:
                 self._try_to_start(now)
             return
         if now - self._pace_word_at > PACE_WORD_PERIOD:
             self._say_pace()
-        if self._waiting and now >= self._answer_deadline:
+        if self._waiting and now >= self._answer_deadline and not self._waits_for_plan(now):
             self._waiting = False
             self._on_no_answer()
             self._step()
@@ -453,7 +484,7 @@ class VehicleSimNode(FlightNode):
         mine = self._membership
 
         def ready(role: Role) -> list[int]:
-            members = mine.others(role, State.READY)
+            members = mine.others(role, *AGREED)
             return [int(m.member_id) for m in members if m.guidance_id == mine.guidance_id]
 
         if not mine.guidance_id or mine.guidance_id not in ready(Role.GUIDANCE):
@@ -468,7 +499,19 @@ class VehicleSimNode(FlightNode):
                 return role.name.lower(), role
         return "", Role.GUIDANCE
 
+    def _hold_count(self, now: float) -> None:
+        """Wait for the plan, not for ever."""
+        waited = now - self._planning_since
+        if waited > self.values["start_timeout_s"]:
+            self._give_up(f"guidance has no plan after {waited:.0f} s: not flown")
+        elif now - self._waiting_line_at > WAITING_LINE_PERIOD:
+            self._waiting_line_at = now
+            self.get_logger().info("the count is held: guidance plans the flight")
+
     def _give_up(self, reason: str) -> None:
+        if self._counting:
+            self._counting = False
+            self._membership.say(State.FAILED, reason=reason)
         print(f"{self.get_name()}: {reason}", file=sys.stderr, flush=True)
         self.failure = reason
         self._report(Level.ERROR, reason)
@@ -478,35 +521,67 @@ class VehicleSimNode(FlightNode):
     # ---- the flight
 
     def _start(self) -> None:
+        """Begin the flight, or the count that is held until guidance has its plan."""
+        if self._planning_since > -math.inf:
+            self._counting = True
+            self._membership.say(State.READY)
+            self._planning_since = self._waiting_line_at = time.monotonic()
+            self._publish_measured()
+            return
+        self._begin()
+        self._publish()
+
+    def _begin(self) -> None:
         self._flying = True
         self._membership.say(State.FLYING)
         self._begin_pace()
-        self._publish()
+
+    def _lift_off(self) -> None:
+        """End the count: guidance, which has its plan, answers the first state."""
+        self._counting = False
+        self._planning_since = -math.inf
+        self._begin()
+        self._publish_truth()
+        self._await_answer()
+
+    @property
+    def _head(self) -> tuple[int, int, int]:
+        """What a message of a state begins with."""
+        return self.simulator.time_ns, self._membership.flight_id, self.simulator.sequence
 
     def _publish(self) -> None:
+        self._publish_truth()
+        if self.simulator.complete:
+            self._end()
+            return
+        self._await_answer()
+        self._publish_measured()
+
+    def _publish_measured(self) -> None:
+        self._nav_out.publish(self._nav_message.data(*self._head, self.simulator.measured))
+
+    def _await_answer(self) -> None:
+        self._waiting = self._unanswered = True
+        self._patience = self.values["command_timeout_s"] * PATIENCE_RATIO**self._lost_in_a_row
+        self._answer_deadline = time.monotonic() + self._patience
+
+    def _publish_truth(self) -> None:
+        """Publish the true state, the clock, and what has happened up to now."""
         simulator = self.simulator
-        now = simulator.time_ns
-        head = (now, self._membership.flight_id, simulator.sequence)
-        self._clock_out.publish(clock_data(now))
+        head = self._head
+        self._clock_out.publish(clock_data(head[0]))
         self._truth_out.publish(self._truth_message.data(*head, simulator.truth()))
         if simulator.complete and simulator.escaped:
             # before the event of the end: who judges hears no more after it
             self._report(Level.WARN, simulator.escaped)
         for event in simulator.new_events():
             self._event_out.publish(self._event_message(event))
-        if simulator.complete:
-            self._end()
-            return
-        self._waiting = self._unanswered = True
-        self._patience = self.values["command_timeout_s"] * PATIENCE_RATIO**self._lost_in_a_row
-        self._answer_deadline = time.monotonic() + self._patience
-        self._nav_out.publish(self._nav_message.data(*head, simulator.measured))
 
     def _on_command(self, message: ThrustCommand) -> None:
         if not self._membership.belongs(message.flight_id):
             self._refuse(f"of another flight, {id_text(message.flight_id)}")
             return
-        if not self._flying or self.simulator.complete:
+        if not (self._flying or self._counting) or self.simulator.complete:
             return
         # while nobody guides, the identity of no guidance is nobody's
         if message.guidance_id != self._membership.guidance_id or not message.guidance_id:
@@ -520,6 +595,9 @@ class VehicleSimNode(FlightNode):
             )
             self._on_late_answer()
             return
+        if self._counting:
+            # the word that there is a plan is under way
+            self._lift_off()
         if not self._unanswered:
             self._refuse("this navigation state has its answer")
             return

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from ares_models.arrays import LONGEST_FLIGHT, MISSION_TIME, TIME_AFTER_IGNITION
 from ares_models.kernels.thrust_curve import curve_area
 from ares_vehicle_sim import arrays as names
-from ares_vehicle_sim.kernels.entry import command
+from ares_vehicle_sim.kernels.entry import advance, command
 from ares_vehicle_sim.testing import MU, Craft
 
 
@@ -146,6 +146,29 @@ def test_the_ground_ends_a_flight():
     assert len(vehicle.events(names.IMPACT)) == 1
     assert plant["complete"] == 1
     assert plant["inserted"] == 0
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.3])
+def test_a_cut_off_that_was_predicted_is_flown_whatever_is_not_known_later(latency):
+    """A law that was restarted has no solution yet: the engine does not burn on for that."""
+    vehicle = Craft(mu=0.0)
+    vehicle.plant["latency"] = latency
+    vehicle.steering["cutoff_time"] = 249.25
+    vehicle.fly(245.0)
+    vehicle.steering["cutoff_time"] = math.nan
+    for time in (245.5, 246.0, 260.0):
+        assert command(vehicle.mission, vehicle.carried, vehicle.steering)
+        advance(vehicle.mission, vehicle.carried, time)
+    assert list(vehicle.events(names.CUTOFF)["time"]) == pytest.approx([249.25], abs=1e-9)
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.3])
+def test_a_cut_off_that_nobody_has_predicted_does_not_come(latency):
+    vehicle = Craft(mu=0.0)
+    vehicle.plant["latency"] = latency
+    vehicle.steering["cutoff_time"] = math.nan
+    vehicle.fly(245.0)
+    assert not len(vehicle.events(names.CUTOFF))
 
 
 def test_a_command_is_in_force_after_its_latency():

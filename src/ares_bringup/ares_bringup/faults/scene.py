@@ -29,7 +29,7 @@ from ares_bringup.fly import MODULES
 from ares_bringup.held import all_pids, clear, shared_memory
 from ares_bringup.keeper import GUIDANCE, SIMULATOR
 from ares_node.domains import claimed_domain
-from ares_node.membership import Role, State
+from ares_node.membership import AGREED, Role
 
 #: Names the processes of a trial in their environment.
 MARK = "ARES_FAULT_TRIAL"
@@ -217,7 +217,7 @@ class Scene:
 
     def guidances(self) -> set[int]:
         """Identities of the guidances that have agreed to the flight and not left it."""
-        ready = self.relay.membership.others(Role.GUIDANCE, State.READY)
+        ready = self.relay.membership.others(Role.GUIDANCE, *AGREED)
         return {int(member.member_id) for member in ready}
 
     # ---- touching

@@ -57,7 +57,7 @@ from ares_guidance.kernels.shortfall import (
     perigee_radius,
 )
 from ares_guidance.kernels.start import start_guess
-from ares_models.arrays import BURN, MAX_ARCS, TARGET_ELEMENTS, TARGET_KEPLERIAN, MissionRecords, Record
+from ares_models.arrays import MAX_ARCS, MissionRecords, Record
 from ares_models.jit import inlined, kernel
 from ares_models.kernels.environment import gravity, heating_rate
 from ares_models.kernels.sequence import SAME_TIME, awaits_heating
@@ -74,6 +74,10 @@ from ares_models.kernels.vectors import (
 )
 
 CUTOFF_SEARCH_STEPS = 4
+#: s, by which the last of them may still move the cut-off: one that moves it on is on no way to it.
+CUTOFF_SETTLED = 0.1
+#: s, over which the speed that the target asks for is differenced along the flight.
+DIFFERENCE = 0.1
 
 
 @kernel
@@ -96,7 +100,7 @@ def held_cutoff(mission: MissionRecords, onboard: Onboard) -> float:
     Args: as in :func:`guidance_step`.
 
     Returns:
-        s from now, at full thrust.
+        s from now, at full thrust; as planned where it is not found.
     """
     environment = mission.environment
     nav = onboard.navigation
@@ -117,10 +121,8 @@ def held_cutoff(mission: MissionRecords, onboard: Onboard) -> float:
     if throttled:
         plan_segments(mission, onboard)
     # thrust that comes after the command is counted with the burn
-    kind = mission.target.kind
-    by_energy = kind == TARGET_KEPLERIAN or kind == TARGET_ELEMENTS
-    least = least_time_to_go(mission.arcs, nav, state)
     t = max(solution.time_to_go, 0.0)
+    step = 0.0
     for _ in range(CUTOFF_SEARCH_STEPS):
         # no burn lasts longer than the mass
         t = min(t, 0.98 * tau)
@@ -137,13 +139,16 @@ def held_cutoff(mission: MissionRecords, onboard: Onboard) -> float:
         v_t = axpy(horizon, g, axpy(l_t, u, v))
         speed = norm(v_t)
         wanted = target_speed(mission.target, environment.mu, norm(axpy(horizon, v, r)))
-        # the speed of an orbit falls with the radius as that of the vehicle does
-        pull = (0.0, 0.0, 0.0) if by_energy else g
-        gain = dot(v_t, axpy(acceleration, u, pull)) / speed
+        after = target_speed(mission.target, environment.mu, norm(axpy(horizon + DIFFERENCE, v, r)))
+        # an orbit asks for less the higher it is met
+        gain = dot(v_t, axpy(acceleration, u, g)) / speed - (after - wanted) / DIFFERENCE
         if gain <= 0.0:
-            break
-        t += (wanted - speed) / gain
-    return max(t, least)
+            return float(solution.time_to_go)
+        step = (wanted - speed) / gain
+        t += step
+    if not abs(step) <= CUTOFF_SETTLED:
+        return float(solution.time_to_go)
+    return max(t, least_time_to_go(mission.arcs, nav, state))
 
 
 @kernel
@@ -433,10 +438,13 @@ def catch_up(mission: MissionRecords, onboard: Onboard) -> None:
 
 
 @kernel
-def hold(mission: MissionRecords, onboard: Onboard) -> None:
+def hold(mission: MissionRecords, onboard: Onboard, before: float) -> None:
     """Close to the end: freeze the steering, refine the cut-off, and come to it.
 
-    Args: as in :func:`guidance_step`.
+    Args:
+        mission: as in :func:`guidance_step`; so the next.
+        onboard: what is on board. Changed.
+        before: time of the navigation state before, s: the vehicle takes no cut-off before it.
     """
     nav = onboard.navigation
     state = onboard.state
@@ -446,14 +454,11 @@ def hold(mission: MissionRecords, onboard: Onboard) -> None:
         adopt_steering(onboard)
         state.phase = PHASE_HOLD
     if state.phase == PHASE_HOLD:
-        ahead = steering.cutoff_time > nav.time
         solution.time_to_go = held_cutoff(aimed_lower(mission, state), onboard)
-        steering.cutoff_time = nav.time + solution.time_to_go - solution.tail_gain
-        if steering.cutoff_time <= nav.time:
+        cutoff = nav.time + solution.time_to_go - solution.tail_gain
+        steering.cutoff_time = cutoff if cutoff >= before else nav.time
+        if cutoff <= nav.time:
             state.phase = PHASE_CUTOFF
-            if ahead:
-                # not cut off yet: at once, since the vehicle obeys no time that is past
-                steering.cutoff_time = nav.time
 
 
 @kernel
@@ -519,8 +524,9 @@ def answer_state(mission: MissionRecords, onboard: Onboard) -> None:
     """As :func:`guidance_step`, for a sound state and the vehicle that is left."""
     nav = onboard.navigation
     state = onboard.state
+    before = state.time
     catch_up(mission, onboard)
-    hold(mission, onboard)
+    hold(mission, onboard, before)
     if nav.time >= state.next_cycle_time - 1e-9:
         run_cycle(mission, onboard)
     if state.phase == PHASE_CONVERGING and math.isnan(onboard.steering.cutoff_time):

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from ares_guidance.arrays import ERROR_NOT_CONVERGED, STEEPEST
 from ares_guidance.guess import ArcPlan
+from ares_guidance.kernels.floor import lowest_altitude
 from ares_guidance.law import Law, LawKind, LawSettings
 from ares_guidance.registry import law_names, registered_laws
 from ares_models.arrays import NAMES_ARGUMENT_OF_PERIGEE, NAMES_TRUE_ANOMALY, MissionArrays
@@ -105,3 +106,5 @@ def rehearse(name: str, arrays: MissionArrays, start: NDArray[np.void]) -> None:
     every = range(len(arrays.arcs))
     law.follow_arcs(ArcPlan(dict.fromkeys(every, 0.0), dict.fromkeys(every, there)))
     law.step(start[0])
+    none = np.zeros((0, 3))
+    lowest_altitude(0.0, 0.0, True, np.zeros(0), none, none, arrays.environment)

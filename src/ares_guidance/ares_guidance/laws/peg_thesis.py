@@ -79,7 +79,7 @@ class ThesisPeg(Law):
         if leaves_arcs_free(arrays):
             raise ValueError(
                 f"the mission leaves {name_free_arcs(arrays)} free; law peg_thesis flies missions "
-                "of which only the last arc is free"
+                "of which only the last arc is free: expected peg, igm or optimal, which fly a plan"
             )
         if np.any(np.isfinite(arrays.arcs["max_acceleration"][arrays.arcs["kind"] == BURN])):
             raise ValueError("the mission has a throttled burn; law peg_thesis flies none")

@@ -322,8 +322,14 @@ def fail(plant: Record, arcs: NDArray[Any]) -> bool:
 
 @kernel
 def copy_command(source: Record, destination: Record) -> None:
-    """Copy a record STEERING; what it does not know of the plan stays as it was."""
+    """Copy a record STEERING; what it does not know of the plan stays as it was.
+
+    So a cut-off that was predicted is carried out when it falls due, whatever comes after.
+    """
+    known = destination.cutoff_time
     copy_decision(source, destination)
+    if math.isnan(source.cutoff_time):
+        destination.cutoff_time = known
     for k in range(MAX_ARCS):
         if math.isfinite(source.arc_end_times[k]):
             destination.arc_end_times[k] = source.arc_end_times[k]
@@ -520,6 +526,7 @@ def begin_flight(mission: MissionRecords, plant: Record) -> None:
     store(plant.command.direction, u)
     plant.command.reference_time = plant.time
     plant.command.cutoff_time = math.nan
+    plant.coming.cutoff_time = math.nan
     plant.command.jettison = -1
     plant.coming_time = math.inf
     for k in range(MAX_ARCS):

@@ -1,0 +1,137 @@
+"""How low a plan goes: by the samples, and along the coasts between them."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from ares_guidance.floor import check_floor, lowest_coast
+from ares_guidance.guess import OfflineTrajectory
+from ares_guidance.testing import RESTART
+from ares_models.arrays import COAST
+from ares_models.mission import load_mission
+from ares_models.orbits import Elements
+
+GROUND = 6.2e6
+MU = 3.986004418e14
+
+
+@pytest.fixture(scope="module")
+def mission(tmp_path_factory):
+    path = tmp_path_factory.mktemp("floor") / "mission.yaml"
+    path.write_text(RESTART.format(burn="free", coast="free"))
+    return load_mission(path)
+
+
+def trajectory(orbit, length):
+    """Burn, coast and burn, of which nothing is told but the state where the coast begins."""
+    begin, end = 300.0, 300.0 + length
+    position, velocity = orbit.state(MU)
+    none, no_vectors = np.zeros(0), np.zeros((0, 3))
+    return OfflineTrajectory(
+        jettison_time=math.nan,
+        cutoff_time=end + 10.0,
+        arc_start_time=none,
+        arc_end_time=none,
+        arc_start_mass=none,
+        arc_end_mass=none,
+        arc_delta_v=none,
+        steering_reference_time=none,
+        steering_direction=no_vectors,
+        steering_direction_rate=no_vectors,
+        primer_rate=no_vectors,
+        sample_time=np.array([begin]),
+        sample_position=position[None],
+        sample_velocity=velocity[None],
+        flown_arc=np.array([0, 1, 2, 3]),
+        flown_start_time=np.array([0.0, 148.0, begin, end]),
+        flown_end_time=np.array([148.0, begin, end, end + 10.0]),
+    )
+
+
+@pytest.mark.parametrize("eccentricity", [0.001, 0.3, 0.7])
+@pytest.mark.parametrize("perigee", [6.1e6, 6.35e6])
+def test_a_coast_is_as_low_as_its_perigee(mission, eccentricity, perigee):
+    axis = perigee / (1.0 - eccentricity)
+    orbit = Elements(axis, eccentricity, 0.5, 0.1, 0.2, true_anomaly=-2.0)
+    period = 2.0 * math.pi * math.sqrt(axis**3 / MU)
+    arrays = mission.arrays()
+    assert arrays.arcs["kind"][2] == COAST
+    whole = trajectory(orbit, period)
+    assert lowest_coast(whole, arrays) == pytest.approx(perigee - GROUND, abs=0.01)
+    if perigee < GROUND:
+        with pytest.raises(ValueError, match="arc 2, a coast, goes through the ground, 100,000 m"):
+            check_floor(whole, arrays)
+    else:
+        check_floor(whole, arrays)
+
+
+def test_a_coast_that_ends_before_its_perigee_is_as_low_as_its_end(mission):
+    orbit = Elements(6.9e6, 0.12, 0.5, 0.1, 0.2, true_anomaly=math.pi)
+    position, velocity = orbit.state(MU)
+    arrays = mission.arrays()
+
+    def motion(_, state):
+        r = state[:3]
+        return np.concatenate([state[3:], -MU * r / np.linalg.norm(r) ** 3])
+
+    flown = solve_ivp(
+        motion, (0.0, 1000.0), np.concatenate([position, velocity]), rtol=1e-11, atol=1e-6
+    )
+    end = np.linalg.norm(flown.y[:3, -1])
+    assert lowest_coast(trajectory(orbit, 1000.0), arrays) == pytest.approx(end - GROUND, abs=0.1)
+
+
+def test_the_oblate_earth_bends_a_coast(mission):
+    """A day in a low orbit: what J2 does to the perigee counts."""
+    arrays = mission.arrays()
+    arrays.environment["j2"] = 0.00108263
+    orbit = Elements(6.6e6, 0.02, 1.1, 0.1, 0.2, true_anomaly=1.0)
+    position, velocity = orbit.state(MU)
+
+    def motion(_, state):
+        r = state[:3]
+        size = np.linalg.norm(r)
+        k = 1.5 * 0.00108263 * MU * float(arrays.environment["equatorial_radius"][0]) ** 2
+        z = 5.0 * (r[2] / size) ** 2
+        pull = -MU * r / size**3 - k / size**5 * r * np.array([1 - z, 1 - z, 3 - z])
+        return np.concatenate([state[3:], pull])
+
+    length = 20_000.0
+    flown = solve_ivp(
+        motion,
+        (0.0, length),
+        np.concatenate([position, velocity]),
+        rtol=1e-11,
+        atol=1e-6,
+        max_step=1.0,
+    )
+    lowest = np.min(np.linalg.norm(flown.y[:3], axis=0)) - GROUND
+    found = lowest_coast(trajectory(orbit, length), arrays)
+    assert found == pytest.approx(lowest, abs=50.0)
+    arrays.environment["j2"] = 0.0
+    assert abs(lowest_coast(trajectory(orbit, length), arrays) - lowest) > 500.0
+
+
+def test_a_sample_below_the_ground(mission):
+    arrays = mission.arrays()
+    orbit = Elements(6.6e6, 0.0, 0.5, 0.1, 0.2, true_anomaly=0.0)
+    good = trajectory(orbit, 100.0)
+    check_floor(good, arrays)
+    bad = replace(
+        good,
+        sample_time=np.array([200.0, 300.0]),
+        sample_position=np.array([[6.19e6, 0.0, 0.0], good.sample_position[0]]),
+        sample_velocity=np.array([[0.0, 7e3, 0.0], good.sample_velocity[0]]),
+    )
+    with pytest.raises(ValueError, match="arc 1, a burn, goes through the ground, 10,000 m deep"):
+        check_floor(bad, arrays)
+
+
+def test_no_coast_no_lowest(mission):
+    arrays = mission.arrays()
+    orbit = Elements(6.6e6, 0.0, 0.5, 0.1, 0.2, true_anomaly=0.0)
+    without = replace(trajectory(orbit, 100.0), sample_time=np.array([1e4]))
+    assert lowest_coast(without, arrays) == math.inf

@@ -1,0 +1,119 @@
+"""The last seconds: the cut-off that was predicted is the one that is flown."""
+
+import math
+
+import numpy as np
+import pytest
+
+from ares_guidance.arrays import PHASE_CUTOFF, PHASE_HOLD
+from ares_guidance.laws import make_law
+from ares_guidance.testing import step_anew
+from ares_models.mission import load_mission
+from ares_vehicle_sim.simulator import CAMPAIGN, Simulator
+
+#: Ariane 5 ECA from booster separation, rounded public figures. The weak last stage meets its
+#: transfer orbit while it climbs: the speed that is asked for falls as fast as half the thrust adds.
+ARIANE = """
+name: ariane5_eca
+title: Ariane 5 ECA to geostationary transfer
+source: public figures, rounded
+environment:
+  mu_m3_s2: 3.986004418e14
+  j2: 0.00108263
+  earth:
+    equatorial_radius_m: 6378137.0
+    polar_radius_m: 6356752.3
+    rotation_rate_rad_s: 7.292115e-5
+  atmosphere: {model: us76}
+initial_state:
+  time_s: 141
+  latitude_deg: 5.3
+  right_ascension_deg: -50
+  radius_m: 6444954.5
+  speed_m_s: 2501.895
+  flight_path_angle_deg: 20.4667
+  azimuth_deg: 90.8004
+stages:
+  - {name: EPC, ignition_mass_kg: 165800.0, thrust_n: 1390000.0, isp_s: 432.0, burn_time_s: 393.0}
+  - name: ESC-A
+    ignition_mass_kg: 30400.0
+    propellant_kg: 14900.0
+    arcs:
+      - {name: separation, coast_s: 6.0}
+      - {name: HM7B, thrust_n: 64800.0, isp_s: 446.0, burn_time_s: free}
+jettisons:
+  - {name: fairing, mass_kg: 2400.0, stage: EPC, heating_limit_w_m2: 1135.0}
+target:
+  perigee_altitude_m: 250000.0
+  apogee_altitude_m: 35943000.0
+  inclination_deg: 6.0
+"""
+
+
+@pytest.fixture(scope="module")
+def ariane(tmp_path_factory):
+    path = tmp_path_factory.mktemp("ariane") / "ariane5_eca.yaml"
+    path.write_text(ARIANE)
+    return load_mission(path)
+
+
+def test_a_cut_off_in_a_climb_is_flown_as_predicted(ariane):
+    simulator = Simulator(ariane, CAMPAIGN)
+    law = make_law("optimal", ariane.arrays(foreseen=True))
+    held = []
+    while not simulator.complete:
+        law.step(simulator.navigation)
+        if law.state["phase"] >= PHASE_HOLD:
+            held.append(float(law.steering["cutoff_time"][0]))
+        # a command that is refused raises
+        simulator.command(law.steering)
+        simulator.advance()
+    assert len(held) >= 8
+    assert np.ptp(held) < 0.2
+    end = simulator.plant
+    assert end["inserted"] == 1
+    assert end["time"] == pytest.approx(held[-1], abs=1e-6)
+    # an independent collocation has 21,170.8 kg
+    assert end["mass"] == pytest.approx(21170.8, abs=0.2)
+    target = ariane.arrays().target[0]
+    energy = 0.5 * np.sum(end["velocity"] ** 2) - 3.986004418e14 / np.linalg.norm(end["position"])
+    assert 2.0 * energy == pytest.approx(float(target["c3"]), abs=0.02 * 1e4)
+
+
+def flown_to_hold(mission):
+    """A law and the simulator that it flies, in the last seconds of the flight."""
+    simulator = Simulator(mission, CAMPAIGN)
+    law = make_law("peg", mission.arrays(foreseen=True))
+    while law.state["phase"] < PHASE_HOLD:
+        law.step(simulator.navigation)
+        simulator.command(law.steering)
+        simulator.advance()
+    return law, simulator
+
+
+def test_a_cut_off_that_is_past_is_commanded_as_one_that_the_vehicle_takes():
+    """Navigation finds the speed of the target exceeded long ago: the engine is cut off at once."""
+    law, simulator = flown_to_hold(load_mission("ares_v"))
+    # the state between does not reach it
+    before = float(simulator.navigation["time"])
+    simulator.advance()
+    fast = simulator.navigation.copy()
+    fast["velocity"] *= 1.02
+    step_anew(law, fast)
+    assert law.state["phase"] == PHASE_CUTOFF
+    assert before <= law.steering["cutoff_time"][0] <= fast["time"]
+    simulator.command(law.steering)
+    simulator.advance()
+    assert simulator.plant["inserted"] == 1
+    assert simulator.plant["events"]["time"][simulator.plant["event_count"] - 1] == fast["time"]
+
+
+def test_a_refinement_that_finds_no_cut_off_leaves_the_one_that_was_predicted():
+    """The thrust that is left does not bring the speed any more: what was held is flown."""
+    law, simulator = flown_to_hold(load_mission("ares_v"))
+    predicted = float(law.steering["cutoff_time"][0])
+    state = simulator.navigation.copy()
+    state["velocity"] *= -1.0
+    step_anew(law, state)
+    assert law.steering["cutoff_time"][0] == pytest.approx(predicted, abs=1e-6)
+    assert not math.isnan(predicted)
