@@ -134,10 +134,11 @@ class Answers:
         Args:
             reason: the optimizer's.
         """
+        free = name_what_is_free(self.arrays)
         return (
-            f"not flown: law {self.law.kind.name} needs a plan of {name_what_is_free(self.arrays)}, "
-            f"the optimizer has none: {reason}; try another method of `ares optimize`, other bounds "
-            "of what is free, or fix it"
+            f"not flown: law {self.law.kind.name} needs a plan of {free}, the optimizer has none: "
+            f"{reason}; try another method of `ares optimize`, other bounds of what is free, or "
+            "fix it"
         )
 
     # ---- the flight

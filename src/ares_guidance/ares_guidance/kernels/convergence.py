@@ -26,8 +26,8 @@ LAW = LAW_PEG
 LAST_SHARE = 0.01
 LAST_PASSES = 20
 #: rad; the same as `small_turn_limit` once something has failed, and in a flight by legs. What is
-#: left of the vehicle, or a leg with its coasts, may be long and weak, where the expansion about the
-#: mean costs mass.
+#: left of the vehicle, or a leg with its coasts, may be long and weak, where the expansion about
+#: the mean costs mass.
 SMALL_WHERE_LONG = 0.2
 
 

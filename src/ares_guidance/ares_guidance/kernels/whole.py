@@ -1,8 +1,9 @@
 """Law `optimal` on missions with free arcs before the last: the whole flight in every cycle.
 
 What the cycle shares with the other laws sees a mission whose arcs are as long as the last
-solution has them; the law itself solves for them anew. A plan that keeps what the two-point problem
-does not know of is flown leg by leg, and so is any once no optimum is found from where the flight is.
+solution has them; the law itself solves for them anew. A plan that keeps what the two-point
+problem does not know of is flown leg by leg, and so is any once no optimum is found from where the
+flight is.
 """
 
 import math
