@@ -132,10 +132,10 @@ class ArcPlan:
         record["by_legs"] = self.by_legs
         if leaves_end_free(arrays.target[0]):
             record["aims"] = 1
-            target = record["target"][0, len(arcs) - 1]
-            target[()] = arrays.target[0]
-            end = self._end(len(arcs) - 1)
-            target["true_anomaly"] = true_anomaly_of(end, float(arrays.environment["mu"][0]))
+            last = len(arcs) - 1
+            end = self._end(last)
+            record["target"][0, last] = arrays.target[0]
+            record["target"]["true_anomaly"][0, last] = true_anomaly_of(end, float(arrays.environment["mu"][0]))
         for k in np.flatnonzero(np.isinf(arcs["duration"])):
             if k < self.first_arc:
                 continue
