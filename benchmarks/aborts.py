@@ -11,11 +11,11 @@ import time
 
 from figures import Figures, keep_option
 
+from ares_models.judge import End
 from ares_models.mission import load_mission
 from ares_optimizer.foreknown import foreknown
 from ares_optimizer.solve import solve
 from ares_studies.aborts.abort_map import MapMaker, MapSettings
-from ares_studies.aborts.ends import End
 
 MISSIONS = ("ares_v", "saturn_v_as506")
 METHOD = "direct14"

@@ -66,12 +66,14 @@ class InitialGuess(StrEnum):
 class Method(StrEnum):
     """Methods of the off-line optimizer, by their names in `ares_optimizer.solve`."""
 
+    AUTO = "auto"
+    COLLOCATION = "collocation"
+    INDIRECT = "indirect"
+    CLOSED_FORM = "closed_form"
     DIRECT11 = "direct11"
     DIRECT14 = "direct14"
     DIRECT20 = "direct20"
     JUMP = "jump"
-    INDIRECT = "indirect"
-    CLOSED_FORM = "closed_form"
     ANALYTIC = "analytic"
 
 

@@ -9,27 +9,14 @@ from typing import TYPE_CHECKING, Any
 from ares_bags.errors import printable
 from ares_models.arrays import (
     LONGEST_FLIGHT,
-    NAMES_APOGEE,
-    NAMES_ARGUMENT_OF_PERIGEE,
     NAMES_ASCENDING_NODE,
-    NAMES_C3,
-    NAMES_ECCENTRICITY,
     NAMES_FLIGHT_PATH_ANGLE,
     NAMES_INCLINATION,
-    NAMES_PERIGEE,
     NAMES_RADIUS,
-    NAMES_SEMI_MAJOR_AXIS,
     NAMES_SPEED,
-    NAMES_TRUE_ANOMALY,
     TARGET_ELEMENTS,
     TARGET_KEPLERIAN,
     TARGET_RADIUS_SPEED_ANGLE_PLANE,
-)
-from ares_models.tolerances import (
-    FLIGHT_PATH_ANGLE_DEG,
-    ORIENTATION_DEG,
-    RADIUS_M,
-    SPEED_M_S,
 )
 from ares_studies.event_words import ENDS, MARKS, event_name
 from ares_vehicle_sim.arrays import (
@@ -49,6 +36,7 @@ from ares_vehicle_sim.arrays import (
 
 if TYPE_CHECKING:
     from ares_models.impacts import Impact
+    from ares_models.judge import Judgement
     from ares_models.mission import Mission
     from ares_models.orbits import Elements
 
@@ -60,29 +48,6 @@ EXIT_TARGET = 0
 EXIT_NOT_AS_IT_SHOULD = 1
 EXIT_CANNOT_START = 2
 EXIT_INTERRUPTED = 130
-
-#: Flown to the target: largest errors, by the names in `insertion_error`.
-TOLERANCES = {
-    "radius_m": RADIUS_M,
-    "speed_m_s": SPEED_M_S,
-    "flight_path_angle_deg": FLIGHT_PATH_ANGLE_DEG,
-    "inclination_deg": ORIENTATION_DEG,
-    "ascending_node_deg": ORIENTATION_DEG,
-    "argument_of_perigee_deg": ORIENTATION_DEG,
-}
-#: Of a target by elements: size, shape and place, in the order of `orbit_errors`, each with what
-#: names it and whether it is an angle. Their tolerances are what those above come to.
-_ORBIT_ERRORS = (
-    ("perigee_radius_m", NAMES_PERIGEE, False),
-    ("apogee_radius_m", NAMES_APOGEE, False),
-    ("semi_major_axis_m", NAMES_SEMI_MAJOR_AXIS, False),
-    ("eccentricity", NAMES_ECCENTRICITY, False),
-    ("c3_m2_s2", NAMES_C3, False),
-    ("true_anomaly_deg", NAMES_TRUE_ANOMALY, True),
-)
-
-#: m of a perigee below the limit that is still a safe orbit: a cut-off's scatter.
-PERIGEE_SLACK = 500.0
 
 #: Diagnostics kept with the flight; what comes after is counted only.
 MAX_DIAGNOSTICS = 200
@@ -128,7 +93,6 @@ class MissionFacts:
         jettisons: name of each jettison.
         fairing: first jettison that waits for the heating to fall; None if none does.
         equatorial_radius: m.
-        safe_perigee_altitude: of an orbit that is safe, m over it; None: the mission names none.
         environment: record of dtype ENVIRONMENT; None: where longitude zero is, is not known.
         areas: names of those that impacts are kept out of.
     """
@@ -142,7 +106,6 @@ class MissionFacts:
     jettisons: Sequence[str] = ()
     fairing: int | None = None
     equatorial_radius: float = math.nan
-    safe_perigee_altitude: float | None = None
     environment: Any = None
     areas: Sequence[str] = ()
 
@@ -162,7 +125,6 @@ def facts_of(mission: "Mission") -> MissionFacts:
         jettisons=mission.jettison_names,
         fairing=heating.index(True) if True in heating else None,
         equatorial_radius=mission.environment.earth.equatorial_radius_m,
-        safe_perigee_altitude=mission.abort.safe_perigee_altitude_m if mission.abort else None,
         environment=None
         if mission.environment.earth.zero_longitude_deg is None
         else mission.environment_array()[0],
@@ -240,10 +202,6 @@ def orbit_state(position: Sequence[float], velocity: Sequence[float]) -> OrbitSt
     )
 
 
-def _half_turn(angle_deg: float) -> float:
-    return (angle_deg + 180.0) % 360.0 - 180.0
-
-
 def target_state(facts: MissionFacts, position: Sequence[float]) -> OrbitState:
     """What the target asks for at a flown position; NaN where it asks for nothing.
 
@@ -304,52 +262,26 @@ def _along(x: Sequence[float], axis: Sequence[float]) -> float:
     return math.fsum(a * b for a, b in zip(x, axis, strict=True)) / math.hypot(*axis)
 
 
-def insertion_error(
-    facts: MissionFacts, position: Sequence[float], velocity: Sequence[float]
-) -> dict[str, float]:
-    """Flown minus target, by quantity.
+def judgement(
+    facts: MissionFacts,
+    position: Sequence[float],
+    velocity: Sequence[float],
+    *,
+    grounded: bool = False,
+) -> "Judgement":
+    """Return what the judge says of a state.
 
     Args:
         facts: the mission.
         position: m, shape (3,).
         velocity: m/s, shape (3,).
-
-    Returns:
-        radius_m, speed_m_s, flight_path_angle_deg, inclination_deg; ascending_node_deg if
-        the target has a node; for a Keplerian target also semi_major_axis_m, eccentricity
-        and argument_of_perigee_deg. For a target by elements what it names, and nothing else.
+        grounded: whether the vehicle met the ground.
     """
-    flown = orbit_state(position, velocity)
-    wanted = target_state(facts, position)
-    if int(facts.target["kind"]) == TARGET_ELEMENTS:
-        errors = {
-            key: value - getattr(wanted, key)
-            for key, value in vars(flown).items()
-            if math.isfinite(getattr(wanted, key))
-        }
-        if "ascending_node_deg" in errors:
-            errors["ascending_node_deg"] = _half_turn(errors["ascending_node_deg"])
-        if int(facts.target["named"]) & NAMES_ARGUMENT_OF_PERIGEE:
-            errors["argument_of_perigee_deg"] = _argument_error(facts, position, velocity)
-        return errors | _orbit_errors(facts, flown)[0]
-    errors = {
-        "radius_m": flown.radius_m - wanted.radius_m,
-        "speed_m_s": flown.speed_m_s - wanted.speed_m_s,
-        "flight_path_angle_deg": flown.flight_path_angle_deg - wanted.flight_path_angle_deg,
-        "inclination_deg": flown.inclination_deg - wanted.inclination_deg,
-    }
-    if math.isfinite(wanted.ascending_node_deg):
-        errors["ascending_node_deg"] = _half_turn(
-            flown.ascending_node_deg - wanted.ascending_node_deg
-        )
-    if int(facts.target["kind"]) == TARGET_KEPLERIAN:
-        elements = orbit_of(facts, position, velocity)
-        errors["semi_major_axis_m"] = elements.semi_major_axis - float(
-            facts.target["semi_major_axis"]
-        )
-        errors["eccentricity"] = elements.eccentricity - float(facts.target["eccentricity"])
-        errors["argument_of_perigee_deg"] = _argument_error(facts, position, velocity)
-    return errors
+    from ares_models.judge import judge
+
+    return judge(
+        position, velocity, facts.target, facts.mu, facts.equatorial_radius, grounded=grounded
+    )
 
 
 def orbit_of(
@@ -357,7 +289,7 @@ def orbit_of(
 ) -> "Elements":
     """The orbit of a state; NaN in all its elements where there is none.
 
-    Args: as in :func:`insertion_error`.
+    Args: as in :func:`judgement`.
     """
     from ares_models.orbits import Elements
 
@@ -365,58 +297,6 @@ def orbit_of(
         return Elements.from_state(position, velocity, facts.mu)
     except ValueError:
         return Elements(*[math.nan] * len(fields(Elements)))
-
-
-def perigee_altitude(
-    facts: MissionFacts, position: Sequence[float], velocity: Sequence[float]
-) -> float:
-    """Perigee over the equatorial radius, m; NaN where there is none.
-
-    Args: as in :func:`insertion_error`.
-    """
-    orbit = orbit_of(facts, position, velocity)
-    return orbit.semi_major_axis * (1.0 - orbit.eccentricity) - facts.equatorial_radius
-
-
-def _argument_error(
-    facts: MissionFacts, position: Sequence[float], velocity: Sequence[float]
-) -> float:
-    elements = orbit_of(facts, position, velocity)
-    return _half_turn(
-        math.degrees(elements.argument_of_perigee - float(facts.target["argument_of_perigee"]))
-    )
-
-
-def _orbit_errors(
-    facts: MissionFacts, flown: OrbitState
-) -> tuple[dict[str, float], dict[str, float]]:
-    """Errors of named size, shape and place, and how much of each is allowed."""
-    from ares_models.kernels.orbit_errors import orbit_errors
-
-    angle = math.radians(flown.flight_path_angle_deg)
-    found = orbit_errors(facts.target, facts.mu, flown.radius_m, flown.speed_m_s, angle)
-    errors, allowed = (
-        {
-            key: math.degrees(value) if is_angle else value
-            for (key, _, is_angle), value in zip(_ORBIT_ERRORS, values, strict=True)
-        }
-        for values in found
-    )
-    # what is named and no number is missed
-    named = int(facts.target["named"])
-    return {key: errors[key] for key, bit, _ in _ORBIT_ERRORS if named & bit}, allowed
-
-
-def insertion_tolerances(
-    facts: MissionFacts, position: Sequence[float], velocity: Sequence[float]
-) -> dict[str, float]:
-    """Largest errors of a flight to the target, by quantity; others are not judged.
-
-    Args: as in :func:`insertion_error`.
-    """
-    if int(facts.target["kind"]) != TARGET_ELEMENTS:
-        return TOLERANCES
-    return TOLERANCES | _orbit_errors(facts, orbit_state(position, velocity))[1]
 
 
 @dataclass
@@ -537,14 +417,18 @@ class FlightSummary:
         return self.end.mass if self.end else None
 
     @property
-    def insertion_error(self) -> dict[str, float]:
-        """Errors of the state at the end of the flight, tail-off included; empty before.
-
-        See `insertion_error` of this module.
-        """
+    def judgement(self) -> "Judgement | None":
+        """What the judge says of the end of the flight, tail-off included; None before."""
         if self.end is None:
-            return {}
-        return insertion_error(self.facts, self.end.position, self.end.velocity)
+            return None
+        grounded = self.end.type == IMPACT
+        return judgement(self.facts, self.end.position, self.end.velocity, grounded=grounded)
+
+    @property
+    def insertion_error(self) -> dict[str, float]:
+        """Errors at the end of the flight, flown minus target; empty before."""
+        judged = self.judgement
+        return judged.errors if judged else {}
 
     @property
     def impact(self) -> "Impact | None":
@@ -594,21 +478,15 @@ class FlightSummary:
 
     def misses(self) -> list[str]:
         """The quantities that lie beyond what is allowed, one text each."""
-        if self.end is None:
-            return []
-        allowed = insertion_tolerances(self.facts, self.end.position, self.end.velocity)
-        return [
-            f"{name} off by {error:.3g}, allowed {allowed[name]:.3g}"
-            for name, error in self.insertion_error.items()
-            if name in allowed and not abs(error) <= allowed[name]
-        ]
+        judged = self.judgement
+        return judged.misses() if judged else []
 
     def shortcomings(self) -> list[str]:
         """All that was not as it should be, one line each; empty for a good flight."""
         lines = {
             Outcome.TARGET: [],
-            Outcome.TARGET_MISSED: self._missed(),
-            Outcome.DEPLETION: [f"{self._thrust_end} before the target was reached"],
+            Outcome.TARGET_MISSED: ["target missed: " + "; ".join(self.misses()), *self._instead()],
+            Outcome.DEPLETION: [f"{self._thrust_end} before the cut-off", *self._instead()],
             Outcome.IMPACT: ["the vehicle met the ground"],
             Outcome.TIME_LIMIT: [f"the flight was not over after {LONGEST_FLIGHT:,.0f} s"],
             Outcome.INCOMPLETE: ["the flight did not come to its end"],
@@ -616,7 +494,7 @@ class FlightSummary:
         }[self.outcome]
         if lines and (impact := self.impact) is not None:
             lines = [*lines, self._fallen(impact)]
-        if self.outcome in (Outcome.TARGET, Outcome.TARGET_MISSED):
+        if self.end is not None:
             lines = lines + [
                 f"{name} was not jettisoned"
                 for index, name in enumerate(self.facts.jettisons)
@@ -649,24 +527,10 @@ class FlightSummary:
             where = ""
         return f"falls at {impact.place}{where}"
 
-    def _missed(self) -> list[str]:
-        """How the target was missed, and which end was reached in its place, if one was."""
-        lines = ["target missed: " + "; ".join(self.misses())]
-        if self.end is None:
-            return lines
-        perigee = perigee_altitude(self.facts, self.end.position, self.end.velocity)
-        safe = self.facts.safe_perigee_altitude
-        errors = self.insertion_error
-        lowered = -errors.get("speed_m_s", 0.0)
-        kept = all(
-            abs(errors.get(key, math.inf)) <= TOLERANCES[key]
-            for key in ("radius_m", "flight_path_angle_deg", "inclination_deg")
-        )
-        if kept and lowered > TOLERANCES["speed_m_s"]:
-            lines.append(f"target lowered by {lowered:,.1f} m/s")
-        if safe is not None and perigee >= safe - PERIGEE_SLACK:
-            lines.append(f"safe orbit, perigee {perigee / 1e3:,.1f} km")
-        return lines
+    def _instead(self) -> list[str]:
+        """What was reached at the end, in one line."""
+        judged = self.judgement
+        return [judged.reached()] if judged else []
 
     @property
     def verdict(self) -> str:
@@ -717,7 +581,8 @@ class FlightSummary:
 
     def to_json(self) -> dict[str, Any]:
         """The object that `ares fly --json` prints; unknown numbers are None."""
-        errors = self.insertion_error
+        judged = self.judgement
+        errors = judged.errors if judged else {}
         keys = dict.fromkeys(("radius_m", "speed_m_s", "flight_path_angle_deg", "inclination_deg"))
         result = {
             "mission": self.facts.name,
@@ -737,6 +602,7 @@ class FlightSummary:
             "foreign_messages": self.foreign_messages,
             "unguided_s": self.unguided_s,
             "outcome": self.outcome.value,
+            "end": str(judged.end) if judged else None,
             "exit_status": self.exit_code,
             "impact": _impact(self.impact),
             "shortcomings": self.shortcomings(),

@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ares_bringup.report import BLANK, number, small
-from ares_bringup.summary import FlightSummary, Status, insertion_error
+from ares_bringup.summary import FlightSummary, Status, judgement
 from ares_msgs.msg import VehicleState
 from ares_node.qos import LATEST, VEHICLE_STATE
 from ares_node.states import Unreadable, message_of
@@ -166,7 +166,7 @@ def _prediction(summary: FlightSummary) -> Table | Text:
     status: Status | None = summary.last_converged
     if status is None:
         return Text("guidance has no solution yet", style="yellow")
-    errors = insertion_error(summary.facts, status.predicted_position, status.predicted_velocity)
+    errors = judgement(summary.facts, status.predicted_position, status.predicted_velocity).errors
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
     table.add_column("predicted minus target", style="dim")
     shown = {key: heading for key, heading in ERRORS.items() if key in errors}

@@ -13,6 +13,8 @@ MU = 3.986004418e14
 RADIUS = 6.6e6
 SPEED = 7700.0
 INCLINATION = math.radians(28.5)
+#: m, equatorial: the perigee of the target is 213 km above it.
+GROUND = 6.15e6
 
 
 def made_up_mission() -> MissionFacts:
@@ -31,6 +33,7 @@ def made_up_mission() -> MissionFacts:
         stages=["only stage"],
         jettisons=["fairing"],
         fairing=0,
+        equatorial_radius=GROUND,
     )
 
 

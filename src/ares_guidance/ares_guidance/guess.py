@@ -135,7 +135,9 @@ class ArcPlan:
             last = len(arcs) - 1
             end = self._end(last)
             record["target"][0, last] = arrays.target[0]
-            record["target"]["true_anomaly"][0, last] = true_anomaly_of(end, float(arrays.environment["mu"][0]))
+            record["target"]["true_anomaly"][0, last] = true_anomaly_of(
+                end, float(arrays.environment["mu"][0])
+            )
         for k in np.flatnonzero(np.isinf(arcs["duration"])):
             if k < self.first_arc:
                 continue

@@ -271,6 +271,20 @@ def name_what_is_free(arrays: MissionArrays) -> str:
     return " and ".join(parts)
 
 
+def why_no_plan(law: str, arrays: MissionArrays, reason: str) -> str:
+    """Why a law does not fly a mission of which there is no plan, and what to try; one line.
+
+    Args:
+        law: its name.
+        arrays: the mission.
+        reason: the optimizer's.
+    """
+    return (
+        f"law {law} needs a plan of {name_what_is_free(arrays)}, the optimizer has none: "
+        f"{reason}; try another method of `ares optimize`, other bounds of these arcs or fixed ones"
+    )
+
+
 @cache
 def guarded(kind: LawKind) -> Callable[..., None]:
     """The step of a law between navigation gate and monitors; arguments as of `kind.step`."""

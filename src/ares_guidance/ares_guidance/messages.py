@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ares_guidance.floor import lowest_coast
 from ares_guidance.guess import OfflineTrajectory
-from ares_guidance.law import Law, LawSettings, name_what_is_free, needs_plan
+from ares_guidance.law import Law, LawSettings, needs_plan
 from ares_guidance.laws import make_law
 from ares_models.arrays import HEATING_LIMIT, NAVIGATION
 from ares_models.mission import Mission
@@ -127,19 +127,6 @@ class Answers:
             return {}
         lowest = lowest_coast(trajectory, self.arrays)
         return {FINAL_MASS_KG: float(answer.final_mass), LOWEST_COAST_M: lowest}
-
-    def why_not(self, reason: str) -> str:
-        """Why a mission is not flown of which the optimizer has no plan, and what to try; a line.
-
-        Args:
-            reason: the optimizer's.
-        """
-        free = name_what_is_free(self.arrays)
-        return (
-            f"not flown: law {self.law.kind.name} needs a plan of {free}, the optimizer has none: "
-            f"{reason}; try another method of `ares optimize`, other bounds of what is free, or "
-            "fix it"
-        )
 
     # ---- the flight
 

@@ -32,7 +32,7 @@ from ares_guidance.findings import (
     describe,
     describe_avoiding,
 )
-from ares_guidance.law import HEATING_SOURCES, LawSettings
+from ares_guidance.law import HEATING_SOURCES, LawSettings, why_no_plan
 from ares_guidance.laws import check_law, rehearse
 from ares_guidance.messages import ANALYTIC, ANSWER_TAKEN, ASKED_AT_NS, Answers
 from ares_guidance.registry import law_names
@@ -382,7 +382,7 @@ class GuidanceNode(FlightNode):
             simulator = self._membership.simulator
             if simulator is None or simulator.state != State.FLYING:
                 # no engine is lit yet, and none will be
-                text = self._answers.why_not(reason)
+                text = why_no_plan(self._law.kind.name, self._answers.arrays, reason)
                 self.diagnostics.report(Level.ERROR, text, now)
                 self._membership.say(State.FAILED, reason=text)
                 return

@@ -23,6 +23,7 @@ from ares_models.mission_checks import MAX_STAGES, check_mission
 from ares_models.mission_parts import (
     AbortPart,
     BurnArc,
+    CoastArc,
     EngineOut,
     EnvironmentPart,
     HeatingLimitHolds,
@@ -290,12 +291,17 @@ class Mission(Part):
                 row["duration"] = arc.duration_s
                 row["shortest"] = shortest(arc)
                 row["longest"] = arc.max_s or arc.duration_s
+                low = arc.min_altitude_m
+                row["min_altitude"] = math.nan if low is None else low
                 row["begins_stage"] = int(k == 0)
                 row["stack_mass"] = stage.ignition_mass_kg
                 row["propellant"] = self.propellant(i)
                 row["exhaust_velocity"] = 1.0
                 row["kind"] = layout.COAST
                 rows.append(row)
+                if isinstance(arc, CoastArc) and arc.min_perigee_altitude_m is not None:
+                    equator = self.environment.earth.equatorial_radius_m
+                    row["min_perigee_radius"] = equator + arc.min_perigee_altitude_m
                 if isinstance(arc, BurnArc):
                     self._write_burn(arc, row)
                     if arc.engine_out:

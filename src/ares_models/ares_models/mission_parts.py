@@ -94,6 +94,7 @@ Delay = Annotated[float, Range(0.0, MAX_FLIGHT_S)]
 KnotTime = Annotated[float, Range(0.0, 3600.0)]
 Acceleration = Annotated[float, Range(1e-3, 1e4)]
 Fraction = Annotated[float, Range(0.0, 1.0)]
+FloorAltitude = Annotated[float, Range(-1e6, 1e9)]
 SafeAltitude = Annotated[float, Range(0.0, 1e8)]
 AreaRadius = Annotated[float, Range(1e3, 1e7)]
 EngineCount = Annotated[int, Range(1, 100)]
@@ -454,6 +455,9 @@ class BurnArc(Part):
     burn_time_s: FreeTime = Field(description="from ignition command to cut-off command, or free")
     min_s: Delay | None = Field(default=None, description="least length, if it is free")
     max_s: Duration | None = Field(default=None, description="greatest length, if it is free")
+    min_altitude_m: FloorAltitude | None = Field(
+        default=None, description="least altitude, all along it"
+    )
     attitude: Literal["guided", "held"] = Field(
         default="guided", description="held: the direction at ignition is kept; not for a free burn"
     )
@@ -596,10 +600,22 @@ class CoastArc(Part):
     coast_s: FreeTime = Field(description="how long, or free")
     min_s: Delay | None = Field(default=None, description="least length, if it is free")
     max_s: Duration | None = Field(default=None, description="greatest length, if it is free")
+    min_altitude_m: FloorAltitude | None = Field(
+        default=None, description="least altitude, all along it; of a free coast between burns by default the edge of the air"
+    )
+    min_perigee_altitude_m: FloorAltitude | None = Field(
+        default=None, description="least perigee of the orbit it is flown on; of a free coast"
+    )
 
     @model_validator(mode="after")
     def _bounds(self) -> "CoastArc":
         check_bounds("coast_s", self.coast_s, self.min_s, self.max_s)
+        if self.min_perigee_altitude_m is not None and not self.free:
+            fail(
+                ("min_perigee_altitude_m",),
+                self.min_perigee_altitude_m,
+                "no such key where coast_s is not free",
+            )
         return self
 
     @property
@@ -659,6 +675,7 @@ class Stage(Part):
     burn_time_s: FreeTime | None = _of_burn("burn_time_s", None)
     min_s: Delay | None = _of_burn("min_s", None)
     max_s: Duration | None = _of_burn("max_s", None)
+    min_altitude_m: FloorAltitude | None = _of_burn("min_altitude_m", None)
     attitude: Literal["guided", "held"] = _of_burn("attitude", "guided")
     max_acceleration_m_s2: Acceleration | None = _of_burn("max_acceleration_m_s2", None)
     min_throttle: Fraction | None = _of_burn("min_throttle", None)

@@ -19,7 +19,7 @@ from ares_models.mission import MISSION, MissionError, load_mission
 from ares_msgs.msg import NavState
 from ares_msgs.srv import SolveTrajectory
 from ares_node.time import NANOSECONDS, ns_from_stamp
-from ares_optimizer.request import INDIRECT_METHODS, METHODS
+from ares_optimizer.request import AUTO, COLLOCATION, INDIRECT_METHODS, METHODS
 from ares_optimizer.solution import OptimizerError, Solution, Status, SteeringArc, UnfitMethod
 from ares_optimizer.solve import solve
 
@@ -30,7 +30,7 @@ KEPT_MISSIONS = 16
 #: Longest time limit of a request, s.
 LONGEST = 3600.0
 
-#: Error code of a status that is not CONVERGED.
+#: Error code of a status of which nothing can be flown.
 ERROR_CODES = {
     Status.INFEASIBLE: Response.INFEASIBLE,
     Status.NOT_OPTIMAL: Response.NOT_CONVERGED,
@@ -154,7 +154,7 @@ class Answers:
         response.solve_time = time.monotonic() - begun
         response.method = method
         _fill(response, solution)
-        if solution.converged:
+        if solution.flyable:
             return
         raise Refused(ERROR_CODES[solution.status], solution.reason)
 
@@ -180,7 +180,7 @@ def _solve(
         state=state,
         heating=mission.heating,
         time_limit_s=time_limit_s,
-        verify=method not in INDIRECT_METHODS,
+        verify=method not in (AUTO, COLLOCATION, *INDIRECT_METHODS),
     )
 
 

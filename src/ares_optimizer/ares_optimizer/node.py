@@ -14,7 +14,7 @@ from ares_optimizer.request import METHODS
 
 PARAMETERS = (
     Parameter("mission", "ares_v", "Mission of a request that names none."),
-    Parameter("method", "indirect", "Method of a request that names none.", choices=METHODS),
+    Parameter("method", "auto", "Method of a request that names none.", choices=METHODS),
     Parameter(
         "time_limit_s",
         5.0,

@@ -29,10 +29,16 @@ def check_obstacle(checks: tuple[ConstraintCheck, ...]) -> str:
         # what is integrated through the Earth says nothing else
         if check.key is Check.LOWEST_ALTITUDE and not check.satisfied:
             return f"the flight goes through the ground, {-check.value:,.0f} m deep"
-    broken = [
-        f"{check.name} is {check.value:,.6g} {check.unit}, limit {check.limit:,.6g} {check.unit}, "
-        f"off by {check.value - check.limit:,.3g} {check.unit}"
-        for check in checks
-        if not check.satisfied
-    ]
+    broken = [_broken(check) for check in checks if not check.satisfied]
     return "; ".join(broken)
+
+
+def _broken(check: ConstraintCheck) -> str:
+    """Return one broken constraint in words."""
+    if check.key is Check.JETTISON_BEFORE_CUTOFF:
+        return f"jettison {check.jettison} is still on at the cut-off"
+    value, limit, unit = check.value, check.limit, check.unit
+    return (
+        f"{check.name} is {value:,.6g} {unit}, limit {limit:,.6g} {unit}, "
+        f"off by {value - limit:,.3g} {unit}"
+    )

@@ -18,7 +18,7 @@ _BURNS = (0.5, 0.8, 0.25)
 #: name; what goes deeper is no flight.
 DEEPEST = 0.01
 #: Least length of an arc that may vanish, s.
-_SHORTEST = 1e-3
+SHORTEST = 1e-3
 
 
 def free_arcs(arrays: MissionArrays, start: Record) -> list[int]:
@@ -86,7 +86,7 @@ def length_bounds(arrays: MissionArrays, start: Record) -> tuple[Array, Array]:
     high = []
     for k in free_arcs(arrays, start):
         arc = arrays.arcs[k]
-        low.append(max(float(arc["shortest"]), _SHORTEST))
+        low.append(max(float(arc["shortest"]), SHORTEST))
         longest = float(arc["longest"])
         if arc["kind"] == BURN:
             longest = min(longest, longest_burn(arrays, k))

@@ -17,9 +17,12 @@ from ares_optimizer.solution import OptimizerError
 DIRECT_METHODS = ("direct11", "direct14", "direct20", "jump")
 INDIRECT_METHODS = ("indirect", "closed_form")
 ANALYTIC_METHOD = "analytic"
+COLLOCATION = "collocation"
+#: Chosen by the mission.
+AUTO = "auto"
 #: Those that plan burns in held attitude.
 HELD_METHODS = ("indirect", "direct11", "direct14", "direct20")
-METHODS = (*DIRECT_METHODS, *INDIRECT_METHODS, ANALYTIC_METHOD)
+METHODS = (AUTO, COLLOCATION, *INDIRECT_METHODS, *DIRECT_METHODS, ANALYTIC_METHOD)
 
 
 #: Beyond any state of a flight, and far below what a number can hold: s, m, m/s, kg.

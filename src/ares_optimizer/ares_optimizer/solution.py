@@ -12,6 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ares_models.judge import End
+
 Array = NDArray[np.float64]
 
 
@@ -20,6 +22,8 @@ class Status(StrEnum):
 
     #: an optimum, proven if that was asked for; of ``analytic``, its own conditions are met
     CONVERGED = "converged"
+    #: the flight meets every constraint, but is not proven to be the best
+    FEASIBLE = "feasible"
     #: the target or a limit on the way cannot be met
     INFEASIBLE = "infeasible"
     #: what was found is stationary and no optimum: a saddle, a detour, beaten by another
@@ -170,6 +174,7 @@ class Verification:
         peak_fmhr_after_jettison_w_m2: greatest heating from there to cut-off; nan without one.
         position_defect_m, velocity_defect_m_s, mass_defect_kg: greatest distance between the
             solver's own nodes and the integration, interior and terminal.
+        end: what is reached, as the judge of every flight says.
     """
 
     radius_m: float
@@ -183,6 +188,7 @@ class Verification:
     position_defect_m: float
     velocity_defect_m_s: float
     mass_defect_kg: float
+    end: End
 
 
 @dataclass(frozen=True)
@@ -245,8 +251,8 @@ class Solution:
     """An optimal (analytic: approximate; or failed) ascent.
 
     Attributes:
-        method: ``direct11``, ``direct14``, ``direct20``, ``jump``, ``indirect``,
-            ``closed_form``, ``analytic``.
+        method: ``collocation``, ``direct11``, ``direct14``, ``direct20``, ``jump``, ``indirect``,
+            ``closed_form``, ``analytic``; of ``auto`` the one whose solution it is.
         status: how it ended. CONVERGED: optimal and verified; never for anything else. Of
             ``analytic``, an approximation and not an optimum: its iteration met its own
             conditions.
@@ -263,11 +269,12 @@ class Solution:
         costates: None when the method gives none.
         flown: the mission's arcs from the start on, with their times.
         lengths_s: of the free arcs before the last, in flight order, as planned.
-        by_legs: guidance flies it leg by leg, each burn to its planned end: it keeps a constraint
-            on the way, as the floor of a coast, that the two-point problem does not know of.
         parameters: shape (n,), the solver's own variables: a guess for the next call.
         restarts: further starts that the solver had to make.
         notes: further figures by name, with unit suffix.
+        steps: of method ``auto``: what each method that it called came to, a line each.
+        by_legs: the two-point problem lacks a constraint that holds: law ``optimal`` flies to the
+            end of each leg, as the other laws do.
     """
 
     method: str
@@ -281,7 +288,6 @@ class Solution:
     arcs: tuple[SteeringArc, ...] = ()
     flown: tuple[FlownArc, ...] = ()
     lengths_s: tuple[float, ...] = ()
-    by_legs: bool = False
     constraints: tuple[ConstraintCheck, ...] = ()
     verification: Verification | None = None
     trajectory: Trajectory | None = None
@@ -289,11 +295,18 @@ class Solution:
     parameters: Array | None = None
     restarts: int = 0
     notes: dict[str, float] = field(default_factory=dict)
+    steps: tuple[str, ...] = ()
+    by_legs: bool = False
 
     @property
     def converged(self) -> bool:
         """Whether the status is CONVERGED."""
         return self.status is Status.CONVERGED
+
+    @property
+    def flyable(self) -> bool:
+        """Whether it meets every constraint: an optimum, or a flight that may be none."""
+        return self.status in (Status.CONVERGED, Status.FEASIBLE)
 
     @property
     def t_plf_s(self) -> float:
@@ -315,7 +328,9 @@ class Solution:
         v = self.verification
         return {
             "method": self.method,
+            "status": str(self.status),
             "converged": self.converged,
+            "steps": list(self.steps),
             "reason": self.reason,
             "t_plf_s": _number(self.t_plf_s),
             "t_meco_s": _number(self.t_meco_s),
@@ -339,6 +354,7 @@ class Solution:
                 "flight_path_angle_deg": _number(v.flight_path_angle_deg),
                 "inclination_deg": _number(v.inclination_deg),
                 "fmhr_w_m2": _number(v.fmhr_w_m2),
+                "end": str(v.end),
             },
         }
 

@@ -11,6 +11,7 @@ from ares_models.arrays import BURN, MISSION_TIME, MissionArrays
 from ares_models.kernels.sequence import SAME_TIME
 from ares_models.mission import Mission
 from ares_optimizer.analytic.solve import solve_analytic
+from ares_optimizer.auto import solve_auto
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.free_arcs import solve_direct_planned
 from ares_optimizer.direct.solve import solve_direct
@@ -25,6 +26,8 @@ from ares_optimizer.plan import (
 from ares_optimizer.proof.flight import flown_arcs
 from ares_optimizer.request import (
     ANALYTIC_METHOD,
+    AUTO,
+    COLLOCATION,
     HELD_METHODS,
     INDIRECT_METHODS,
     METHODS,
@@ -42,7 +45,7 @@ CHOICES = (Heating.AT_JETTISON, Heating.FROM_JETTISON, Heating.IGNORED)
 
 def solve(
     mission: Mission | MissionArrays,
-    method: str = "direct11",
+    method: str = "auto",
     *,
     guess: Any = None,
     state: NDArray[np.void] | None = None,
@@ -102,6 +105,12 @@ def _solve(request: Request) -> Solution:
         return _solve_analytic(request)
     if request.method in INDIRECT_METHODS:
         return solve_beside_rival(request)
+    if request.method == AUTO:
+        return solve_auto(request)
+    if request.method == COLLOCATION:
+        from ares_optimizer.collocation.solve import solve_collocation  # IPOPT is not needed else
+
+        return solve_collocation(request)
     if plans_arcs(request.arrays, request.state[0]):
         return solve_direct_planned(request)
     return solve_direct(request)
@@ -110,6 +119,8 @@ def _solve(request: Request) -> Solution:
 def _check_arcs(request: Request) -> None:
     """Refuse arcs that no method, or not this one, plans yet."""
     throttled = throttled_ahead(request.arrays, request.state[0])
+    if request.method in (AUTO, COLLOCATION):
+        return
     if throttled.any() and request.method != "indirect":
         arc = int(request.state[0]["arc"]) + int(np.argmax(throttled))
         raise UnfitMethod(f"arc {arc}: its thrust is throttled, which is planned by indirect")

@@ -22,9 +22,9 @@ from ares_models.arrays import (
     NAMES_TRUE_ANOMALY,
     TARGET_ELEMENTS,
     TARGET_KEPLERIAN,
-    TARGET_RADIUS_SPEED_ANGLE_PLANE,
     Record,
 )
+from ares_models.kernels.judging import judged_by
 from ares_models.orbits import Elements, Insertion
 from ares_optimizer.solution import Check
 
@@ -47,46 +47,39 @@ class TargetRow(NamedTuple):
     turn: bool = False
 
 
-_STATE = (
-    TargetRow(Check.RADIUS, "radius at cut-off", "m"),
-    TargetRow(Check.SPEED, "speed at cut-off", "m/s"),
-    TargetRow(Check.FLIGHT_PATH_ANGLE, "flight-path angle at cut-off", "deg"),
-    TargetRow(Check.INCLINATION, "inclination", "deg"),
-)
-_NODE = TargetRow(Check.ASCENDING_NODE, "ascending node", "deg", turn=True)
-_ORBIT = (
-    TargetRow(Check.SEMI_MAJOR_AXIS, "semi-major axis", "m"),
-    TargetRow(Check.ECCENTRICITY, "eccentricity", "1"),
-    TargetRow(Check.INCLINATION, "inclination", "deg"),
-    _NODE,
-    TargetRow(Check.ARGUMENT_OF_PERIGEE, "argument of perigee", "deg", turn=True),
-)
-
-
-_ELEMENTS = {
-    NAMES_RADIUS: _STATE[0],
-    NAMES_SPEED: _STATE[1],
-    NAMES_FLIGHT_PATH_ANGLE: _STATE[2],
+_ROWS = {
+    NAMES_RADIUS: TargetRow(Check.RADIUS, "radius at cut-off", "m"),
+    NAMES_SPEED: TargetRow(Check.SPEED, "speed at cut-off", "m/s"),
+    NAMES_FLIGHT_PATH_ANGLE: TargetRow(
+        Check.FLIGHT_PATH_ANGLE, "flight-path angle at cut-off", "deg"
+    ),
     NAMES_PERIGEE: TargetRow(Check.PERIGEE_RADIUS, "perigee radius", "m"),
     NAMES_APOGEE: TargetRow(Check.APOGEE_RADIUS, "apogee radius", "m"),
-    NAMES_SEMI_MAJOR_AXIS: _ORBIT[0],
-    NAMES_ECCENTRICITY: _ORBIT[1],
+    NAMES_SEMI_MAJOR_AXIS: TargetRow(Check.SEMI_MAJOR_AXIS, "semi-major axis", "m"),
+    NAMES_ECCENTRICITY: TargetRow(Check.ECCENTRICITY, "eccentricity", "1"),
     NAMES_C3: TargetRow(Check.C3, "C3", "m2/s2"),
-    NAMES_INCLINATION: _STATE[3],
-    NAMES_ASCENDING_NODE: _NODE,
-    NAMES_ARGUMENT_OF_PERIGEE: _ORBIT[4],
+    NAMES_INCLINATION: TargetRow(Check.INCLINATION, "inclination", "deg"),
+    NAMES_ASCENDING_NODE: TargetRow(Check.ASCENDING_NODE, "ascending node", "deg", turn=True),
+    NAMES_ARGUMENT_OF_PERIGEE: TargetRow(
+        Check.ARGUMENT_OF_PERIGEE, "argument of perigee", "deg", turn=True
+    ),
     NAMES_TRUE_ANOMALY: TargetRow(Check.TRUE_ANOMALY, "true anomaly", "deg", turn=True),
 }
+_PLACE = NAMES_RADIUS | NAMES_SPEED | NAMES_FLIGHT_PATH_ANGLE
+
+
+def rows_of(names: int) -> tuple[TargetRow, ...]:
+    """Return the rows of NAMES_*."""
+    return tuple(row for name, row in _ROWS.items() if names & name)
 
 
 def target_rows(target: Record) -> tuple[TargetRow, ...]:
     """The figures that a target, record TARGET, asks for."""
-    kind = target["kind"]
-    if kind == TARGET_ELEMENTS:
-        return tuple(row for name, row in _ELEMENTS.items() if target["named"] & name)
-    if kind == TARGET_KEPLERIAN:
-        return _ORBIT
-    return (*_STATE, _NODE) if kind == TARGET_RADIUS_SPEED_ANGLE_PLANE else _STATE
+    named = int(judged_by(target))
+    if target["kind"] == TARGET_KEPLERIAN:
+        # where on the orbit is free
+        named &= ~_PLACE
+    return rows_of(named)
 
 
 def in_unit(target: Record, row: TargetRow) -> float:

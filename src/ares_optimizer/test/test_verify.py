@@ -131,7 +131,7 @@ def test_elements_of_a_known_orbit():
 @pytest.mark.parametrize(
     ("change", "name"),
     [
-        ({"t_meco_s": 0.01}, "speed at cut-off"),
+        ({"t_meco_s": 0.03}, "speed at cut-off"),
         ({"jettison_times_s": -0.5}, "heating at jettison 0"),
     ],
 )

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_guidance.guess import ArcPlan, OfflineTrajectory
-from ares_guidance.law import Law, LawKind, LawSettings, name_what_is_free, needs_plan
+from ares_guidance.law import Law, LawKind, LawSettings, needs_plan, why_no_plan
 from ares_guidance.laws import make_law
 from ares_models.failures import Failure
 from ares_models.mission import Mission
@@ -82,7 +82,7 @@ def arc_plan(
         state: where the plan begins, shape (1,), dtype NAVIGATION; None: at the mission's start.
 
     Raises:
-        ValueError: the optimizer finds none; one line.
+        ValueError: the optimizer finds none, or one through the ground; one line.
     """
     arrays = mission.arrays(foreseen=True)
     if not needs_plan(arrays):
@@ -91,10 +91,11 @@ def arc_plan(
 
     solution = solve(mission, "indirect", state=state, verify=False)
     if solution.status is not Status.CONVERGED:
-        raise ValueError(
-            f"law {law.name} needs a plan of {name_what_is_free(arrays)}: {solution.reason}"
-        )
-    return offline_trajectory(solution).arc_plan(arrays)
+        raise ValueError(why_no_plan(law.name, arrays, solution.reason))
+    try:
+        return offline_trajectory(solution).arc_plan(arrays)
+    except ValueError as error:
+        raise ValueError(why_no_plan(law.name, arrays, str(error))) from error
 
 
 def ready_law(

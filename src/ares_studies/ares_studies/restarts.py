@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from ares_guidance.law import Law
 from ares_guidance.laws import find_law, make_law
 from ares_models.arrays import HEATING_LIMIT
+from ares_models.judge import End
 from ares_models.mission import Mission
 from ares_models.units import NANOSECONDS
-from ares_studies.aborts.ends import End, Judge, Reached
+from ares_studies.aborts.ends import Judge, Reached
 from ares_studies.arrays import closed_loop
 from ares_studies.closed_loop import fly_compiled, ready_law
 from ares_studies.loops import flight_loop
@@ -177,13 +178,18 @@ class Restarts:
 
     def _reached(self, plant: Any) -> Reached:
         return self._judge.judge(
-            plant["position"], plant["velocity"], float(plant["mass"]), float(plant["time"])
+            plant["position"],
+            plant["velocity"],
+            float(plant["mass"]),
+            float(plant["time"]),
+            int(plant["jettisoned"]),
         )
 
     def _arrives(self, plant: Any) -> bool:
         """Whether an end is the target, by a cut-off, with all gone that should be."""
-        gone = int(plant["jettisoned"]) == (1 << len(self._true.jettisons)) - 1
-        return bool(plant["inserted"] == 1 and gone and self._reached(plant).end is End.TARGET)
+        reached = self._reached(plant)
+        arrives = reached.end is End.TARGET and not reached.left_on
+        return bool(plant["inserted"] == 1 and arrives)
 
     def _heating(self, events: NDArray[np.void]) -> float:
         """At a jettison, over its limit, the largest."""

@@ -59,6 +59,7 @@ def compile_flights() -> None:
 
     # what they are set beside is compiled with the direct ones
     solve(load_mission("ares_v"), "indirect", verify=False)
+    solve(load_mission("ares_v"), "collocation")
     solve(load_mission("ares_v"), "closed_form", verify=False)
     compile_laws(*law_names())
     compile_pages()

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from ares_models.failures import Failure, FailureKind
+from ares_models.judge import End
 from ares_models.mission import load_mission
 from ares_optimizer.foreknown import foreknown
 from ares_optimizer.solution import UnfitMethod
 from ares_optimizer.solve import solve
 from ares_studies.aborts.abort_map import LATE_S, MapMaker, MapSettings, _flown_way
-from ares_studies.aborts.ends import End, Judge
+from ares_studies.aborts.ends import Judge
 from ares_studies.aborts.optimum import Optimizer
 from ares_studies.aborts.report import make_report, render
 from ares_studies.aborts.rows import failure_rows

@@ -9,13 +9,12 @@ from ares_guidance.arrays import ERROR_PROPELLANT_SHORT
 from ares_guidance.guess import ArcPlan
 from ares_guidance.law import LawSettings
 from ares_guidance.laws import check_law, find_law, make_law
+from ares_models.judge import End, judge
 from ares_models.mission import Mission, load_mission
 from ares_models.orbits import Elements
 from ares_optimizer.indirect.solve import solve_indirect
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import arc_plan, fly_compiled, offline_trajectory, ready_law
-from ares_studies.montecarlo.arrays import RESULT
-from ares_studies.montecarlo.kernels import judge_insertion, on_target
 from ares_vehicle_sim.dispersions import Dispersions
 
 EQUATOR = 6378140.0
@@ -57,11 +56,14 @@ def aimed(name="ares_v", **target):
 
 
 def judged(mission, plant):
-    result = np.zeros(1, RESULT)
-    target = mission.arrays().target[0]
-    r, v = (tuple(plant[key].tolist()) for key in ("position", "velocity"))
-    judge_insertion(r, v, target, mission.environment.mu_m3_s2, result[0])
-    return on_target(target, result[0]), result[0]
+    result = judge(
+        plant["position"],
+        plant["velocity"],
+        mission.arrays().target[0],
+        mission.environment.mu_m3_s2,
+        mission.environment.earth.equatorial_radius_m,
+    )
+    return result.end is End.TARGET, result
 
 
 @pytest.mark.parametrize("law", LAWS)

@@ -13,7 +13,7 @@ from ares_studies.closed_loop import ready_law
 from ares_vehicle_sim.simulator import CAMPAIGN, Simulator
 
 #: Ariane 5 ECA from booster separation, rounded public figures. The weak last stage meets its
-#: transfer orbit while it climbs: the speed asked for falls as fast as half the thrust adds.
+#: transfer orbit while it climbs, and gravity takes more speed than half the thrust adds.
 ARIANE = """
 name: ariane5_eca
 title: Ariane 5 ECA to geostationary transfer

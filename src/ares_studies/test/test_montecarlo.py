@@ -19,12 +19,9 @@ import pyarrow.parquet as pq
 import pytest
 from scipy import stats
 
-from ares_models.arrays import TARGET
 from ares_models.mission import Mission, load_mission
-from ares_models.orbits import Elements
 from ares_studies.closed_loop import fly_compiled
 from ares_studies.montecarlo import engines
-from ares_studies.montecarlo.arrays import RESULT
 from ares_studies.montecarlo.campaign import Plan, fly_campaign, missing
 from ares_studies.montecarlo.engines import (
     EngineError,
@@ -34,7 +31,6 @@ from ares_studies.montecarlo.engines import (
     fly_on_cores,
 )
 from ares_studies.montecarlo.flights import Range, Settings
-from ares_studies.montecarlo.kernels import judge_insertion, on_target
 from ares_studies.montecarlo.reach import reaches
 from ares_studies.montecarlo.report import drawn_name, make_report, render
 from ares_studies.montecarlo.statistics import Tally, bound_rank, flights_needed, summarize
@@ -107,87 +103,6 @@ def test_standard_dispersions_all_arrive(hundred):
     assert set(hundred["outcome"].to_pylist()) == {Outcome.SUCCESS}
     assert hundred["failure"].null_count == 100
     assert np.max(hundred["heating_at_jettison_w_m2"].to_numpy()) <= 1135.0
-
-
-ANGLES = ("inclination", "ascending_node", "argument_of_perigee")
-SIZES = ("perigee_radius", "apogee_radius", "semi_major_axis", "eccentricity", "c3")
-
-
-def judged(r, v, mu, **fields):
-    target = np.zeros(1, TARGET)
-    for name, value in fields.items():
-        target[name] = value
-    result = np.zeros(1, RESULT)
-    judge_insertion(tuple(r), tuple(v), target[0], mu, result[0])
-    return result[0]
-
-
-def test_a_keplerian_target_is_judged_at_the_nearest_point_of_its_orbit():
-    mu = 3.986e14
-    orbit = Elements(8e6, 0.15, 0.5, 1.0, 2.0, 0.7)
-    fields = {
-        "kind": 2,
-        "semi_major_axis": orbit.semi_major_axis,
-        "eccentricity": orbit.eccentricity,
-        "inclination": orbit.inclination,
-        "ascending_node": orbit.ascending_node,
-        "argument_of_perigee": orbit.argument_of_perigee,
-    }
-    on_it = judged(*orbit.state(mu), mu, **fields)
-    for name in ("radius", "speed", "flight_path_angle", *ANGLES):
-        assert on_it[f"{name}_error"] == pytest.approx(0.0, abs=1e-8), name
-    off = Elements(8e6, 0.15, 0.501, 1.002, 2.003, 0.7)
-    beside = judged(*off.state(mu), mu, **fields)
-    assert beside["inclination_error"] == pytest.approx(0.001, abs=1e-9)
-    assert beside["ascending_node_error"] == pytest.approx(0.002, abs=1e-9)
-    assert beside["argument_of_perigee_error"] == pytest.approx(0.003, abs=1e-9)
-
-
-GTO = {
-    "kind": 3,
-    "perigee_radius": 6563140.0,
-    "apogee_radius": 42164140.0,
-    "semi_major_axis": 24363640.0,
-    "eccentricity": 35601000.0 / 48727280.0,
-    "c3": -3.986e14 / 24363640.0,
-    "inclination": 0.5,
-    "ascending_node": 1.0,
-    "argument_of_perigee": 2.0,
-}
-BITS = dict(zip((*SIZES, *ANGLES), (8, 16, 32, 64, 128, 256, 512, 1024), strict=True))
-
-
-def flown_orbit(**moved):
-    orbit = Elements(GTO["semi_major_axis"], GTO["eccentricity"], 0.5, 1.0, 2.0, 0.3)
-    r, v = orbit.state(3.986e14)
-    speed = moved.pop("speed", 0.0)
-    return r, v * (1.0 + speed / np.linalg.norm(v))
-
-
-@pytest.mark.parametrize("name", BITS)
-def test_a_target_by_elements_is_judged_by_what_it_names(name):
-    def on(result):
-        return on_target(target[0], result)
-
-    target = np.zeros(1, TARGET)
-    target["kind"] = 3
-    result = judged(*flown_orbit(), 3.986e14, **GTO, named=BITS[name])
-    assert on(result)
-    for other in ("radius", "speed", "flight_path_angle", *SIZES, *ANGLES, "true_anomaly"):
-        if other != name:
-            assert math.isnan(result[f"{other}_error"]), other
-    size = abs(GTO[name])
-    assert result[f"{name}_error"] == pytest.approx(0.0, abs=1e-9 * size)
-    # a speed within its tolerance is within all that depends on it, twice as much is not
-    if name in SIZES and name != "perigee_radius":
-        assert on(judged(*flown_orbit(speed=0.09), 3.986e14, **GTO, named=BITS[name]))
-    moved = {**GTO, name: GTO[name] * 1.01}
-    assert not on(judged(*flown_orbit(), 3.986e14, **moved, named=BITS[name]))
-    # what is no number is on no target, nor is an escape at an apogee
-    r, v = flown_orbit()
-    assert not on(judged(r * math.nan, v, 3.986e14, **GTO, named=BITS[name]))
-    if name == "apogee_radius":
-        assert not on(judged(r, 2.0 * v, 3.986e14, **GTO, named=BITS[name]))
 
 
 def test_a_campaign_to_elements_is_judged_and_told():

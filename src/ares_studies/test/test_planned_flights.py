@@ -344,9 +344,23 @@ def test_without_an_optimum_there_is_no_plan(restart, monkeypatch):
     mission, _ = restart
     lost = failed("indirect", Cause(Status.STALLED, "no way"))
     monkeypatch.setattr("ares_optimizer.solve.solve", lambda *_, **__: lost)
-    with pytest.raises(ValueError, match="law peg needs a plan of the free arcs 1, 2: no way"):
+    why = r"law peg needs a plan of the free arcs 1, 2, the optimizer has none: no way; try "
+    with pytest.raises(ValueError, match=why):
         closed_loop.arc_plan(mission, find_law("peg"))
     assert closed_loop.arc_plan(load_mission("ares_v"), find_law("peg")) is None
+
+
+def test_a_plan_through_the_ground_is_none(restart, tmp_path, monkeypatch):
+    """The optimum dips at first: above a ground that is lower it is one, above this it is not."""
+    mission, _ = restart
+    path = tmp_path / "high.yaml"
+    text = RESTART.format(burn="free", coast="free")
+    path.write_text(text.replace("6.2e+6", "6.3709e+6"))
+    fixed = solve(write(tmp_path, BURN, COAST), "indirect", verify=False)
+    monkeypatch.setattr("ares_optimizer.solve.solve", lambda *_, **__: fixed)
+    assert closed_loop.arc_plan(mission, find_law("peg")) is not None
+    with pytest.raises(ValueError, match=r"has none: arc 0, a burn, goes through the ground"):
+        closed_loop.arc_plan(load_mission(path), find_law("peg"))
 
 
 @pytest.mark.parametrize("name", ["peg", "igm"])

@@ -336,7 +336,8 @@ class VehicleSimNode(FlightNode):
         elif member.member_id == mine.guidance_id:
             if member.state in (State.LEFT, State.FAILED):
                 if self._counting:
-                    self._give_up(member.reason or f"{member.node} has left while it planned")
+                    why = member.reason or f"{member.node} has left while it planned"
+                    self._give_up(f"not flown: {why}")
                 elif mine.state in OPEN:
                     self._on_guidance_gone()
             elif member.state in AGREED:
@@ -503,7 +504,7 @@ class VehicleSimNode(FlightNode):
         """Wait for the plan, not for ever."""
         waited = now - self._planning_since
         if waited > self.values["start_timeout_s"]:
-            self._give_up(f"guidance has no plan after {waited:.0f} s: not flown")
+            self._give_up(f"not flown: guidance has no plan after {waited:.0f} s")
         elif now - self._waiting_line_at > WAITING_LINE_PERIOD:
             self._waiting_line_at = now
             self.get_logger().info("the count is held: guidance plans the flight")

@@ -14,11 +14,21 @@ from ares_bringup.options import CannotStart
 from ares_bringup.report import BLANK, console, number
 from ares_models.mission import Mission, MissionError, load_mission
 from ares_models.mission_physics import longest_flight
-from ares_optimizer.solution import OptimizerError, Solution
+from ares_optimizer.solution import OptimizerError, Solution, Status
 from ares_optimizer.solve import solve
 
 EXIT_OPTIMAL = 0
-EXIT_NOT_OPTIMAL = 1
+EXIT_NOT_FOUND = 1
+EXIT_FEASIBLE = 3
+EXIT_INFEASIBLE = 4
+
+#: How a request ended, in a word, and its exit status; what is not here was not found.
+VERDICTS = {
+    Status.CONVERGED: ("optimal", EXIT_OPTIMAL),
+    Status.FEASIBLE: ("feasible", EXIT_FEASIBLE),
+    Status.INFEASIBLE: ("infeasible", EXIT_INFEASIBLE),
+}
+NOT_FOUND = ("not found", EXIT_NOT_FOUND)
 
 #: Table 4.1 of the thesis: OTIS, and the thesis' own optimization.
 THESIS_TABLE = {
@@ -49,7 +59,8 @@ def optimize(
         time_limit_s: wall time of the search, s.
 
     Returns:
-        0 for a proven optimum, else 1; the reason is in what is printed.
+        0 for a proven optimum, 3 for a flight that may be none, 4 where there is none, 1 where
+        none was found; the reason is in what is printed.
 
     Raises:
         CannotStart: bad mission, method or option; one line.
@@ -67,7 +78,7 @@ def optimize(
         print(json.dumps(solution.to_json(mission.arc_names), indent=2, allow_nan=False))
     else:
         _print(mission, solution, console())
-    return EXIT_OPTIMAL if solution.converged else EXIT_NOT_OPTIMAL
+    return VERDICTS.get(solution.status, NOT_FOUND)[1]
 
 
 @cache
@@ -104,8 +115,11 @@ def _held_times(mission: Mission, held: Sequence[str]) -> dict[int, float]:
 
 def _print(mission: Mission, solution: Solution, out: Console) -> None:
     out.print(Text(f"{mission.title} ({mission.name}), {solution.method}"), style="bold")
-    verdict = "optimal" if solution.converged else f"no optimum: {solution.reason}"
+    word = VERDICTS.get(solution.status, NOT_FOUND)[0]
+    verdict = word if solution.reason == word else f"{word}: {solution.reason}"
     out.print(Text(verdict), soft_wrap=True)
+    for line in solution.steps:
+        out.print(Text(f"  {line}"), soft_wrap=True)
     if solution.trajectory is None:
         return
     out.print()

@@ -13,7 +13,6 @@ from ares_bringup.summary import (
     Diagnostic,
     FlightSummary,
     Outcome,
-    insertion_tolerances,
     orbit_of,
     orbit_state,
 )
@@ -193,11 +192,11 @@ def _insertion(summary: FlightSummary) -> Table | None:
     if end is None:
         return None
     values = _judged(summary)
-    allowed = insertion_tolerances(summary.facts, end.position, end.velocity)
+    judged = summary.judgement
+    assert judged is not None
     rows = []
-    for key, error in summary.insertion_error.items():
+    for key, error in judged.errors.items():
         name, unit, decimals = QUANTITIES[key]
-        tolerance = allowed.get(key)
         flown = values[key]
         rows.append(
             Row(
@@ -206,7 +205,7 @@ def _insertion(summary: FlightSummary) -> Table | None:
                     parts.number(flown, decimals),
                     parts.number(flown - error, decimals),
                     small(error),
-                    word("not judged") if tolerance is None else _tolerance(tolerance),
+                    _tolerance(judged.allowed[key]),
                 ),
             )
         )

@@ -32,7 +32,9 @@ from ares_bringup.verbs.app import (
 @app.command()
 def optimize(
     mission: MissionOption = "ares_v",
-    method: Annotated[Method, typer.Option(help="How to solve.")] = Method.DIRECT11,
+    method: Annotated[
+        Method, typer.Option(help="How to solve; auto chooses by the mission, and says what it did.")
+    ] = Method.AUTO,
     heating: Annotated[
         Heating | None,
         typer.Option(
@@ -65,7 +67,10 @@ def optimize(
     ] = 30.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """Find the optimal ascent off line, with its proof. Exit status 1: no optimum."""
+    """Find the optimal ascent off line, with its proof.
+
+    Exit status 0: optimal; 3: feasible, not proven to be the best; 4: infeasible; 1: not found.
+    """
     needs("solve")
     given = {
         "profile": profile and profile.value,

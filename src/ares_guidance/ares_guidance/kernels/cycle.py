@@ -54,14 +54,13 @@ from ares_guidance.kernels.shortfall import (
     has_safe_orbit,
     lacking_speed,
     lower_target,
-    perigee_radius,
 )
 from ares_guidance.kernels.start import start_guess
 from ares_models.arrays import MAX_ARCS, MissionRecords, Record
 from ares_models.jit import inlined, kernel
 from ares_models.kernels.environment import gravity, heating_rate
 from ares_models.kernels.sequence import SAME_TIME, awaits_heating
-from ares_models.kernels.targets import target_speed
+from ares_models.kernels.targets import perigee_radius, target_speed
 from ares_models.kernels.vectors import (
     axpy,
     dot,

@@ -40,13 +40,14 @@ from ares_guidance.arrays import (
 )
 from ares_guidance.kernels.engines import present_engine
 from ares_guidance.kernels.prediction import LinearTangent, primer
-from ares_guidance.kernels.shortfall import SETTLED, lacking_speed, perigee_radius
+from ares_guidance.kernels.shortfall import SETTLED, lacking_speed
 from ares_models.arrays import BURN, MissionRecords, Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import altitude, gravity
 from ares_models.kernels.impact import impact_direction, impact_moves, outside_areas
 from ares_models.kernels.sequence import arc_after_burnout, empty_mass, mass_at_staging
 from ares_models.kernels.steering import copy_steering
+from ares_models.kernels.targets import perigee_radius
 from ares_models.kernels.throttle import throttle
 from ares_models.kernels.vectors import (
     Vector,

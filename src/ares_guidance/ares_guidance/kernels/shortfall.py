@@ -76,20 +76,6 @@ def lower_target(target: Record, mu: float, by: float) -> float:
 
 
 @kernel
-def perigee_radius(target: Record, mu: float) -> float:
-    """Least distance from the centre on the orbit of a target, m."""
-    if target.kind == TARGET_ELEMENTS:
-        return target.perigee_radius
-    if target.kind == TARGET_KEPLERIAN:
-        return target.semi_major_axis * (1.0 - target.eccentricity)
-    energy = 0.5 * target.speed**2 - mu / target.radius
-    momentum = target.radius * target.speed * math.cos(target.flight_path_angle)
-    parameter = momentum * momentum / mu
-    eccentricity = math.sqrt(max(0.0, 1.0 + 2.0 * energy * parameter / mu))
-    return parameter / (1.0 + eccentricity)
-
-
-@kernel
 def has_safe_orbit(target: Record) -> bool:
     """Whether there is a safe orbit in the target's plane."""
     if target.kind == TARGET_ELEMENTS and not names(target, NAMES_INCLINATION):

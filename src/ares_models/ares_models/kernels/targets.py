@@ -193,3 +193,17 @@ def target_speed(target: Record, mu: float, radius: float) -> float:
 def project_to_plane(r: Vector, normal: Vector) -> Vector:
     """Unit vector of the part of ``r`` that lies in the plane."""
     return unit(sub(r, scale(dot(r, normal), normal)))
+
+
+@kernel
+def perigee_radius(target: Record, mu: float) -> float:
+    """Return the least distance from the centre on the orbit of a target, m."""
+    if target.kind == TARGET_ELEMENTS:
+        return target.perigee_radius
+    if target.kind == TARGET_KEPLERIAN:
+        return target.semi_major_axis * (1.0 - target.eccentricity)
+    energy = 0.5 * target.speed**2 - mu / target.radius
+    momentum = target.radius * target.speed * math.cos(target.flight_path_angle)
+    parameter = momentum * momentum / mu
+    eccentricity = math.sqrt(max(0.0, 1.0 + 2.0 * energy * parameter / mu))
+    return parameter / (1.0 + eccentricity)

@@ -25,7 +25,7 @@ from ares_models.arrays import (
 )
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.indirect.closed_form import flight_errors
-from ares_optimizer.indirect.free_arcs import find_planned, made_finer
+from ares_optimizer.indirect.free_arcs import find_planned, lengths_of, made_finer
 from ares_optimizer.indirect.kernels import sample
 from ares_optimizer.indirect.solver import (
     Guess,
@@ -38,10 +38,11 @@ from ares_optimizer.kernels import timetable
 from ares_optimizer.obstacles import check_obstacle, target_obstacle
 from ares_optimizer.pieces import first_ignitions
 from ares_optimizer.plan import free_arcs, length_bounds, with_lengths
+from ares_optimizer.prices import target_worth
 from ares_optimizer.proof.checks import constraint_table, verification
 from ares_optimizer.proof.flight import Direction, Steering, fly
 from ares_optimizer.proof.held import held_checks, held_obstacle, held_offsets
-from ares_optimizer.request import Heating
+from ares_optimizer.request import Heating, Request
 from ares_optimizer.solution import (
     OPTIMAL,
     OUT_OF_TIME,
@@ -58,7 +59,7 @@ from ares_optimizer.solution import (
     infeasible,
     next_to_nothing,
 )
-from ares_optimizer.targets import figures_of, half_turn, in_unit, target_rows
+from ares_optimizer.targets import figures_of, in_unit, target_rows
 from ares_optimizer.two_point.arrays import (
     DRY,
     HELD,
@@ -165,6 +166,37 @@ def solve_indirect(
         )
     solution = _solution(method, solver, start, root, elapsed, notes)
     return _proven(solver, start, root, solution) if verify else solution
+
+
+def polished(request: Request, unknowns: Array) -> Solution:
+    """Lead unknowns that are near a root to it, and try nothing else.
+
+    Args:
+        request: as the indirect method is asked.
+        unknowns: shape (n,), see :attr:`ares_optimizer.indirect.solver.Root.unknowns`.
+
+    Raises:
+        OptimizerError: a mission that the method cannot take.
+    """
+    began = time.perf_counter()
+    start = request.state
+    options = TwoPointOptions(heating=request.heating)
+    solver = TwoPointSolver(request.arrays, options, request.deadline)
+    unknowns = _as_unknowns(unknowns, solver, start)
+    assert unknowns is not None
+    if solver.plans_arcs(start):
+        solver.press(start, lengths_of(solver, start, unknowns))
+    root = solver.solve(start, unknowns, restart=False)
+    if root.converged:
+        fine = _fine(float(solver.options["step"][0]), start, root)
+        if fine < float(solver.options["step"][0]):
+            solver.options["step"] = fine
+            root = _added(solver.solve(start, root.unknowns, restart=False), root, 0)
+    elapsed = _since(began)
+    if not root.converged:
+        return failed("indirect", _CAUSES[root.status], iterations=root.iterations)
+    solution = _solution("indirect", solver, start, root, elapsed, {})
+    return _proven(solver, start, root, solution) if request.verify else solution
 
 
 def _since(began: float) -> float:
@@ -595,21 +627,8 @@ def _multipliers(
             last[sample.LAMBDA_V : sample.LAMBDA_V + 3],
         )
     )
-    target = arrays.target[0]
-    rows = target_rows(target)
-    steps = np.array([10.0] * 3 + [1e-2] * 3)
-    gradient = np.zeros((len(rows), 6))
-    for k in range(6):
-        move = np.zeros(6)
-        move[k] = steps[k]
-        sides = [figures_of(target, x[:3], x[3:], mu) for x in (state + move, state - move)]
-        for i, row in enumerate(rows):
-            change = sides[0][i] - sides[1][i]
-            if row.turn:
-                change = half_turn(change)
-            gradient[i, k] = change / (2.0 * steps[k])
-    # scaled so that position and velocity weigh alike
-    worth = np.linalg.lstsq((gradient * steps).T, costate * steps, rcond=None)[0]
+    rows = target_rows(arrays.target[0])
+    worth = target_worth(arrays.target[0], mu, state, costate)
     flow = -1.0 / price
     per_unit: dict[tuple[Check, int | None], float] = {
         (rows[i].key, None): flow * float(worth[i]) for i in range(len(rows))

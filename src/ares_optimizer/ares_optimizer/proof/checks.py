@@ -1,4 +1,7 @@
-"""A flight judged: figures, and constraint by constraint what holds."""
+"""A flight judged: figures, and constraint by constraint what holds.
+
+Whether the target is met is the word of the judge of every flight (:mod:`ares_models.judge`).
+"""
 
 import math
 from dataclasses import replace
@@ -11,28 +14,43 @@ from ares_models.arrays import (
     MissionArrays,
     Record,
 )
+from ares_models.judge import Judgement, judge
+from ares_models.tolerances import HEATING_W_M2, PROPELLANT_KG
 from ares_optimizer.proof.flight import Flight
 from ares_optimizer.proof.physics import elements, surface_radius
 from ares_optimizer.request import Heating
 from ares_optimizer.solution import Check, ConstraintCheck, Verification
-from ares_optimizer.targets import half_turn, target_rows
+from ares_optimizer.targets import half_turn, in_unit, rows_of, target_rows
 
 Array = NDArray[np.float64]
 
-
-#: What a constraint may be off, per unit, and still count as met.
-TOLERANCES = {
-    "m": 1.0,
-    "m/s": 1e-2,
-    "deg": 1e-4,
-    "W/m2": 0.2,
-    "kg": 0.1,
-    "s": 1e-3,
-    "1": 1e-6,
-    "m2/s2": 100.0,
-}
-
 _ACTIVE = 1e-3  # an inequality this close to its limit, relatively, is active
+
+
+def judged_end(arrays: MissionArrays, flight: Flight) -> Judgement:
+    """Return what the judge says of the end of a flight.
+
+    Args:
+        arrays: the mission.
+        flight: from :func:`fly`.
+    """
+    environment = arrays.environment[0]
+    return judge(
+        flight.final[:3],
+        flight.final[3:6],
+        arrays.target[0],
+        float(environment["mu"]),
+        float(environment["equatorial_radius"]),
+        grounded=_lowest(arrays, flight) < 0.0,
+    )
+
+
+def _lowest(arrays: MissionArrays, flight: Flight) -> float:
+    """Return the lowest altitude of a flight, m."""
+    return min(
+        float(np.linalg.norm(r)) - surface_radius(r, arrays.environment[0])
+        for r in flight.trajectory.position
+    )
 
 
 def constraint_table(
@@ -46,85 +64,101 @@ def constraint_table(
         flight: from :func:`fly`.
         heating: where the heating limit holds.
     """
-    judged = heating is not Heating.IGNORED
+    lowest = _lowest(arrays, flight)
+    usable = float(arrays.arcs[-1]["propellant"])
+    return (
+        *_target_checks(arrays, flight),
+        *_jettison_checks(arrays, start, flight, heating),
+        ConstraintCheck(
+            Check.LOWEST_ALTITUDE, "lowest altitude", lowest, 0.0, False, "m", lowest >= 0.0
+        ),
+        _at_most(
+            Check.PROPELLANT,
+            "propellant of the last stage",
+            flight.used_kg,
+            usable,
+            "kg",
+            PROPELLANT_KG,
+        ),
+    )
+
+
+def _target_checks(arrays: MissionArrays, flight: Flight) -> list[ConstraintCheck]:
+    """Return a check of all that the judge judges, with the figures of the proof itself."""
     target = arrays.target[0]
     figures = elements(flight.final[:3], flight.final[3:6], float(arrays.environment[0]["mu"]))
-    table = []
-    for key, name, unit, turn in target_rows(target):
-        limit = float(target[key])
-        if unit == "deg":
-            limit = math.degrees(limit)
-        value = figures[key]
-        off = value - limit
-        if turn:
+    judged = judged_end(arrays, flight)
+    named = target_rows(target)
+    checks = []
+    for row in rows_of(judged.names):
+        error, allowed = judged.error_of(row.key)
+        value = figures[row.key]
+        limit = in_unit(target, row) if row in named else value - error
+        if row.turn:
             limit %= 360.0
-            off = half_turn(value - limit)
-            value = limit + off
-        # an argument means less the rounder the orbit, a node the flatter its plane
-        scale = 1.0
-        if key in (Check.ARGUMENT_OF_PERIGEE, Check.TRUE_ANOMALY):
-            scale = max(figures["eccentricity"], 1e-3)
-        table.append(
-            ConstraintCheck(
-                key, name, value, limit, True, unit, abs(off) * scale <= TOLERANCES[unit]
-            )
+            value = limit + half_turn(value - limit)
+        checks.append(
+            ConstraintCheck(row.key, row.name, value, limit, True, row.unit, abs(error) <= allowed)
         )
+    return checks
+
+
+def _jettison_checks(
+    arrays: MissionArrays, start: Record, flight: Flight, heating: Heating
+) -> list[ConstraintCheck]:
+    """Return the checks of what is dropped; of what is never to be dropped there is none."""
+    checks = []
+    limits = []
     for j, jettison in enumerate(arrays.jettisons):
-        if jettison["criterion"] != HEATING_LIMIT or (int(start["jettisoned"]) >> j) & 1:
-            continue
         limit = float(jettison["value"])
+        heated = jettison["criterion"] == HEATING_LIMIT
+        if int(start["jettisoned"]) >> j & 1:
+            continue
         at = flight.at_jettison[j]
         if at is None:
-            table.append(
-                ConstraintCheck(
-                    Check.JETTISON_BEFORE_CUTOFF,
-                    f"jettison {j} before cut-off",
-                    0.0,
-                    1.0,
-                    False,
-                    "1",
-                    not judged,
-                    jettison=j,
-                )
-            )
-            continue
-        if judged:
-            check = _at_most(
-                Check.HEATING_AT_JETTISON, f"heating at jettison {j}", at[0], limit, "W/m2"
-            )
-            table.append(replace(check, jettison=j))
-    if heating is Heating.FROM_JETTISON and math.isfinite(flight.peak_w_m2):
-        limits = [
-            float(arrays.jettisons[j]["value"])
-            for j, at in enumerate(flight.at_jettison)
-            if at is not None and arrays.jettisons[j]["criterion"] == HEATING_LIMIT
-        ]
-        table.append(
+            if math.isfinite(limit):
+                # a limit that is ignored holds nothing
+                checks.append(_left_on(j, heated and heating is Heating.IGNORED))
+        elif heated:
+            limits.append(limit)
+            if heating is not Heating.IGNORED:
+                checks.append(replace(_heating_check(j, at[0], limit), jettison=j))
+    if heating is Heating.FROM_JETTISON and limits and math.isfinite(flight.peak_w_m2):
+        checks.append(
             _at_most(
                 Check.HEATING_FROM_JETTISON,
                 "heating from the jettison on",
                 flight.peak_w_m2,
                 min(limits),
                 "W/m2",
+                HEATING_W_M2,
             )
         )
-    lowest = min(
-        float(np.linalg.norm(r)) - surface_radius(r, arrays.environment[0])
-        for r in flight.trajectory.position
-    )
-    table.append(
-        ConstraintCheck(
-            Check.LOWEST_ALTITUDE, "lowest altitude", lowest, 0.0, False, "m", lowest >= 0.0
-        )
-    )
-    usable = float(arrays.arcs[-1]["propellant"])
-    table.append(
-        _at_most(Check.PROPELLANT, "propellant of the last stage", flight.used_kg, usable, "kg")
-    )
-    return tuple(table)
+    return checks
 
 
-def _at_most(key: Check, name: str, value: float, limit: float, unit: str) -> ConstraintCheck:
+def _left_on(jettison: int, forgiven: bool) -> ConstraintCheck:
+    """Return the check of what is still on at the cut-off."""
+    return ConstraintCheck(
+        Check.JETTISON_BEFORE_CUTOFF,
+        f"jettison {jettison} before cut-off",
+        0.0,
+        1.0,
+        False,
+        "1",
+        forgiven,
+        jettison=jettison,
+    )
+
+
+def _heating_check(jettison: int, rate: float, limit: float) -> ConstraintCheck:
+    name = f"heating at jettison {jettison}"
+    return _at_most(Check.HEATING_AT_JETTISON, name, rate, limit, "W/m2", HEATING_W_M2)
+
+
+def _at_most(
+    key: Check, name: str, value: float, limit: float, unit: str, allowed: float
+) -> ConstraintCheck:
     return ConstraintCheck(
         key,
         name,
@@ -132,7 +166,7 @@ def _at_most(key: Check, name: str, value: float, limit: float, unit: str) -> Co
         limit,
         value > limit * (1.0 - _ACTIVE),
         unit,
-        value <= limit + TOLERANCES[unit],
+        value <= limit + allowed,
     )
 
 
@@ -163,4 +197,5 @@ def verification(arrays: MissionArrays, flight: Flight, nodes: Array | None) -> 
         position_defect_m=defects[0],
         velocity_defect_m_s=defects[1],
         mass_defect_kg=defects[2],
+        end=judged_end(arrays, flight).end,
     )

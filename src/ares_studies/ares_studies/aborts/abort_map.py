@@ -14,14 +14,17 @@ from numpy.typing import NDArray
 from ares_models.arrays import NAVIGATION
 from ares_models.failures import Failure, FailureKind
 from ares_models.impacts import Outline, outlines
+from ares_models.judge import End
 from ares_models.kernels.sequence import SAME_TIME
 from ares_models.mission import Mission
-from ares_studies.aborts.ends import NOWHERE, End, Judge, Reached, better
+from ares_models.tolerances import SAME_SPEED_M_S
+from ares_studies.aborts.ends import NOWHERE, Judge, Reached, better
 from ares_studies.aborts.optimum import Optimizer
 from ares_studies.aborts.rows import FailureRow, failure_rows
 from ares_studies.closed_loop import fly_compiled, ready_law
 from ares_studies.flight_page.globe import land_on
 from ares_studies.montecarlo.engines import cores
+from ares_vehicle_sim.arrays import IMPACT
 from ares_vehicle_sim.simulator import Simulator
 
 #: Part of the optimum's final mass within which a flight is as good.
@@ -31,8 +34,6 @@ _ROUNDING = 1e-4
 #: s before the cut-off, in which engines that give less come to the target's speed at another
 #: radius; to mend it then, the thrust turns far aside or burns on for a minute.
 LATE_S = 60.0
-#: m/s by which the energy of an end near the target is off.
-_NEAR_M_S = 1.0
 #: Points of a part of a row that one thread works through.
 PART = 50
 
@@ -87,7 +88,7 @@ class Point:
         return (
             self.exact is not None
             and self.flown.end is End.LOWERED
-            and abs(self.flown.lacking_m_s) <= _NEAR_M_S
+            and abs(self.flown.lacking_m_s) <= SAME_SPEED_M_S
             and abs(self.share) <= ACCURACY
         )
 
@@ -263,6 +264,8 @@ def _told(reached: Reached) -> dict[str, Any]:
     if reached.falls:
         told["impact_deg"] = [round(angle, 2) for angle in reached.impact_deg]
         told["area"] = reached.area or None
+    if reached.left_on:
+        told["left_on"] = list(reached.left_on)
     return told
 
 
@@ -415,11 +418,14 @@ class MapMaker:
     def _fly(self, failure: Failure) -> Reached:
         flight = fly_compiled(self._mission, law=self._settings.law, failure=failure)
         plant = flight.plant
+        met_ground = bool((flight.events["type"] == IMPACT).any())
         return self._judge.judge(
             plant["position"].copy(),
             plant["velocity"].copy(),
             float(plant["mass"]),
             float(plant["time"]),
+            int(plant["jettisoned"]),
+            grounded=met_ground,
         )
 
     def _whole(self) -> AbortMap:

@@ -1,50 +1,18 @@
-"""The ends of a flight after a failure, from the best to the worst, and how one is told."""
+"""Where a flight after a failure comes to: what the judge says, the mass, and where it falls."""
 
 import math
 from dataclasses import dataclass
-from enum import StrEnum
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_guidance.kernels.shortfall import perigee_radius
-from ares_models.arrays import TARGET_ELEMENTS, TARGET_KEPLERIAN
 from ares_models.geodesy import geodetic
 from ares_models.impacts import find_impact
+from ares_models.judge import End, judge, left_on
 from ares_models.mission import Mission
-from ares_models.orbits import Elements
-from ares_studies.montecarlo.arrays import RESULT
-from ares_studies.montecarlo.kernels import judge_insertion, on_target
+from ares_models.tolerances import SAFE_PERIGEE_M
 
 Array = NDArray[np.float64]
-
-#: Where a mission names none, m: an orbit that lasts a day.
-SAFE_PERIGEE_M = 120_000.0
-#: m of a perigee below the limit that is still a safe orbit: a cut-off's scatter.
-PERIGEE_SLACK_M = 500.0
-#: m and rad within which radius and flight-path angle are those of the target that is lowered.
-_SAME_RADIUS_M = 5_000.0
-_SAME_ANGLE = math.radians(0.1)
-
-
-class End(StrEnum):
-    """What is reached, the best first."""
-
-    #: within the tolerances of every judge
-    TARGET = "target"
-    #: radius and angle, or perigee, of the target with less speed, and a safe perigee; or one that
-    #: is no lower than the target's, where that is below the limit
-    LOWERED = "lowered"
-    #: another orbit with a perigee above the limit
-    SAFE_ORBIT = "safe_orbit"
-    #: none that lasts
-    SUBORBITAL = "suborbital"
-
-    @property
-    def rank(self) -> int:
-        """0 for the best."""
-        return list(End).index(self)
 
 
 @dataclass(frozen=True)
@@ -61,6 +29,7 @@ class Reached:
         apogee_altitude_m: the same; inf for an escape.
         impact_deg: latitude and longitude where it would fall without air; nan: it would not.
         area: that it falls in; empty: outside of all, or it does not fall.
+        left_on: names of what should have been jettisoned and was not.
     """
 
     end: End
@@ -71,6 +40,7 @@ class Reached:
     apogee_altitude_m: float
     impact_deg: tuple[float, float] = (math.nan, math.nan)
     area: str = ""
+    left_on: tuple[str, ...] = ()
 
     @property
     def falls(self) -> bool:
@@ -80,22 +50,6 @@ class Reached:
 
 #: No flight was found.
 NOWHERE = Reached(End.SUBORBITAL, math.nan, math.nan, math.nan, math.nan, math.nan)
-
-
-def energy_and_radius(target: Any, mu: float) -> tuple[float, float]:
-    """Energy of a target, m2/s2, and its lowest radius where speeds are compared, m.
-
-    Args:
-        target: record TARGET.
-        mu: m3/s2.
-    """
-    if target["kind"] == TARGET_ELEMENTS:
-        return 0.5 * float(target["c3"]), float(target["perigee_radius"])
-    if target["kind"] == TARGET_KEPLERIAN:
-        a = float(target["semi_major_axis"])
-        return -0.5 * mu / a, a * (1.0 - float(target["eccentricity"]))
-    radius, speed = float(target["radius"]), float(target["speed"])
-    return 0.5 * speed**2 - mu / radius, radius
 
 
 def better(one: Reached, other: Reached) -> Reached:
@@ -120,21 +74,21 @@ class Judge:
         if mission.abort is not None:
             self.safe_perigee_altitude_m = mission.abort.safe_perigee_altitude_m
         self.areas = mission.area_names
+        self._jettisons = mission.jettison_names
         self._target = arrays.target[0]
         self._environment = arrays.environment[0]
         self._earth = mission.environment.earth.earth()
-        self._mu = float(self._environment["mu"])
-        energy, self._radius = energy_and_radius(self._target, self._mu)
-        self._speed = self._speed_of(energy)
-        ground = float(self._environment["equatorial_radius"])
-        self._lowest = min(
-            self.safe_perigee_altitude_m, perigee_radius(self._target, self._mu) - ground
-        )
 
-    def _speed_of(self, energy: float) -> float:
-        return math.sqrt(max(0.0, 2.0 * (energy + self._mu / self._radius)))
-
-    def judge(self, position: Array, velocity: Array, m_f_kg: float, time_s: float) -> Reached:
+    def judge(
+        self,
+        position: Array,
+        velocity: Array,
+        m_f_kg: float,
+        time_s: float,
+        jettisoned: int,
+        *,
+        grounded: bool = False,
+    ) -> Reached:
         """The end that a state is.
 
         Args:
@@ -142,43 +96,35 @@ class Judge:
             velocity: m/s, shape (3,).
             m_f_kg: mass there.
             time_s: when.
+            jettisoned: bit k: jettison k is done.
+            grounded: whether the vehicle met the ground.
         """
-        r, v = tuple(position.tolist()), tuple(velocity.tolist())
-        radius, speed = math.hypot(*r), math.hypot(*v)
-        orbit = Elements.from_state(position, velocity, self._mu)
-        ground = float(self._environment["equatorial_radius"])
-        perigee = orbit.perigee_radius - ground
-        result = np.zeros(1, RESULT)
-        judge_insertion(r, v, self._target, self._mu, result[0])
-        end = End.SUBORBITAL
-        if on_target(self._target, result[0]):
-            end = End.TARGET
-        elif perigee >= self._lowest - PERIGEE_SLACK_M:
-            lowered = self._is_lowered(result[0]) or perigee < self.safe_perigee_altitude_m
-            end = End.LOWERED if lowered else End.SAFE_ORBIT
-        energy = 0.5 * speed**2 - self._mu / radius
+        judged = judge(
+            position.tolist(),
+            velocity.tolist(),
+            self._target,
+            float(self._environment["mu"]),
+            float(self._environment["equatorial_radius"]),
+            grounded=grounded,
+        )
+        impact, area = NOWHERE.impact_deg, ""
+        if judged.end is End.SUBORBITAL:
+            impact, area = self._impact(position, velocity, time_s)
         return Reached(
-            end,
+            judged.end,
             m_f_kg,
             time_s,
-            self._speed - self._speed_of(energy),
-            perigee,
-            orbit.apogee_radius - ground,
-            *(self._impact(position, velocity, time_s) if end is End.SUBORBITAL else ()),
+            judged.lacking_m_s,
+            judged.perigee_altitude_m,
+            judged.apogee_altitude_m,
+            impact,
+            area,
+            left_on(jettisoned, self._jettisons),
         )
 
     def meets_ground(self, time_s: Array, position: Array) -> bool:
         """Whether a way, shape (n,) and (n, 3), goes below the ground: the plant ends there."""
         return bool(geodetic(time_s, position, self._earth).height_m.min() < 0.0)
-
-    def _is_lowered(self, result: Any) -> bool:
-        """Whether radius and angle are the target's; of an orbit by elements, its perigee is."""
-        if self._target["kind"] in (TARGET_ELEMENTS, TARGET_KEPLERIAN):
-            return abs(float(result["perigee_radius_error"])) <= _SAME_RADIUS_M
-        return (
-            abs(float(result["radius_error"])) <= _SAME_RADIUS_M
-            and abs(float(result["flight_path_angle_error"])) <= _SAME_ANGLE
-        )
 
     def _impact(
         self, position: Array, velocity: Array, time_s: float

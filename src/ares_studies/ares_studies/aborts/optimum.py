@@ -23,6 +23,7 @@ from ares_models.arrays import (
     MissionArrays,
 )
 from ares_models.failures import Failure
+from ares_models.judge import End
 from ares_models.mission import Mission
 from ares_optimizer.foreknown import Foreknown, begin_times, foreknown
 from ares_optimizer.indirect.kernels import sample
@@ -36,7 +37,7 @@ from ares_optimizer.kernels.timetable import (
 )
 from ares_optimizer.solution import OptimizerError
 from ares_optimizer.two_point.arrays import LAMBDA_R, PRIMER
-from ares_studies.aborts.ends import NOWHERE, End, Judge, Reached
+from ares_studies.aborts.ends import NOWHERE, Judge, Reached
 
 Array = NDArray[np.float64]
 
@@ -65,6 +66,7 @@ class _Flown:
         end_s: when.
         over_s: how long it burns beyond its end, or its propellant.
         acceleration: at cut-off, m/s2.
+        jettisoned: bit k: jettison k is done.
     """
 
     unknowns: Array
@@ -74,6 +76,7 @@ class _Flown:
     end_s: float
     over_s: float
     acceleration: float
+    jettisoned: int
 
 
 @dataclass
@@ -166,7 +169,11 @@ class Optimizer:
         if row["arc"] >= len(known.arrays.arcs) or known.end_s <= row["time"] + _SAME_END_S:
             # no thrust is left to steer
             return self._judge.judge(
-                row["position"], row["velocity"], float(row["mass"]), float(row["time"])
+                row["position"],
+                row["velocity"],
+                float(row["mass"]),
+                float(row["time"]),
+                int(row["jettisoned"]),
             )
         family = self._told_late
         for track in (family.lowered, family.safe):
@@ -213,7 +220,9 @@ class Optimizer:
         return None if self._judge.meets_ground(way[:, sample.TIME], places) else flown
 
     def _told(self, flown: _Flown) -> Reached:
-        return self._judge.judge(flown.position, flown.velocity, flown.m_f_kg, flown.end_s)
+        return self._judge.judge(
+            flown.position, flown.velocity, flown.m_f_kg, flown.end_s, flown.jettisoned
+        )
 
     def _safe_target(self) -> NDArray[np.void]:
         """The circle that takes the least energy of all safe orbits, in any plane."""
@@ -331,7 +340,14 @@ def _flown(
         float(final["end"]),
         max(over, float(unknowns[COLUMN_CUTOFF]) - known.end_s),
         float(last["thrust"]) / mass,
+        _jettisoned(known.arrays, float(final["end"])),
     )
+
+
+def _jettisoned(arrays: MissionArrays, end_s: float) -> int:
+    """Return the jettisons that are done at the end, a bit each: all that are not due later."""
+    later = (arrays.jettisons["criterion"] == MISSION_TIME) & (arrays.jettisons["value"] > end_s)
+    return sum(1 << j for j, late in enumerate(later) if not late)
 
 
 def _with_fairing(known: Foreknown) -> Foreknown:

@@ -8,8 +8,9 @@ from itertools import groupby
 from typing import Any
 
 from ares_models.impacts import Outline
+from ares_models.judge import End
 from ares_studies.aborts.abort_map import ACCURACY, AbortMap, MapRow, Point
-from ares_studies.aborts.ends import End, Reached
+from ares_studies.aborts.ends import Reached
 from ares_studies.flight_page.globe import read_land
 from ares_studies.pages.parts import (
     Axis,
@@ -254,12 +255,15 @@ def _ends_table(made: AbortMap) -> Item:
             ends = [getattr(point, field).end for point in row.points]
             told = [f"{ENDS[end][1]} {ends.count(end):,}" for end in End if end in ends]
             cells.append(word(", ".join(told)))
+        held = sum(bool(point.flown.left_on) for point in row.points)
+        cells.append(Cell(f"{held:,}", held))
         good = sum(point.within for point in row.points)
         told_good = sum(point.within_told for point in row.points)
         cells += [_percent(100.0 * count / len(row.points)) for count in (good, told_good)]
         rows.append(Row(row.name, tuple(cells)))
     columns = (
         *(Column(name, role) for _, name, role in WHO),
+        Column("flown with a part still on"),
         Column("as the one that knew"),
         Column("as the one told"),
     )

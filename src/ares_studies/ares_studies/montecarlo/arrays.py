@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from ares_models.kernels.judging import JUDGED
+
 RESULT = np.dtype(
     [
         ("end_time", np.float64),  # mission elapsed time, s
@@ -13,27 +15,8 @@ RESULT = np.dtype(
         ("jettison_heating", np.float64),  # W/m2, true
         ("jettison_limit", np.float64),  # W/m2, true
         ("peak_heating_after", np.float64),  # W/m2, from the jettison on
-        # flown minus target, at the end
-        ("radius_error", np.float64),  # m
-        ("speed_error", np.float64),  # m/s
-        ("flight_path_angle_error", np.float64),  # rad
-        ("inclination_error", np.float64),  # rad; so far nan: free, of a target by elements
-        ("ascending_node_error", np.float64),  # rad; nan: free
-        ("argument_of_perigee_error", np.float64),  # rad; nan: free
-        # of a target by elements; nan: free
-        ("perigee_radius_error", np.float64),  # m
-        ("apogee_radius_error", np.float64),  # m
-        ("semi_major_axis_error", np.float64),  # m
-        ("eccentricity_error", np.float64),
-        ("c3_error", np.float64),  # m2/s2
-        ("true_anomaly_error", np.float64),  # rad
-        # and how much of each is allowed
-        ("perigee_radius_allowed", np.float64),
-        ("apogee_radius_allowed", np.float64),
-        ("semi_major_axis_allowed", np.float64),
-        ("eccentricity_allowed", np.float64),
-        ("c3_allowed", np.float64),
-        ("true_anomaly_allowed", np.float64),
+        # flown minus target, at the end, and what it comes to
+        *JUDGED,
         ("ended", np.int64),  # CUTOFF, DEPLETION, IMPACT or TIME_LIMIT
         ("converged", np.int64),  # 1: guidance had a solution
         ("iterations", np.int64),

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ares_models.tolerances import FLIGHT_PATH_ANGLE_DEG, RADIUS_M, SPEED_M_S
 from ares_studies.flight_page.globe import Globe
 from ares_studies.montecarlo.flights import Settings
 from ares_studies.montecarlo.reach import Reach
@@ -21,7 +22,7 @@ from ares_studies.montecarlo.statistics import (
     Histogram,
     Summary,
 )
-from ares_studies.montecarlo.table import DRAWN, LIMITS
+from ares_studies.montecarlo.table import DRAWN
 from ares_studies.montecarlo.ways import ARRIVED, FAILED, NOMINAL
 from ares_studies.pages.parts import (
     Axis,
@@ -178,8 +179,7 @@ def make_report(
             2,
             "Insertion",
             "Flown minus target at the end of the flight. Terminal accuracy asks for "
-            + ", ".join(f"{limit:g} {unit}" for _, limit, _, unit in LIMITS[:3])
-            + " at most.",
+            f"{RADIUS_M:g} m, {SPEED_M_S:g} m/s, {FLIGHT_PATH_ANGLE_DEG:g} deg at most.",
             tuple(_insertion_figures(summary)),
         ),
         Chapter(

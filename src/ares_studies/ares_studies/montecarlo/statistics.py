@@ -330,7 +330,7 @@ class _Gathered:
             self.sample = {
                 name: table[name].to_numpy()
                 for name in table.schema.names
-                if name not in ("outcome", "failure")
+                if name not in ("end", "outcome", "failure")
             }
 
 

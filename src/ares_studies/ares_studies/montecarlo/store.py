@@ -25,7 +25,7 @@ PARTS = "parts"
 FLIGHTS = "flights.parquet"
 
 #: Columns with few different values.
-TEXTS = ["outcome", "failure"]
+TEXTS = ["end", "outcome", "failure"]
 #: Rows of a group in the final file.
 GROUP = 20_000
 _PARTIAL = ".partial"

@@ -1,6 +1,5 @@
 """Flights as rows of a table: what was drawn, what came of it, and what was wrong with it."""
 
-import math
 from collections.abc import Sequence
 from enum import StrEnum
 from typing import Any
@@ -8,12 +7,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from ares_models.tolerances import (
-    FLIGHT_PATH_ANGLE_DEG,
-    ORIENTATION_DEG,
-    RADIUS_M,
-    SPEED_M_S,
-)
+from ares_models.judge import FIGURES, End, Figure
 from ares_studies.montecarlo.flights import Flown
 from ares_vehicle_sim.arrays import DEPLETION, IMPACT, TIME_LIMIT
 
@@ -35,6 +29,28 @@ class Outcome(StrEnum):
 #: Prefix of the columns that say what was drawn.
 DRAWN = "draw_"
 
+#: Digits behind the point of a miss, by its figure.
+_DECIMALS = {
+    "radius_m": 0,
+    "speed_m_s": 2,
+    "flight_path_angle_deg": 4,
+    "inclination_deg": 3,
+    "ascending_node_deg": 3,
+    "argument_of_perigee_deg": 3,
+    "perigee_radius_m": 0,
+    "apogee_radius_m": 0,
+    "semi_major_axis_m": 0,
+    "eccentricity": 6,
+    "c3_m2_s2": 0,
+    "true_anomaly_deg": 4,
+}
+
+
+def error_column(figure: Figure) -> str:
+    """Return the name of the column that has the error of a figure."""
+    return f"{figure.name}_error{figure.suffix}"
+
+
 #: Columns of numbers: name, field of RESULT, and whether it is an angle, shown in degrees.
 NUMBERS = (
     ("m_f_kg", "mass", False),
@@ -45,41 +61,10 @@ NUMBERS = (
     ("heating_limit_w_m2", "jettison_limit", False),
     ("heating_peak_after_jettison_w_m2", "peak_heating_after", False),
     ("propellant_used_kg", "propellant_used", False),
-    ("radius_error_m", "radius_error", False),
-    ("speed_error_m_s", "speed_error", False),
-    ("flight_path_angle_error_deg", "flight_path_angle_error", True),
-    ("inclination_error_deg", "inclination_error", True),
-    ("ascending_node_error_deg", "ascending_node_error", True),
-    ("argument_of_perigee_error_deg", "argument_of_perigee_error", True),
-    ("perigee_radius_error_m", "perigee_radius_error", False),
-    ("apogee_radius_error_m", "apogee_radius_error", False),
-    ("semi_major_axis_error_m", "semi_major_axis_error", False),
-    ("eccentricity_error", "eccentricity_error", False),
-    ("c3_error_m2_s2", "c3_error", False),
-    ("true_anomaly_error_deg", "true_anomaly_error", True),
+    *((error_column(f), f"{f.name}_error", f.unit == "deg") for f in FIGURES),
 )
 #: The three that make a success.
 FLAGS = ("terminal_accuracy", "fairing_off", "heating_kept")
-
-#: Errors that the terminal accuracy limits: column, limit, decimals, unit.
-LIMITS = (
-    ("radius_error_m", RADIUS_M, 0, "m"),
-    ("speed_error_m_s", SPEED_M_S, 2, "m/s"),
-    ("flight_path_angle_error_deg", FLIGHT_PATH_ANGLE_DEG, 4, "deg"),
-    ("inclination_error_deg", ORIENTATION_DEG, 3, "deg"),
-    ("ascending_node_error_deg", ORIENTATION_DEG, 3, "deg"),
-    ("argument_of_perigee_error_deg", ORIENTATION_DEG, 3, "deg"),
-)
-#: Those of a target by elements, whose limits are the flight's own: column, decimals, unit.
-_ORBIT_LIMITS = (
-    ("perigee_radius_error_m", 0, "m"),
-    ("apogee_radius_error_m", 0, "m"),
-    ("semi_major_axis_error_m", 0, "m"),
-    ("eccentricity_error", 6, ""),
-    ("c3_error_m2_s2", 0, "m2/s2"),
-    ("true_anomaly_error_deg", 4, "deg"),
-)
-_FIELDS = {name: (field, angle) for name, field, angle in NUMBERS}
 
 
 def drawn_columns(columns: Sequence[str]) -> list[str]:
@@ -98,7 +83,7 @@ def schema(columns: Sequence[str]) -> Any:
     fields += [(name, pa.float64()) for name, _, _ in NUMBERS]
     fields += [("iterations", pa.int64())]
     fields += [(name, pa.bool_()) for name in (*FLAGS, "succeeded")]
-    fields += [("outcome", pa.string()), ("failure", pa.string())]
+    fields += [(name, pa.string()) for name in ("end", "outcome", "failure")]
     return pa.schema(fields)
 
 
@@ -137,6 +122,8 @@ def make_table(flown: Flown, columns: Sequence[str], jettisons: Sequence[str]) -
             outcomes[k], failures[k] = Outcome.ERROR, error
         else:
             outcomes[k], failures[k] = explain(results[k], jettisons)
+    ends = [str(end) for end in End]
+    data["end"] = [None if failed[k] else ends[results["end"][k]] for k in range(count)]
     data["outcome"] = [str(outcome) for outcome in outcomes]
     data["failure"] = list(failures)
     return pa.table(data, schema=schema(columns))
@@ -176,18 +163,11 @@ def explain(result: Any, jettisons: Sequence[str]) -> tuple[Outcome, str]:
 def _misses(result: Any) -> list[str]:
     """The errors that are beyond their limits, in words."""
     misses = []
-    lost = not math.isfinite(result["c3_allowed"])
-    limits = list(LIMITS)
-    for column, decimals, unit in _ORBIT_LIMITS:
-        field, angle = _FIELDS[column]
-        limit = float(result[field.replace("_error", "_allowed")])
-        limits.append((column, math.degrees(limit) if angle else limit, decimals, unit))
-    for column, limit, decimals, unit in limits:
-        field, angle = _FIELDS[column]
-        error = math.degrees(result[field]) if angle else float(result[field])
-        # what is not a number is free, unless the flight is none
-        wanted = not math.isnan(error) or (lost and column in ("radius_error_m", "speed_error_m_s"))
-        if wanted and not abs(error) <= limit:
-            name = column[: column.index("_error")].replace("_", " ")
-            misses.append(f"{name} by {error:+.{decimals}f} {unit}".rstrip())
+    for figure in FIGURES:
+        error = figure.in_unit(result[f"{figure.name}_error"])
+        judged = int(result["judged"]) & figure.bit
+        if judged and not abs(error) <= figure.in_unit(result[f"{figure.name}_allowed"]):
+            name = figure.name.replace("_", " ")
+            unit = "" if figure.unit == "1" else f" {figure.unit}"
+            misses.append(f"{name} by {error:+.{_DECIMALS[figure.key]}f}{unit}")
     return misses

@@ -10,6 +10,7 @@ from ares_models.arrays import (
     HEATING_LIMIT,
     MAX_JETTISONS,
     MISSION_TIME,
+    TARGET_ELEMENTS,
     TIME_AFTER_IGNITION,
     MissionRecords,
     Record,
@@ -19,6 +20,7 @@ from ares_models.kernels.environment import log_heating_gradient
 from ares_models.kernels.sequence import awaits_heating
 from ares_models.kernels.targets import two_planes
 from ares_models.kernels.vectors import dot, load, norm
+from ares_optimizer.kernels.elements import APSIS, ENERGY, is_asked
 from ares_optimizer.kernels.timetable import (
     COLUMN_CUTOFF,
     COLUMN_JETTISON,
@@ -76,6 +78,7 @@ _SCAN = 5.0  # s, between looks at the heating
 _MOST_SCANS = 2000
 _BOUND_CHANGES = 4  # of one arc: held at a bound, let go
 _WORTHLESS = 1e-9  # kg/s of propellant
+_NEARLY_ROUND = 0.02  # eccentricity
 
 
 @kernel
@@ -150,6 +153,24 @@ def final_hamiltonian(
 
 
 @kernel
+def _turned_well(target: Record, work: Record) -> bool:
+    """Whether a nearly circular orbit has its perigee where it costs least, not most.
+
+    Both are stationary on the ring of orbits of one eccentricity; a rounder orbit would cost more
+    at the one and less at the other.
+    """
+    if target.kind != TARGET_ELEMENTS or not target.eccentricity < _NEARLY_ROUND:
+        return True
+    if not is_asked(ENERGY, target) or not is_asked(APSIS, target):
+        return True
+    row = 0
+    for other in range(APSIS):
+        if is_asked(other, target):
+            row += 1
+    return work.terminal_frame.multipliers[row] > 0.0
+
+
+@kernel
 def _sound(
     start: Record,
     mission: MissionRecords,
@@ -163,7 +184,7 @@ def _sound(
     if work.planned == 1:
         value = work.price
         ground *= 1.0 - DEEPEST
-    if not value > 0.0 or work.lowest < ground:
+    if not value > 0.0 or work.lowest < ground or not _turned_well(mission.target, work):
         return False
     for i in range(work.segment_count):
         # a drop from a throttled burn changes its flow: the interior condition lacks that

@@ -1,0 +1,186 @@
+"""The one judge, for people and programs: what was reached, what is off, and what is short of it.
+
+A flight, a campaign, an abort map and the proof of an optimum ask it alike.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models import arrays as layout
+from ares_models.arrays import Record
+from ares_models.kernels.judging import JUDGED, judge_state
+from ares_models.tolerances import SPEED_M_S
+
+Vector = Sequence[float] | NDArray[np.float64]
+
+JUDGEMENT = np.dtype(JUDGED, align=True)
+
+
+class End(StrEnum):
+    """What is reached, the best first."""
+
+    #: all that the target names, within the tolerances
+    TARGET = "target"
+    #: plane, radius and angle, or perigee, of the target with less speed, and a safe perigee; or
+    #: one that is no lower than the target's, where that is below the limit
+    LOWERED = "lowered"
+    #: another orbit with a perigee above the limit
+    SAFE_ORBIT = "safe_orbit"
+    #: none that lasts, or the ground
+    SUBORBITAL = "suborbital"
+
+    @property
+    def rank(self) -> int:
+        """0 for the best."""
+        return list(End).index(self)
+
+
+class Figure(NamedTuple):
+    """A figure that a target may be met by.
+
+    Attributes:
+        name: of the fields of TARGET and, with _error and _allowed, of JUDGED.
+        bit: NAMES_*.
+        unit: m, m/s, deg, 1 or m2/s2.
+    """
+
+    name: str
+    bit: int
+    unit: str
+
+    @property
+    def key(self) -> str:
+        """Its name with the unit behind it."""
+        return self.name + self.suffix
+
+    @property
+    def suffix(self) -> str:
+        """Its unit at the end of a name."""
+        return _SUFFIXES[self.unit]
+
+    def in_unit(self, value: float) -> float:
+        """Return a value in SI and rad in the unit."""
+        return math.degrees(value) if self.unit == "deg" else float(value)
+
+
+_SUFFIXES = {"m": "_m", "m/s": "_m_s", "deg": "_deg", "1": "", "m2/s2": "_m2_s2"}
+FIGURES = (
+    Figure("radius", layout.NAMES_RADIUS, "m"),
+    Figure("speed", layout.NAMES_SPEED, "m/s"),
+    Figure("flight_path_angle", layout.NAMES_FLIGHT_PATH_ANGLE, "deg"),
+    Figure("inclination", layout.NAMES_INCLINATION, "deg"),
+    Figure("ascending_node", layout.NAMES_ASCENDING_NODE, "deg"),
+    Figure("argument_of_perigee", layout.NAMES_ARGUMENT_OF_PERIGEE, "deg"),
+    Figure("perigee_radius", layout.NAMES_PERIGEE, "m"),
+    Figure("apogee_radius", layout.NAMES_APOGEE, "m"),
+    Figure("semi_major_axis", layout.NAMES_SEMI_MAJOR_AXIS, "m"),
+    Figure("eccentricity", layout.NAMES_ECCENTRICITY, "1"),
+    Figure("c3", layout.NAMES_C3, "m2/s2"),
+    Figure("true_anomaly", layout.NAMES_TRUE_ANOMALY, "deg"),
+)
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What the judge says of the end of a flight.
+
+    Attributes:
+        end: what was reached.
+        names: NAMES_* of what the target is met by.
+        errors: flown minus target, by :attr:`Figure.key`, of what the target is met by.
+        allowed: how much of each.
+        lacking_m_s: speed that its energy is short of, where the target is lowest; less than 0:
+            more than was asked for.
+        perigee_altitude_m: over the equatorial radius.
+        apogee_altitude_m: the same; inf for an escape.
+    """
+
+    end: End
+    names: int
+    errors: dict[str, float]
+    allowed: dict[str, float]
+    lacking_m_s: float
+    perigee_altitude_m: float
+    apogee_altitude_m: float
+
+    def error_of(self, name: str) -> tuple[float, float]:
+        """Return the error of a figure, by its :attr:`Figure.name`, and how much is allowed."""
+        key = next(figure.key for figure in FIGURES if figure.name == name)
+        return self.errors[key], self.allowed[key]
+
+    def misses(self) -> list[str]:
+        """Return what is off by more than is allowed, one text each."""
+        return [
+            f"{key} off by {error:.3g}, allowed {self.allowed[key]:.3g}"
+            for key, error in self.errors.items()
+            if not abs(error) <= self.allowed[key]
+        ]
+
+    def reached(self) -> str:
+        """Return the end in a few words."""
+        if not math.isfinite(self.perigee_altitude_m):
+            return "no orbit"
+        perigee = f"perigee {self.perigee_altitude_m / 1e3:,.1f} km"
+        if self.end is End.LOWERED and self.lacking_m_s > SPEED_M_S:
+            return f"target lowered by {self.lacking_m_s:,.1f} m/s"
+        if self.end is End.SUBORBITAL and self.lacking_m_s > SPEED_M_S:
+            return f"suborbital, {perigee}, {self.lacking_m_s:,.1f} m/s short"
+        return f"{_WORDS[self.end]}, {perigee}"
+
+
+_WORDS = {
+    End.TARGET: "on the target",
+    End.LOWERED: "no lower than the target",
+    End.SAFE_ORBIT: "safe orbit",
+    End.SUBORBITAL: "suborbital",
+}
+
+
+def judge(
+    position: Vector,
+    velocity: Vector,
+    target: Record,
+    mu: float,
+    ground_m: float,
+    *,
+    grounded: bool = False,
+) -> Judgement:
+    """Judge the state at the end of a flight.
+
+    Args:
+        position: m, shape (3,).
+        velocity: m/s, shape (3,).
+        target: record TARGET.
+        mu: m3/s2.
+        ground_m: equatorial radius.
+        grounded: whether the flight went below its ground or its floor.
+    """
+    r, v = ((float(x), float(y), float(z)) for x, y, z in (position, velocity))
+    row = np.zeros(1, JUDGEMENT)[0]
+    judge_state(r, v, target, float(mu), float(ground_m), grounded, row)
+    figures = [figure for figure in FIGURES if int(row["judged"]) & figure.bit]
+    return Judgement(
+        list(End)[row["end"]],
+        int(row["judged"]),
+        {f.key: f.in_unit(row[f"{f.name}_error"]) for f in figures},
+        {f.key: f.in_unit(row[f"{f.name}_allowed"]) for f in figures},
+        float(row["lacking_speed"]),
+        float(row["perigee_radius"]) - ground_m,
+        float(row["apogee_radius"]) - ground_m,
+    )
+
+
+def left_on(jettisoned: int, names: Sequence[str]) -> tuple[str, ...]:
+    """Return what should have been jettisoned and was not.
+
+    Args:
+        jettisoned: bit k: jettison k is done.
+        names: of the mission's jettisons.
+    """
+    return tuple(name for k, name in enumerate(names) if not jettisoned >> k & 1)

@@ -1,0 +1,133 @@
+"""The method that the mission asks for: the fast one where it is enough, collocation else.
+
+A mission with one free arc at its end is solved by ``indirect`` in milliseconds; collocation from
+several starts must not beat it. One with more to decide is solved by collocation first, and
+``indirect`` leads what it found to the exact root where the two-point problem knows all that
+holds. What was done stands in ``Solution.steps``.
+"""
+
+from dataclasses import replace
+
+from ares_optimizer.floors import floors_of
+from ares_optimizer.indirect.solve import polished
+from ares_optimizer.plan import held_ahead, plans_arcs, throttled_ahead
+from ares_optimizer.request import Heating, Request
+from ares_optimizer.rival import solve_beside_rival
+from ares_optimizer.solution import OptimizerError, Solution, UnfitMethod
+
+METHOD = "auto"
+#: What collocation finds must be better by so much, as a part of the mass, to count as better.
+_BETTER = 1e-4
+#: And what indirect makes of it must not be worse by more.
+_SAME = 1e-5
+
+
+def solve_auto(request: Request) -> Solution:
+    """Solve a mission by the methods that suit it.
+
+    Args:
+        request: see :class:`ares_optimizer.request.Request`; its method is ``auto``.
+
+    Returns:
+        the best that they found.
+    """
+    from ares_optimizer.collocation.solve import solve_collocation  # IPOPT is not needed else
+    from ares_optimizer.direct.solve import solve_direct
+
+    if request.heating is Heating.FROM_JETTISON:
+        solution = solve_direct(replace(request, method="direct20"))
+        return replace(solution, steps=(step("direct20", solution),))
+    steps: list[str] = []
+    fast = _fast(request)
+    if fast is not None:
+        steps.append(step("indirect", fast))
+        if fast.converged and not request.verify:
+            return replace(fast, steps=tuple(steps))
+    beat = fast.m_f_kg * (1.0 + _BETTER) if fast is not None and fast.converged else None
+    found = solve_collocation(replace(request, method="collocation"), beat)
+    if fast is not None and fast.converged and not found.flyable:
+        steps.append(f"collocation: nothing better from {found.restarts + 1} starts")
+        return replace(fast, steps=tuple(steps))
+    steps.append(step("collocation", found))
+    if found.flyable:
+        exact = _polished(request, found)
+        if exact is not None:
+            steps.append(step("indirect from there", exact))
+            return replace(exact, steps=tuple(steps))
+        return replace(found, steps=tuple(steps))
+    return _last_resort(request, found, steps)
+
+
+def step(name: str, solution: Solution) -> str:
+    """Say in one line what a method came to."""
+    if solution.flyable:
+        word = "optimal" if solution.converged else "feasible"
+        return f"{name}: {word}, {solution.m_f_kg:,.4f} kg"
+    return f"{name}: {solution.reason}"
+
+
+def _fast(request: Request) -> Solution | None:
+    """What ``indirect`` finds where the last arc alone is free and no floor is asked for."""
+    arrays, start = request.arrays, request.state
+    if plans_arcs(arrays, start[0]) or any(floor.said for floor in floors_of(arrays, start)):
+        return None
+    try:
+        return solve_beside_rival(replace(request, method="indirect"))
+    except UnfitMethod:
+        return None
+
+
+def _polished(request: Request, found: Solution) -> Solution | None:
+    """The root of the two-point problem next to a solution; None where that is another problem."""
+    arrays, start = request.arrays, request.state
+    touched = any(
+        check.active and check.name.startswith("lowest altitude in")
+        for check in found.constraints
+    )
+    if touched or found.parameters is None or not found.converged:
+        return None
+    if throttled_ahead(arrays, start[0]).any() and held_ahead(arrays, start[0]):
+        return None
+    try:
+        exact = polished(request, found.parameters)
+    except OptimizerError:
+        return None
+    if exact.converged and exact.m_f_kg >= found.m_f_kg * (1.0 - _SAME):
+        lows = tuple(c for c in found.constraints if c.name.startswith("lowest altitude in"))
+        return replace(
+            exact,
+            constraints=(*exact.constraints, *lows) if exact.constraints else (),
+            iterations=found.iterations + exact.iterations,
+            restarts=found.restarts,
+            solve_ms=found.solve_ms + exact.solve_ms,
+        )
+    return None
+
+
+def _last_resort(request: Request, found: Solution, steps: list[str]) -> Solution:
+    """What ``indirect`` finds by its own search where collocation finds nothing."""
+    arrays, start = request.arrays, request.state
+    if not plans_arcs(arrays, start[0]) or request.deadline.passed:
+        return replace(found, steps=tuple(steps))
+    try:
+        other = solve_beside_rival(replace(request, method="indirect"))
+    except UnfitMethod:
+        return replace(found, steps=tuple(steps))
+    steps.append(step("indirect", other))
+    best = other if other.converged and _keeps_floors(request, other) else found
+    return replace(best, steps=tuple(steps))
+
+
+def _keeps_floors(request: Request, solution: Solution) -> bool:
+    """Whether a flight keeps the floors of the mission."""
+    from ares_optimizer.collocation.solve import lowest_altitude
+
+    track = solution.trajectory
+    if track is None:
+        return False
+    times = {arc.arc: (arc.start_s, arc.end_s) for arc in solution.flown}
+    for floor in floors_of(request.arrays, request.state):
+        begin, end = times.get(floor.arc, (track.time_s[0], track.time_s[-1]))
+        if lowest_altitude(request.arrays, track, begin, end) < floor.altitude_m - 1.0:
+            return False
+    return True

@@ -1,0 +1,1 @@
+"""Collocation: one sparse program for every mission that a file can state."""

@@ -1,0 +1,162 @@
+"""Costates, Hamiltonian and prices out of the multipliers of the sparse program.
+
+With defects D x = h f and multipliers L_i of an interval, the costate at Radau point i is L_i
+over its quadrature weight and that at the begin of the interval - sum_i D_i0 L_i (Garg and
+others, Comput. Optim. Appl. 49, 2011). Here it is kg of final mass per unit of the state, and
+the thrust lies along the part of the velocity.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models.arrays import HEATING_LIMIT
+from ares_optimizer.collocation.arrays import COASTING, GUIDED
+from ares_optimizer.collocation.kernels import acceleration_terms
+from ares_optimizer.collocation.radau import radau
+from ares_optimizer.collocation.solver import Point
+from ares_optimizer.collocation.transcription import Transcription
+from ares_optimizer.proof.physics import gravity
+from ares_optimizer.solution import Costates
+
+Array = NDArray[np.float64]
+
+
+class Adjoint(NamedTuple):
+    """Costates along a flight.
+
+    Attributes:
+        phase: shape (n,), of each sample.
+        time: s, shape (n,). Each phase has its begin and its end.
+        state: shape (n, 6), m and m/s.
+        by_position: kg/m, shape (n, 3).
+        by_velocity: kg s/m, shape (n, 3).
+        direction: of the thrust, shape (n, 3); nan in a coast.
+        hamiltonian: kg/s, shape (n,), without the part of the mass.
+        whole: kg/s, shape (n,), with it, but for a constant of each stage.
+    """
+
+    phase: NDArray[np.int64]
+    time: Array
+    state: Array
+    by_position: Array
+    by_velocity: Array
+    direction: Array
+    hamiltonian: Array
+    whole: Array
+
+
+class _Terms(NamedTuple):
+    """What the thrust adds at one point: m/s2, unit vector, kg/s, and kg/s per kg."""
+
+    acceleration: Array
+    direction: Array
+    flow: float
+    slope: float
+
+
+def _terms(
+    program: Transcription, p: int, s: float, point: Point, primer: Array, u: Array
+) -> _Terms:
+    """Thrust of phase ``p`` at the scaled time ``s`` into it, along the primer or held."""
+    phase = program.phases[p]
+    if phase["steering"] == COASTING:
+        return _Terms(np.zeros(3), u, 0.0, 0.0)
+    if phase["steering"] == GUIDED:
+        size = float(np.linalg.norm(primer))
+        u = primer / size if size > 0.0 else u
+    mass = float(point.x[program.masses[p]])
+    a = acceleration_terms(phase, s, mass)[0] * program.speed / program.time
+    left = mass - s * (phase["flow"] + 0.5 * s * phase["flow_slope"])
+    flow = float(phase["flow"] + s * phase["flow_slope"]) * program.mass / program.time
+    return _Terms(a * u, u, flow, a * float(primer @ u) / float(left * program.mass))
+
+
+def adjoint_of(program: Transcription, point: Point) -> Adjoint:
+    """Return costates and Hamiltonian at the begin of each phase and at its Radau points."""
+    nodes, derivative, integral = radau(program.degree)
+    weights = integral[-1]
+    d = program.degree
+    x = point.x
+    states = x[: 6 * program.nodes].reshape(-1, 6) * np.repeat((program.radius, program.speed), 3)
+    multipliers = point.multipliers[: 6 * len(program.points)].reshape(-1, d, 6)
+    units = program.mass / np.repeat((program.radius, program.speed), 3)
+    begin = float(program.start["time"][0])
+    environment = program.arrays.environment[0]
+    samples: list[Array] = []
+    phases: list[int] = []
+    interval = 0
+    for p, count in enumerate(program.intervals):
+        phase = program.phases[p]
+        length = float(x[program.lengths[p]])
+        first = int(program.first[p])
+        heavy = 0.0
+        for k in range(int(count)):
+            block = multipliers[interval]
+            costates = np.vstack((-derivative[:, 0] @ block, block / weights[:, None])) * units
+            width = float(program.breaks[p][k + 1] - program.breaks[p][k])
+            fractions = program.breaks[p][k] + width * nodes
+            rows, slopes = [], []
+            for number in range(d + 1):
+                costate, state = costates[number], states[first + k * d + number]
+                at = program.control_of[p][max(0, k * d + number - 1)]
+                u = x[at : at + 3] if at >= 0 else np.full(3, math.nan)
+                terms = _terms(program, p, fractions[number] * length, point, costate[3:], u)
+                motion = gravity(state[:3], environment) + terms.acceleration
+                hamiltonian = float(costate[:3] @ state[3:] + costate[3:] @ motion)
+                time = begin + fractions[number] * length * program.time
+                rows.append((time, *state, *costate, *terms.direction, hamiltonian, terms.flow))
+                slopes.append(terms.slope)
+            table = np.array(rows)
+            # the mass costate falls by the integral of lambda_v . u T/m^2
+            step = width * length * program.time
+            gained = np.concatenate(([0.0], step * (integral @ np.array(slopes[1:]))))
+            whole = table[:, -2] - table[:, -1] * (heavy + gained)
+            heavy += gained[-1]
+            table[:, -1] = whole
+            samples.append(table if k == 0 else table[1:])
+            phases += [p] * len(samples[-1])
+            interval += 1
+        begin += length * program.time
+    table = np.vstack(samples)
+    return Adjoint(
+        np.array(phases),
+        table[:, 0],
+        table[:, 1:7],
+        table[:, 7:10],
+        table[:, 10:13],
+        table[:, 13:16],
+        table[:, 16],
+        table[:, 17],
+    )
+
+
+def spread_of(program: Transcription, adjoint: Adjoint) -> dict[int, float]:
+    """Return how constant the Hamiltonian is in each phase of constant flow, as a part of it."""
+    size = max(float(np.abs(adjoint.hamiltonian).max()), 1e-300)
+    return {
+        p: float(np.ptp(adjoint.whole[adjoint.phase == p])) / size
+        for p, phase in enumerate(program.phases)
+        if phase["thrust_slope"] == 0.0 and phase["fading"] == 0.0
+    }
+
+
+def costates_of(program: Transcription, point: Point, adjoint: Adjoint) -> Costates:
+    """Return the costates as a solution has them, |lambda_v| = 1 at the start."""
+    size = max(float(np.linalg.norm(adjoint.by_velocity[0])), 1e-300)
+    pis = []
+    for j, jettison in enumerate(program.arrays.jettisons):
+        row = program.heating_rows.get(j)
+        if jettison["criterion"] == HEATING_LIMIT and row is not None:
+            pi = float(point.multipliers[row]) * program.mass / size
+            pis.append(pi / float(jettison["value"]))
+    return Costates(
+        adjoint.time,
+        adjoint.by_position / size,
+        adjoint.by_velocity / size,
+        adjoint.hamiltonian / size,
+        tuple(spread_of(program, adjoint).values()),
+        tuple(pis),
+    )

@@ -1,0 +1,593 @@
+"""Flights to begin a search with: flown by a few steering constants, brought near the target.
+
+A group is the burns between two free coasts. Each has a pitch and a yaw that are linear in time,
+from the horizon in the first group of an ascent and from the velocity otherwise. Least squares on
+these and on the lengths of the free burns bring the end near the target.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from ares_models.arrays import (
+    BURN,
+    COAST,
+    HEATING_LIMIT,
+    TARGET_ELEMENTS,
+    TARGET_KEPLERIAN,
+    TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
+    MissionArrays,
+)
+from ares_optimizer.collocation import rollout
+from ares_optimizer.collocation.transcription import Times, Transcription
+from ares_optimizer.floors import Floor
+from ares_optimizer.kernels import timetable
+from ares_optimizer.kernels.terminal import MAX_ROWS, terminal_rows
+from ares_optimizer.plan import free_arcs, longest_burn
+
+Array = NDArray[np.float64]
+
+_STEP_S = 8.0
+_MOST_ROWS = 30_000
+#: Steering constants of a group: pitch and yaw at its begin and at its end.
+_CONSTANTS = 4
+#: Pitch and yaw at the begin and the end of an ascent, deg.
+_ASCENTS = (
+    (25.0, 0.0, 0.0, 0.0),
+    (40.0, 0.0, -10.0, 0.0),
+    (10.0, 0.0, 0.0, 0.0),
+    (60.0, 0.0, -20.0, 0.0),
+    (-10.0, 0.0, 10.0, 0.0),
+)
+#: The same of a burn in orbit, from the velocity.
+_BURNS = (
+    (0.0, 0.0, 0.0, 0.0),
+    (80.0, 0.0, -80.0, 0.0),
+    (-80.0, 0.0, 80.0, 0.0),
+    (0.0, 80.0, 0.0, -80.0),
+    (0.0, -80.0, 0.0, 80.0),
+)
+#: Parts of a revolution that a coast may last.
+COASTS = (0.12, 0.03, 0.3, 0.5, 0.8)
+#: Altitude of a first parking orbit, m.
+_PARKING_M = 185e3
+#: And above the floor of a coast, m.
+_CLEAR_M = 2e4
+#: Weights of what least squares keep to besides the target: of a radian or of a whole length, and
+#: of a radius below the floor.
+_KEEP = 3e-3
+_DEEP = 3.0
+_MOST_ANGLE = 3.0  # rad
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A flight to begin with.
+
+    Attributes:
+        times: when what is free happens.
+        track: shape (n, TRACK_COLUMNS), of :mod:`rollout`.
+        miss: how far it is from the target and its floors, without unit.
+    """
+
+    times: Times
+    track: Array
+    miss: float
+
+
+class Pilot:
+    """Flies one mission by steering constants.
+
+    Attributes:
+        arrays: the mission.
+        start: shape (1,), dtype NAVIGATION.
+        groups: of each arc, its group.
+        count: of groups.
+    """
+
+    def __init__(
+        self, arrays: MissionArrays, start: NDArray[np.void], floors: tuple[Floor, ...]
+    ) -> None:
+        """Find the groups.
+
+        Args:
+            arrays: the mission.
+            start: shape (1,), dtype NAVIGATION.
+            floors: of the arcs.
+        """
+        self.arrays = arrays
+        self.start = start
+        self.floors = floors
+        self._mission = arrays.records()
+        self.free = free_arcs(arrays, start[0])
+        first = int(start["arc"][0])
+        self.groups = np.zeros(len(arrays.arcs), np.int64)
+        group, burnt = 0, False
+        for k in range(first, len(arrays.arcs)):
+            arc = arrays.arcs[k]
+            if arc["kind"] == COAST and math.isinf(arc["duration"]) and burnt:
+                group += 1
+                burnt = False
+            burnt = burnt or arc["kind"] == BURN
+            self.groups[k] = group
+        self.count = group + 1
+        mu = float(arrays.environment[0]["mu"])
+        r, v = start["position"][0], start["velocity"][0]
+        h = np.cross(r, v)
+        energy = 0.5 * float(v @ v) - mu / float(np.linalg.norm(r))
+        e = math.sqrt(max(0.0, 1.0 + 2.0 * energy * float(h @ h) / mu**2))
+        self.ascends = float(h @ h) / mu / (1.0 + e) < float(arrays.environment[0]["polar_radius"])
+        self._segments = np.zeros(timetable.MAX_SEGMENTS, timetable.SEGMENT)
+        self._layout = np.zeros(1, timetable.LAYOUT)
+        self._room = np.zeros((_MOST_ROWS, rollout.TRACK_COLUMNS))
+        self._waiting = [
+            j
+            for j, jettison in enumerate(arrays.jettisons)
+            if jettison["criterion"] == HEATING_LIMIT
+            and not (int(start["jettisoned"][0]) >> j) & 1
+        ]
+
+    # ---- lengths and times
+
+    def longest(self, k: int) -> float:
+        """Longest length of a free arc, s."""
+        arc = self.arrays.arcs[k]
+        most = float(arc["longest"])
+        if arc["kind"] == BURN:
+            most = min(most, longest_burn(self.arrays, k))
+        return most
+
+    def begins(self, lengths: Array, last: float) -> Array:
+        """Begin of each arc, and the end of the last, s, shape (arcs + 1,)."""
+        arcs = self.arrays.arcs
+        times = np.full(len(arcs) + 1, float(self.start["arc_start_time"][0]))
+        for k in range(int(self.start["arc"][0]), len(arcs)):
+            length = float(arcs[k]["duration"])
+            if k == len(arcs) - 1:
+                length = last
+            elif k in self.free:
+                length = float(lengths[self.free.index(k)])
+            times[k + 1] = times[k] + length
+        return times
+
+    def fly(self, times: Times, constants: Array) -> Array:
+        """Fly by constants, four for each group: pitch and yaw at its begin and at its end, rad.
+
+        Returns:
+            track, shape (n, TRACK_COLUMNS), a view; empty where the times make no flight.
+        """
+        begins = self.begins(times.lengths, 0.0)
+        begins[-1] = times.cutoff
+        laws = np.zeros((len(self.arrays.arcs), rollout.LAW_COLUMNS))
+        first = int(self.start["arc"][0])
+        for group in range(self.count):
+            members = [k for k in range(first, len(laws)) if self.groups[k] == group]
+            burns = [k for k in members if self.arrays.arcs[k]["kind"] == BURN]
+            begin = max(begins[burns[0]], float(self.start["time"][0]))
+            laws[members, rollout.FROM_VELOCITY] = float(group > 0 or not self.ascends)
+            laws[members, rollout.REFERENCE] = begin
+            laws[members, rollout.SPAN] = max(1.0, begins[burns[-1] + 1] - begin)
+            laws[members, rollout.PITCH : rollout.LAW_COLUMNS] = constants[
+                _CONSTANTS * group : _CONSTANTS * (group + 1)
+            ]
+        ends = begins[1:][self.free] if self.free else np.zeros(1)
+        drops = np.concatenate((times.drops, [0.0]))
+        rows = rollout.roll(
+            self.start[0],
+            self._mission,
+            timetable.Times(timetable.HEATING_PASSIVE, drops, ends, times.cutoff),
+            laws,
+            _STEP_S,
+            self._segments,
+            self._layout,
+            self._room,
+        )
+        return self._room[:rows]
+
+    def with_drops(self, times: Times, track: Array) -> Times:
+        """The times with drops where the heating on a track has fallen to its limit."""
+        arcs = self.arrays.arcs
+        drops = []
+        for j in self._waiting:
+            jettison = self.arrays.jettisons[j]
+            index = track[:, rollout.ARC].astype(np.int64)
+            lit = (arcs["stage"][index] == jettison["stage"]) & (arcs["kind"][index] == BURN)
+            later = arcs["stage"][index] > jettison["stage"]
+            allowed = (np.maximum.accumulate(lit | later)) & (
+                track[:, rollout.LOG_HEATING] < math.log(float(jettison["value"]))
+            )
+            at = int(np.argmax(allowed)) if allowed.any() else len(track) - 1
+            drops.append(float(track[at, rollout.TIME]))
+        return times._replace(drops=self._inside(times, np.array(drops)))
+
+    def _inside(self, times: Times, drops: Array) -> Array:
+        """Drops a little after an arc's begin, not at it, and before the cut-off."""
+        begins = self.begins(times.lengths, 0.0)[:-1]
+        for i, drop in enumerate(drops):
+            near = np.abs(begins - drop) < 0.5
+            moved = drop + 0.5 if near.any() else drop
+            drops[i] = min(moved, times.cutoff - 1.0)
+        return drops
+
+    # ---- least squares
+
+    def miss_of(self, track: Array) -> Array:
+        """How far the end of a track is from the target, and coasts from their floors."""
+        c, gradient = np.zeros(MAX_ROWS), np.zeros((MAX_ROWS, 6))
+        end = track[-1]
+        rows = terminal_rows(
+            self._mission.target,
+            float(self.arrays.environment[0]["mu"]),
+            tuple(end[rollout.POSITION : rollout.POSITION + 3].tolist()),
+            tuple(end[rollout.VELOCITY : rollout.VELOCITY + 3].tolist()),
+            c,
+            gradient,
+        )
+        radius = float(self.arrays.environment[0]["equatorial_radius"])
+        deep = [
+            _DEEP * max(0.0, floor.altitude_m - self._lowest(track, floor)) / radius
+            for floor in self.floors
+            if math.isfinite(floor.altitude_m)
+        ]
+        ground = min(0.0, float(track[:, rollout.ALTITUDE].min())) / radius
+        return np.concatenate((0.01 * c[:rows], deep, [_DEEP * ground]))
+
+    @staticmethod
+    def _lowest(track: Array, floor: Floor) -> float:
+        there = track[track[:, rollout.ARC] == floor.arc, rollout.ALTITUDE]
+        if not floor.said and len(there) and there[0] < floor.altitude_m:
+            return math.inf
+        return float(there.min(initial=math.inf))
+
+    def aim(self, times: Times, constants: Array, effort: int = 25) -> tuple[Trial, Array]:
+        """Bring a flight near the target.
+
+        Args:
+            times: to begin with; coasts keep their lengths.
+            constants: to begin with, shape (4 groups,).
+            effort: evaluations of the Jacobian, at most.
+
+        Returns:
+            the flight, and its constants.
+        """
+        arcs = self.arrays.arcs
+        burns = [f for f, k in enumerate(self.free) if arcs[k]["kind"] == BURN]
+        last_free = math.isinf(arcs[-1]["duration"])
+        begins = self.begins(times.lengths, 0.0)
+        last = times.cutoff - float(begins[-1])
+        sizes = [self.longest(self.free[f]) for f in burns]
+        sizes += [longest_burn(self.arrays, len(arcs) - 1)] if last_free else []
+        shares = [times.lengths[f] for f in burns] + ([last] if last_free else [])
+        n = constants.size
+        x0 = np.concatenate((constants, np.array(shares) / np.array(sizes) if sizes else []))
+        low = np.concatenate((np.full(n, -_MOST_ANGLE), np.full(len(sizes), 1e-3)))
+        high = np.concatenate((np.full(n, _MOST_ANGLE), np.ones(len(sizes))))
+        x0 = np.clip(x0, low + 1e-6, high - 1e-6)
+
+        def times_of(x: Array) -> Times:
+            lengths = times.lengths.copy()
+            lengths[burns] = x[n : n + len(burns)] * sizes[: len(burns)]
+            end = x[-1] * sizes[-1] if last_free else last
+            return times._replace(
+                lengths=lengths, cutoff=float(self.begins(lengths, 0.0)[-1] + end)
+            )
+
+        def residual(x: Array) -> Array:
+            track = self.fly(times_of(x), x[:n])
+            if not len(track):
+                return np.full(count, 1e3)
+            return np.concatenate((self.miss_of(track), _KEEP * (x - x0)))
+
+        track = self.fly(times_of(x0), x0[:n])
+        if not len(track):
+            return Trial(times, track.copy(), math.inf), constants
+        count = self.miss_of(track).size + x0.size
+        found = least_squares(
+            residual, x0, bounds=(low, high), max_nfev=effort, x_scale=0.3, diff_step=1e-6
+        )
+        there = times_of(found.x)
+        track = self.fly(there, found.x[:n])
+        if not len(track):
+            return Trial(times, track.copy(), math.inf), constants
+        there = self.with_drops(there, track)
+        again = self.fly(there, found.x[:n])
+        if len(again):
+            track = again
+        miss = float(np.linalg.norm(self.miss_of(track)))
+        return Trial(there, track.copy(), miss), found.x[:n]
+
+
+def target_energy(arrays: MissionArrays) -> float:
+    """Energy of the orbit that is aimed at, m2/s2."""
+    target = arrays.target[0]
+    mu = float(arrays.environment[0]["mu"])
+    if target["kind"] in (TARGET_ELEMENTS,):
+        return 0.5 * float(target["c3"])
+    if target["kind"] == TARGET_KEPLERIAN:
+        return -0.5 * mu / float(target["semi_major_axis"])
+    return 0.5 * float(target["speed"]) ** 2 - mu / float(target["radius"])
+
+
+def _first_where(track: Array, reached: NDArray[np.bool_], default: float) -> float:
+    return float(track[np.argmax(reached), rollout.TIME]) if reached.any() else default
+
+
+def trials(
+    arrays: MissionArrays, start: NDArray[np.void], floors: tuple[Floor, ...]
+) -> Iterator[Trial]:
+    """Fly what a search may begin with, the likeliest first.
+
+    Args:
+        arrays: the mission.
+        start: shape (1,), dtype NAVIGATION.
+        floors: of the arcs.
+    """
+    pilot = Pilot(arrays, start, floors)
+    coasts = [k for k in pilot.free if arrays.arcs[k]["kind"] == COAST]
+    ascent = _ascent_alone(pilot)
+    begins = [ascent] if ascent is not None else list(_start_constants(pilot))
+    tried: set[tuple[float, ...]] = set()
+    for lengths in _coast_choices(coasts):
+        found = []
+        for constants, known in begins:
+            times = _first_times(pilot, constants, known, dict(zip(coasts, lengths, strict=True)))
+            key = () if times is None else (*constants, *np.round(times.lengths, 0))
+            if times is None or key in tried:
+                continue
+            tried.add(key)
+            trial, _ = pilot.aim(times, constants)
+            if math.isfinite(trial.miss):
+                found.append(trial)
+        found.sort(key=lambda trial: trial.miss)
+        # a coast is a choice of its own; without one the steering is
+        yield from found[: 1 if coasts else None]
+
+
+def _coast_choices(coasts: list[int]) -> Iterator[tuple[float, ...]]:
+    """Lengths of the free coasts, as parts of a revolution."""
+    if not coasts:
+        yield ()
+        return
+    for part in COASTS:
+        # after the first, half a revolution leads to the apogee
+        yield (part, *([0.5] * (len(coasts) - 1)))
+    if len(coasts) > 1:
+        for part in COASTS:
+            yield (part, *([0.12] * (len(coasts) - 1)))
+
+
+def _start_constants(pilot: Pilot) -> Iterator[tuple[Array, dict[int, float]]]:
+    """Steering constants to begin with, and the lengths that are known: none."""
+    for angles in _ASCENTS if pilot.ascends else _BURNS:
+        constants = np.zeros(_CONSTANTS * pilot.count)
+        constants[:_CONSTANTS] = np.radians(angles)
+        yield constants, {}
+
+
+def _ascent_alone(pilot: Pilot) -> tuple[Array, dict[int, float]] | None:
+    """The first group flown to a low circle, where a free burn ends it and another follows."""
+    arrays, start = pilot.arrays, pilot.start
+    arcs = arrays.arcs
+    first = int(start["arc"][0])
+    members = [k for k in range(first, len(arcs)) if pilot.groups[k] == 0]
+    last = max(k for k in members if arcs[k]["kind"] == BURN)
+    if pilot.count == 1 or not pilot.ascends or not math.isinf(arcs[last]["duration"]):
+        return None
+    environment = arrays.environment[0]
+    radius = float(environment["equatorial_radius"]) + _PARKING_M
+    highest = max((f.altitude_m for f in pilot.floors if math.isfinite(f.altitude_m)), default=0.0)
+    radius = max(radius, float(environment["equatorial_radius"]) + highest + _CLEAR_M)
+    r, v = start["position"][0], start["velocity"][0]
+    h = np.cross(r, v)
+    target = arrays.target.copy()
+    target["kind"] = TARGET_RADIUS_SPEED_ANGLE_INCLINATION
+    target["radius"] = radius
+    target["speed"] = math.sqrt(float(environment["mu"]) / radius)
+    target["flight_path_angle"] = 0.0
+    target["inclination"] = math.acos(float(h[2] / np.linalg.norm(h)))
+    alone = arrays._replace(arcs=arcs[: last + 1].copy(), target=target)
+    part = Pilot(alone, start, ())
+    best: tuple[Trial, Array] | None = None
+    for constants, lengths in _start_constants(part):
+        times = _first_times(part, constants, lengths, {})
+        if times is None:
+            continue
+        found = part.aim(times, constants)
+        if best is None or found[0].miss < best[0].miss:
+            best = found
+        if best[0].miss < 1e-2:
+            break
+    if best is None or not math.isfinite(best[0].miss):
+        return None
+    trial, constants = best
+    whole = np.zeros(_CONSTANTS * pilot.count)
+    whole[: constants.size] = constants
+    begins = part.begins(trial.times.lengths, 0.0)
+    lengths = dict(zip(part.free, trial.times.lengths, strict=True))
+    lengths[last] = trial.times.cutoff - float(begins[-1])
+    return whole, lengths
+
+
+def _first_times(
+    pilot: Pilot, constants: Array, known: dict[int, float], coasts: dict[int, float]
+) -> Times | None:
+    """Lengths to begin with: each burn ends where the orbit is what its place asks for."""
+    arrays = pilot.arrays
+    arcs = arrays.arcs
+    mu = float(arrays.environment[0]["mu"])
+    radius = float(arrays.environment[0]["equatorial_radius"])
+    period = math.tau * math.sqrt((radius + _PARKING_M) ** 3 / mu)
+    lengths = np.array(
+        [
+            0.5 * pilot.longest(k) if arcs[k]["kind"] == BURN else float(arcs[k]["shortest"])
+            for k in pilot.free
+        ]
+    )
+    wanted = target_energy(arrays)
+    apogee = _target_apogee(arrays)
+    last_free = math.isinf(arcs[-1]["duration"])
+    last = longest_burn(arrays, len(arcs) - 1) if last_free else float(arcs[-1]["duration"])
+    for f, k in enumerate(pilot.free):
+        low = max(float(arcs[k]["shortest"]), 1e-3)
+        if k in known:
+            lengths[f] = known[k]
+        elif arcs[k]["kind"] == COAST:
+            part = coasts.get(k, 0.1)
+            lengths[f] = part * _period_there(pilot, lengths, f, constants, period)
+        else:
+            lengths[f] = _burn_until(pilot, lengths, f, constants, apogee)
+        lengths[f] = min(max(lengths[f], low), pilot.longest(k))
+    times = Times(lengths, float(pilot.begins(lengths, last)[-1]), _late(pilot, lengths, last))
+    if not last_free:
+        return times
+    track = pilot.fly(times, constants)
+    if not len(track):
+        return None
+    burning = track[:, rollout.ARC] == len(arcs) - 1
+    v = track[:, rollout.VELOCITY : rollout.VELOCITY + 3]
+    r = track[:, rollout.POSITION : rollout.POSITION + 3]
+    energy = 0.5 * (v * v).sum(axis=1) - mu / np.linalg.norm(r, axis=1)
+    begin = float(pilot.begins(lengths, 0.0)[-1])
+    end = _first_where(track, burning & (energy >= wanted), begin + 0.95 * last)
+    end = min(max(end, begin + 0.01 * last), begin + 0.98 * last)
+    times = times._replace(cutoff=end)
+    return pilot.with_drops(times, track)
+
+
+def _late(pilot: Pilot, lengths: Array, last: float) -> Array:
+    """Drops just before the cut-off."""
+    return np.full(len(pilot._waiting), float(pilot.begins(lengths, last)[-1]) - 1.0)
+
+
+def _target_apogee(arrays: MissionArrays) -> float:
+    """Apogee radius of the orbit that is aimed at, m; inf: it escapes, or is not named."""
+    target = arrays.target[0]
+    mu = float(arrays.environment[0]["mu"])
+    if target["kind"] == TARGET_ELEMENTS:
+        return float(target["apogee_radius"])
+    energy = target_energy(arrays)
+    return -mu / energy if energy < 0.0 else math.inf
+
+
+def _track_to(pilot: Pilot, lengths: Array, f: int, length: float, constants: Array) -> Array:
+    """The flight as far as a free arc of some length."""
+    last = pilot.free[f]
+    arcs = pilot.arrays.arcs[: last + 1].copy()
+    burns = np.flatnonzero(arcs["kind"] == BURN)
+    if not burns.size or burns[-1] < int(pilot.start["arc"][0]):
+        return np.zeros((0, rollout.TRACK_COLUMNS))
+    if arcs[last]["kind"] == COAST:
+        arcs = arcs[: int(burns[-1]) + 1]
+    part = Pilot(pilot.arrays._replace(arcs=arcs), pilot.start, ())
+    known = lengths[: len(part.free)]
+    end = len(arcs) - 1
+    if arcs[end]["kind"] == BURN and end in pilot.free:
+        length = lengths[pilot.free.index(end)] if end != last else length
+    else:
+        length = float(arcs[end]["duration"])
+    times = Times(known, float(part.begins(known, length)[-1]), _late(part, known, length))
+    return part.fly(times, constants).copy()
+
+
+def _period_there(
+    pilot: Pilot, lengths: Array, f: int, constants: Array, default: float
+) -> float:
+    """Period of the orbit in which a coast is flown, s; that of a low circle where it is none."""
+    track = _track_to(pilot, lengths, f, 0.0, constants)
+    mu = float(pilot.arrays.environment[0]["mu"])
+    end = track[-1] if len(track) else None
+    r = pilot.start["position"][0] if end is None else end[rollout.POSITION : rollout.VELOCITY]
+    v = pilot.start["velocity"][0] if end is None else end[rollout.VELOCITY : rollout.DIRECTION]
+    energy = 0.5 * float(v @ v) - mu / float(np.linalg.norm(r))
+    if energy >= 0.0:
+        return default
+    period = math.tau * mu / math.sqrt((-2.0 * energy) ** 3)
+    return max(period, default) if math.isfinite(period) else default
+
+
+def _burn_until(pilot: Pilot, lengths: Array, f: int, constants: Array, apogee: float) -> float:
+    """Length of a free burn: to a circle in the first group, to the target's apogee later, s."""
+    k = pilot.free[f]
+    most = pilot.longest(k)
+    track = _track_to(pilot, lengths, f, most, constants)
+    burning = track[track[:, rollout.ARC] == k]
+    if not len(burning):
+        return 0.5 * most
+    mu = float(pilot.arrays.environment[0]["mu"])
+    r = burning[:, rollout.POSITION : rollout.POSITION + 3]
+    v = burning[:, rollout.VELOCITY : rollout.VELOCITY + 3]
+    distance, square = np.linalg.norm(r, axis=1), (v * v).sum(axis=1)
+    if pilot.groups[k] == 0 and pilot.ascends:
+        reached = square >= mu / distance
+    else:
+        energy = 0.5 * square - mu / distance
+        h = np.linalg.norm(np.cross(r, v), axis=1)
+        e = np.sqrt(np.maximum(0.0, 1.0 + 2.0 * energy * h * h / mu**2))
+        top = np.where(energy < 0.0, -0.5 * mu / np.minimum(energy, -1e-9) * (1.0 + e), math.inf)
+        reached = top >= 0.98 * apogee
+    begin = float(burning[0, rollout.TIME])
+    return _first_where(burning, reached, begin + 0.7 * most) - begin
+
+
+def guess_of(program: Transcription, trial: Trial) -> Array:
+    """Variables of a program from a flight.
+
+    Args:
+        program: laid out for the flight's times.
+        trial: the flight.
+    """
+    x = np.zeros(program.size)
+    pieces = program.segments
+    for p, piece in enumerate(pieces):
+        length = float(piece["end"] - piece["start"])
+        x[program.lengths[p]] = length / program.time
+        x[program.masses[p]] = float(piece["mass"]) / program.mass
+        x[program.ends[p]] = timetable.segment_mass(piece, piece["end"]) / program.mass
+    times = node_times(program)
+    track = trial.track
+    _, rows = np.unique(track[:, rollout.TIME], return_index=True)
+    track = track[rows]
+    states = np.column_stack(
+        [
+            np.interp(times, track[:, rollout.TIME], track[:, rollout.POSITION + c])
+            for c in range(6)
+        ]
+    )
+    states[:, :3] /= program.radius
+    states[:, 3:] /= program.speed
+    x[: 6 * program.nodes] = states.ravel()
+    directions = np.column_stack(
+        [
+            np.interp(times, track[:, rollout.TIME], track[:, rollout.DIRECTION + c])
+            for c in range(3)
+        ]
+    )
+    directions /= np.maximum(np.linalg.norm(directions, axis=1), 1e-9)[:, None]
+    for point in program.points:
+        if point["control"] >= 0:
+            at = int(point["control"])
+            x[at : at + 3] = directions[int(point["node"] + point["number"])]
+    return x
+
+
+def node_times(program: Transcription, lengths: Array | None = None) -> Array:
+    """Mission elapsed time of each state, s, shape (nodes,).
+
+    Args:
+        program: laid out.
+        lengths: of the phases, s; None: as in the trial flight.
+    """
+    pieces = program.segments
+    if lengths is None:
+        lengths = pieces["end"] - pieces["start"]
+    begins = float(program.start["time"][0]) + np.concatenate(([0.0], np.cumsum(lengths)))
+    times = np.empty(program.nodes)
+    times[0] = begins[0]
+    for point in program.points:
+        p = int(point["phase"])
+        times[int(point["node"] + point["number"])] = begins[p] + point["fraction"] * lengths[p]
+    return times

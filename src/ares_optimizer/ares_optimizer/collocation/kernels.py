@@ -1,0 +1,414 @@
+"""Values, Jacobian and Hessian of the sparse program.
+
+Radau IIA collocation: in an interval of width h the derivative of the polynomial through the
+state at its begin and those at the d points equals the motion at each point,
+
+    sum_j D_ij x_j = h f(x_i, u_i)          (Garg and others, Automatica 46, 2010).
+
+The motion is r' = v, v' = g(r) + a u, with the thrust acceleration a a closed form of the time
+into the phase and of the mass at its begin, so that the mass is no state.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models.arrays import MissionRecords, Record
+from ares_models.jit import allocating, kernel
+from ares_models.kernels.environment import altitude, altitude_gradient, log_heating_gradient
+from ares_models.kernels.vectors import Vector, axpy, cross, dot, norm, scale
+from ares_optimizer.collocation.arrays import (
+    COASTING,
+    FLOOR_RULE,
+    HEATING_RULE,
+    PERIGEE_RULE,
+)
+from ares_optimizer.kernels.terminal import MAX_ROWS, SCALE, terminal_rows
+from ares_optimizer.two_point.arrays import INVERSE_SQUARE, Gravity
+from ares_optimizer.two_point.kernels.gravity import gravity_terms, oblate_curvature
+
+Array = NDArray[np.float64]
+
+#: Step of the differences that give the curvature of a rule, in radii and circular speeds.
+_STEP = 1e-5
+AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+class Program(NamedTuple):
+    """The program as kernels take it.
+
+    Attributes:
+        phases: dtype PHASE.
+        points: dtype POINT.
+        rules: dtype RULE.
+        derivative: shape (d, d + 1), D.
+        controls: shape (n,), index of the first variable of each direction.
+        oblateness: of gravity, with mu and the equatorial radius 1.
+        radius: m, one unit of length.
+        speed: m/s, one unit of speed.
+    """
+
+    phases: NDArray[Any]
+    points: NDArray[Any]
+    rules: NDArray[Any]
+    derivative: Array
+    controls: NDArray[np.int64]
+    oblateness: float
+    radius: float
+    speed: float
+
+
+@kernel
+def vector_at(x: Array, i: int) -> Vector:
+    """Three variables from ``i`` on."""
+    return (x[i], x[i + 1], x[i + 2])
+
+
+@kernel
+def field_in_units(oblateness: float) -> Gravity:
+    """Gravity with mu = 1."""
+    return Gravity(1.0, 0.0, INVERSE_SQUARE, oblateness)
+
+
+@kernel
+def curvature_times(r: Vector, oblateness: float, p: Vector, a: Vector) -> Vector:
+    """Second derivative of p . g along ``a``: the change of the gradient of gravity, times p."""
+    square = dot(r, r)
+    k = 1.0 / (square * math.sqrt(square))
+    rp, ra, pa = dot(r, p), dot(r, a), dot(p, a)
+    first = 3.0 * k / square
+    change = axpy(first * ra, p, axpy(first * rp, a, scale(first * pa, r)))
+    change = axpy(-5.0 * first * ra * rp / square, r, change)
+    if oblateness != 0.0:
+        change = axpy(1.0, oblate_curvature(r, oblateness, p, a), change)
+    return change
+
+
+@kernel
+def acceleration_terms(
+    phase: Record, s: float, mass: float
+) -> tuple[float, float, float, float, float, float]:
+    """Thrust acceleration, and its derivatives by time and mass at the begin of the phase.
+
+    Args:
+        phase: record PHASE.
+        s: time into the phase.
+        mass: at its begin.
+
+    Returns:
+        a, a_s, a_m, a_ss, a_sm, a_mm.
+    """
+    if phase.fading > 0.0:
+        return phase.acceleration, 0.0, 0.0, 0.0, 0.0, 0.0
+    left = mass - s * (phase.flow + 0.5 * s * phase.flow_slope)
+    flow = phase.flow + s * phase.flow_slope
+    a = (phase.thrust + s * phase.thrust_slope) / left
+    by_s = (phase.thrust_slope + a * flow) / left
+    by_m = -a / left
+    by_ss = (2.0 * by_s * flow + a * phase.flow_slope) / left
+    by_sm = -(by_s - by_m * flow) / left
+    return a, by_s, by_m, by_ss, by_sm, -2.0 * by_m / left
+
+
+@kernel
+def mass_at_end(phase: Record, length: float, mass: float) -> tuple[float, float, float]:
+    """Mass at the end of a phase before drops, and its derivatives by length and first mass."""
+    if phase.fading > 0.0:
+        part = math.exp(-phase.fading * length)
+        return mass * part, -phase.fading * mass * part, part
+    flow = phase.flow + 0.5 * length * phase.flow_slope
+    return mass - length * flow, -(phase.flow + length * phase.flow_slope), 1.0
+
+
+@kernel
+def rule_rows(
+    rule: Record,
+    mission: MissionRecords,
+    scales: tuple[float, float],
+    state: tuple[Vector, Vector],
+    c: Array,
+    gradient: Array,
+) -> None:
+    """Values of a rule and their gradients by the scaled state.
+
+    Args:
+        rule: record RULE.
+        mission: its records.
+        scales: one unit of length, m, and of speed, m/s.
+        state: position and velocity, scaled.
+        c: shape (MAX_ROWS,), written: 0 is on the target, a limit is kept where it is positive.
+        gradient: shape (MAX_ROWS, 6), written.
+    """
+    r, v = scale(scales[0], state[0]), scale(scales[1], state[1])
+    mu = mission.environment.mu
+    if rule.kind == HEATING_RULE:
+        value, by_r, by_v = log_heating_gradient(r, v, mission.environment, mission.atmosphere)
+        c[0] = rule.level - value
+        for i in range(3):
+            gradient[0, i] = -scales[0] * by_r[i]
+            gradient[0, 3 + i] = -scales[1] * by_v[i]
+        return
+    if rule.kind == FLOOR_RULE:
+        up = altitude_gradient(r, mission.environment)
+        c[0] = (altitude(r, mission.environment) - rule.level) / scales[0]
+        for i in range(3):
+            gradient[0, i] = up[i]
+            gradient[0, 3 + i] = 0.0
+        return
+    if rule.kind == PERIGEE_RULE:
+        # h^2 - p^2 (v^2 - 2 mu / r) - 2 mu p vanishes where an apsis is at p
+        p = rule.level
+        h = cross(r, v)
+        size = norm(r)
+        per = 1.0 / (2.0 * mu * p)
+        c[0] = per * (dot(h, h) - p * p * (dot(v, v) - 2.0 * mu / size) - 2.0 * mu * p)
+        by_r = axpy(-2.0 * p * p * mu / (size * size * size), r, scale(2.0, cross(v, h)))
+        by_v = axpy(-2.0 * p * p, v, scale(2.0, cross(h, r)))
+        for i in range(3):
+            gradient[0, i] = per * scales[0] * by_r[i]
+            gradient[0, 3 + i] = per * scales[1] * by_v[i]
+        return
+    rows = terminal_rows(mission.target, mu, r, v, c, gradient)
+    for row in range(rows):
+        c[row] /= SCALE
+        for i in range(3):
+            gradient[row, i] *= scales[0] / SCALE
+            gradient[row, 3 + i] *= scales[1] / SCALE
+
+
+@kernel
+def fill_rows(x: Array, program: Program, g: Array) -> None:
+    """Write the defects, the lengths of the directions and the masses.
+
+    Args:
+        x: shape (n,), variables.
+        program: see :class:`Program`.
+        g: shape (m,), written as far as it is not linear or of a rule.
+    """
+    field = field_in_units(program.oblateness)
+    d = program.derivative.shape[0]
+    for i in range(program.points.shape[0]):
+        point = program.points[i]
+        phase = program.phases[point.phase]
+        at = 6 * (point.node + point.number)
+        h = point.width * x[phase.length]
+        r, v = vector_at(x, at), vector_at(x, at + 3)
+        motion, _ = gravity_terms(r, field, r)
+        if phase.steering != COASTING:
+            s = point.fraction * x[phase.length]
+            a = acceleration_terms(phase, s, x[phase.mass])[0]
+            motion = axpy(a, vector_at(x, point.control), motion)
+        for c in range(3):
+            rate_r = 0.0
+            rate_v = 0.0
+            for j in range(d + 1):
+                weight = program.derivative[point.number - 1, j]
+                rate_r += weight * x[6 * (point.node + j) + c]
+                rate_v += weight * x[6 * (point.node + j) + 3 + c]
+            g[6 * i + c] = rate_r - h * v[c]
+            g[6 * i + 3 + c] = rate_v - h * motion[c]
+    row = 6 * program.points.shape[0]
+    for i in range(program.controls.shape[0]):
+        u = vector_at(x, program.controls[i])
+        g[row + i] = 0.5 * (dot(u, u) - 1.0)
+    for p in range(program.phases.shape[0]):
+        phase = program.phases[p]
+        end, _, _ = mass_at_end(phase, x[phase.length], x[phase.mass])
+        g[phase.link] = x[phase.end] - end
+
+
+@allocating
+def fill_rules(x: Array, program: Program, mission: MissionRecords, g: Array) -> None:
+    """Write the rows of the rules."""
+    c = np.zeros(MAX_ROWS)
+    gradient = np.zeros((MAX_ROWS, 6))
+    scales = (program.radius, program.speed)
+    for i in range(program.rules.shape[0]):
+        rule = program.rules[i]
+        state = (vector_at(x, 6 * rule.node), vector_at(x, 6 * rule.node + 3))
+        rule_rows(rule, mission, scales, state, c, gradient)
+        for row in range(rule.rows):
+            g[rule.row + row] = c[row]
+
+
+@kernel
+def fill_point_jacobian(
+    x: Array, program: Program, i: int, values: Array, k: int, field: Gravity
+) -> int:
+    """Write the entries of a point's defects; the next free place."""
+    point = program.points[i]
+    phase = program.phases[point.phase]
+    d = program.derivative.shape[0]
+    length = x[phase.length]
+    h = point.width * length
+    at = 6 * (point.node + point.number)
+    r, v = vector_at(x, at), vector_at(x, at + 3)
+    motion, _ = gravity_terms(r, field, r)
+    a, by_s, by_m = 0.0, 0.0, 0.0
+    u = (0.0, 0.0, 0.0)
+    if phase.steering != COASTING:
+        a, by_s, by_m, _, _, _ = acceleration_terms(phase, point.fraction * length, x[phase.mass])
+        u = vector_at(x, point.control)
+        motion = axpy(a, u, motion)
+    for c in range(6):
+        for j in range(d + 1):
+            values[k] = program.derivative[point.number - 1, j]
+            k += 1
+    for c in range(3):
+        _, bend = gravity_terms(r, field, AXES[c])
+        values[k] = -h
+        values[k + 1] = -point.width * v[c]
+        values[k + 2] = -h * bend[0]
+        values[k + 3] = -h * bend[1]
+        values[k + 4] = -h * bend[2]
+        values[k + 5] = -point.width * motion[c] - h * by_s * point.fraction * u[c]
+        k += 6
+        if phase.steering != COASTING:
+            values[k] = -h * a
+            values[k + 1] = -h * by_m * u[c]
+            k += 2
+    return k
+
+
+@allocating
+def fill_jacobian(x: Array, program: Program, mission: MissionRecords, values: Array) -> int:
+    """Write the entries of the Jacobian that are no constants, in the order of the pattern.
+
+    Returns:
+        their number.
+    """
+    field = field_in_units(program.oblateness)
+    k = 0
+    for i in range(program.points.shape[0]):
+        k = fill_point_jacobian(x, program, i, values, k, field)
+    for i in range(program.controls.shape[0]):
+        for c in range(3):
+            values[k] = x[program.controls[i] + c]
+            k += 1
+    for p in range(program.phases.shape[0]):
+        phase = program.phases[p]
+        _, by_length, by_mass = mass_at_end(phase, x[phase.length], x[phase.mass])
+        values[k] = 1.0
+        values[k + 1] = -by_length
+        values[k + 2] = -by_mass
+        k += 3
+    c = np.zeros(MAX_ROWS)
+    gradient = np.zeros((MAX_ROWS, 6))
+    scales = (program.radius, program.speed)
+    for i in range(program.rules.shape[0]):
+        rule = program.rules[i]
+        state = (vector_at(x, 6 * rule.node), vector_at(x, 6 * rule.node + 3))
+        rule_rows(rule, mission, scales, state, c, gradient)
+        for row in range(rule.rows):
+            for j in range(6):
+                values[k] = gradient[row, j]
+                k += 1
+    return k
+
+
+@kernel
+def fill_point_hessian(
+    x: Array, program: Program, i: int, multipliers: Array, values: Array, k: int
+) -> int:
+    """Write what a point's defects add to the Hessian; the next free place."""
+    point = program.points[i]
+    phase = program.phases[point.phase]
+    length = x[phase.length]
+    w = point.width
+    h = w * length
+    f = point.fraction
+    at = 6 * (point.node + point.number)
+    r = vector_at(x, at)
+    p, q = vector_at(multipliers, 6 * i), vector_at(multipliers, 6 * i + 3)
+    _, bend = gravity_terms(r, field_in_units(program.oblateness), q)
+    for c in range(3):
+        change = curvature_times(r, program.oblateness, q, AXES[c])
+        for j in range(c + 1):
+            values[k] = -h * change[j]
+            k += 1
+    for c in range(3):
+        values[k] = -w * p[c]
+        values[k + 1] = -w * bend[c]
+        k += 2
+    if phase.steering == COASTING:
+        return k
+    u = vector_at(x, point.control)
+    terms = acceleration_terms(phase, f * length, x[phase.mass])
+    a, by_s, by_m, by_ss, by_sm, by_mm = terms
+    along = dot(q, u)
+    for c in range(3):
+        values[k] = -w * (a + length * by_s * f) * q[c]
+        values[k + 1] = -h * by_m * q[c]
+        k += 2
+    values[k] = -w * (2.0 * by_s * f + length * by_ss * f * f) * along
+    values[k + 1] = -w * (by_m + length * by_sm * f) * along
+    values[k + 2] = -h * by_mm * along
+    return k + 3
+
+
+@kernel
+def fill_mass_hessian(phase: Record, x: Array, multipliers: Array, values: Array, k: int) -> int:
+    """Write what the row of a phase's masses adds to the Hessian; the next free place."""
+    weight = -multipliers[phase.link]
+    if phase.fading > 0.0:
+        part = math.exp(-phase.fading * x[phase.length])
+        values[k] = weight * phase.fading * phase.fading * x[phase.mass] * part
+        values[k + 1] = -weight * phase.fading * part
+    else:
+        values[k] = -weight * phase.flow_slope
+        values[k + 1] = 0.0
+    return k + 2
+
+
+@allocating
+def fill_hessian(
+    x: Array, multipliers: Array, program: Program, mission: MissionRecords, values: Array
+) -> int:
+    """Write the Hessian of the Lagrangian but for the objective, which is linear.
+
+    Args:
+        x: shape (n,), variables.
+        multipliers: shape (m,).
+        program: see :class:`Program`.
+        mission: its records.
+        values: written in the order of the pattern.
+
+    Returns:
+        number of entries.
+    """
+    k = 0
+    points = program.points.shape[0]
+    for i in range(points):
+        k = fill_point_hessian(x, program, i, multipliers, values, k)
+    for i in range(program.controls.shape[0]):
+        for _ in range(3):
+            values[k] = multipliers[6 * points + i]
+            k += 1
+    for p in range(program.phases.shape[0]):
+        k = fill_mass_hessian(program.phases[p], x, multipliers, values, k)
+    c = np.zeros(MAX_ROWS)
+    sides = np.zeros((2, MAX_ROWS, 6))
+    whole = np.zeros((6, 6))
+    scales = (program.radius, program.speed)
+    for i in range(program.rules.shape[0]):
+        rule = program.rules[i]
+        r, v = vector_at(x, 6 * rule.node), vector_at(x, 6 * rule.node + 3)
+        for j in range(6):
+            for side in range(2):
+                step = _STEP if side == 0 else -_STEP
+                moved = (
+                    (axpy(step, AXES[j], r), v) if j < 3 else (r, axpy(step, AXES[j - 3], v))
+                )
+                rule_rows(rule, mission, scales, moved, c, sides[side])
+            for other in range(6):
+                whole[j, other] = 0.0
+                for row in range(rule.rows):
+                    change = sides[0, row, other] - sides[1, row, other]
+                    whole[j, other] += multipliers[rule.row + row] * change / (2.0 * _STEP)
+        for j in range(6):
+            for other in range(j + 1):
+                values[k] = 0.5 * (whole[j, other] + whole[other, j])
+                k += 1
+    return k

@@ -1,0 +1,136 @@
+"""A flight by a few steering constants: what a search begins with."""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models.arrays import MissionRecords, Record
+from ares_models.jit import kernel
+from ares_models.kernels.environment import altitude, gravity, log_heating_gradient
+from ares_models.kernels.vectors import Vector, add, axpy, cross, load, scale, unit
+from ares_optimizer.kernels.timetable import (
+    Times,
+    fill_timetable,
+    segment_mass,
+    segment_thrust,
+)
+
+Array = NDArray[np.float64]
+
+#: Columns of a track: time s, position m, velocity m/s, thrust direction, log heating, altitude m,
+#: arc.
+TIME = 0
+POSITION = 1
+VELOCITY = 4
+DIRECTION = 7
+LOG_HEATING = 10
+ALTITUDE = 11
+ARC = 12
+TRACK_COLUMNS = 13
+#: Columns of a steering law: from the velocity (1) or the horizon (0), time s at which its first
+#: angles hold, s from there to where its last ones do, these pitch and yaw angles, rad.
+FROM_VELOCITY = 0
+REFERENCE = 1
+SPAN = 2
+PITCH = 3
+YAW = 4
+PITCH_END = 5
+YAW_END = 6
+LAW_COLUMNS = 7
+
+
+@kernel
+def steered(law: Array, t: float, r: Vector, v: Vector) -> Vector:
+    """Thrust direction by a steering law."""
+    part = (t - law[REFERENCE]) / law[SPAN]
+    pitch = law[PITCH] + (law[PITCH_END] - law[PITCH]) * part
+    yaw = law[YAW] + (law[YAW_END] - law[YAW]) * part
+    normal = unit(cross(r, v))
+    if law[FROM_VELOCITY] > 0.0:
+        along = unit(v)
+        up = cross(normal, along)
+    else:
+        up = unit(r)
+        along = cross(normal, up)
+    level = axpy(math.sin(yaw), normal, scale(math.cos(yaw), along))
+    return axpy(math.sin(pitch), up, scale(math.cos(pitch), level))
+
+
+@kernel
+def pushed(
+    segment: Record, law: Array, environment: Record, t: float, r: Vector, v: Vector
+) -> Vector:
+    """Acceleration by gravity and thrust, m/s2."""
+    g = gravity(r, environment)
+    thrust = segment_thrust(segment, t)
+    if thrust <= 0.0:
+        return g
+    return axpy(thrust / segment_mass(segment, t), steered(law, t, r, v), g)
+
+
+@kernel
+def roll(
+    start: Record,
+    mission: MissionRecords,
+    times: Times,
+    laws: Array,
+    step: float,
+    segments: NDArray[Any],
+    layout: NDArray[Any],
+    track: Array,
+) -> int:
+    """Fly by a steering law per arc, by Runge-Kutta 4.
+
+    Args:
+        start: record NAVIGATION.
+        mission: its records.
+        times: of the timetable.
+        laws: shape (arcs, LAW_COLUMNS).
+        step: longest, s.
+        segments: dtype SEGMENT, shape (MAX_SEGMENTS,), written.
+        layout: dtype LAYOUT, shape (1,), to count in.
+        track: shape (n, TRACK_COLUMNS), written.
+
+    Returns:
+        rows of the track; 0 where the times make no flight or the track has no room.
+    """
+    count = fill_timetable(start, mission.arcs, mission.jettisons, times, segments, layout[0])
+    r, v = load(start.position), load(start.velocity)
+    environment = mission.environment
+    rows = 0
+    for i in range(count):
+        segment = segments[i]
+        law = laws[segment.arc]
+        length = segment.end - segment.start
+        steps = max(1, int(math.ceil(min(length / step, 1e6))))
+        h = length / steps
+        for k in range(steps + 1):
+            if rows >= track.shape[0]:
+                return 0
+            t = segment.start + k * h
+            track[rows, TIME] = t
+            u = steered(law, t, r, v)
+            for c in range(3):
+                track[rows, POSITION + c] = r[c]
+                track[rows, VELOCITY + c] = v[c]
+                track[rows, DIRECTION + c] = u[c]
+            track[rows, LOG_HEATING] = log_heating_gradient(
+                r, v, environment, mission.atmosphere
+            )[0]
+            track[rows, ALTITUDE] = altitude(r, environment)
+            track[rows, ARC] = segment.arc
+            rows += 1
+            if k == steps:
+                break
+            a1 = pushed(segment, law, environment, t, r, v)
+            v2 = axpy(0.5 * h, a1, v)
+            a2 = pushed(segment, law, environment, t + 0.5 * h, axpy(0.5 * h, v, r), v2)
+            v3 = axpy(0.5 * h, a2, v)
+            a3 = pushed(segment, law, environment, t + 0.5 * h, axpy(0.5 * h, v2, r), v3)
+            v4 = axpy(h, a3, v)
+            a4 = pushed(segment, law, environment, t + h, axpy(h, v3, r), v4)
+            r = axpy(h / 6.0, add(add(v, scale(2.0, v2)), add(scale(2.0, v3), v4)), r)
+            v = axpy(h / 6.0, add(add(a1, scale(2.0, a2)), add(scale(2.0, a3), a4)), v)
+    return rows

@@ -1,0 +1,956 @@
+"""From mission to solution by collocation: several starts, the best made fine and proven."""
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import null_space
+from scipy.interpolate import BarycentricInterpolator, CubicHermiteSpline
+
+from ares_models.arrays import BURN, COAST, HEATING_LIMIT, MISSION_TIME, MissionArrays
+from ares_optimizer.collocation import rollout
+from ares_optimizer.collocation.arrays import COASTING, GUIDED
+from ares_optimizer.collocation.costates import Adjoint, adjoint_of, costates_of, spread_of
+from ares_optimizer.collocation.guess import Trial, guess_of, node_times, trials
+from ares_optimizer.collocation.solver import LOCALLY_INFEASIBLE, Point, solve_program
+from ares_optimizer.collocation.transcription import Times, Transcription, Turning
+from ares_optimizer.floors import Floor, floors_of
+from ares_optimizer.kernels import timetable
+from ares_optimizer.pieces import first_ignitions
+from ares_optimizer.plan import SHORTEST, free_arcs, length_bounds, with_lengths
+from ares_optimizer.prices import target_worth
+from ares_optimizer.proof.checks import constraint_table, verification
+from ares_optimizer.proof.flight import Direction, Flight, Steering, fly
+from ares_optimizer.proof.held import held_checks, held_offsets
+from ares_optimizer.proof.physics import heating, surface_radius
+from ares_optimizer.request import Heating, Request
+from ares_optimizer.solution import (
+    OPTIMAL,
+    OUT_OF_TIME,
+    Cause,
+    Check,
+    ConstraintCheck,
+    Solution,
+    Status,
+    SteeringArc,
+    Trajectory,
+    UnfitMethod,
+    failed,
+    next_to_nothing,
+)
+from ares_optimizer.targets import target_rows
+
+Array = NDArray[np.float64]
+
+METHOD = "collocation"
+#: Two flights are one where they bring the same mass, as a part of it: a floor is kept at the
+#: states of coarse intervals alone.
+SAME_MASS = 3e-4
+#: The best is believed when it was met so often.
+_ENOUGH = 3
+#: Of a stage's mass, what may be propellant at most where a flight is sought that lacks some.
+_MOST_PROPELLANT = 0.97
+#: Iterations from a first guess; what takes more leads nowhere, or comes again.
+_MOST_FIRST = 100
+#: Number of intervals of the finer programs, as factors.
+_FINER = (1.5, 3.0, 5.0)
+#: Greatest part of the Hamiltonian by which it may wander along a phase.
+SPREAD = 1e-4
+#: What a flight is above its floor at most where it is brought there, m, and half of it at best.
+_SAG = 0.5
+#: Solutions that bring it there, at most.
+_MOST_LEVELS = 3
+#: Altitude above a floor within which it is active, m.
+_ACTIVE = 10.0
+#: Distance from a bound at which a variable is held by it.
+_AT_BOUND = 1e-6
+#: Of the greatest curvature, what counts as none.
+_STRAIGHT = 1e-7
+#: Multiplier of a limit that holds.
+_PRICED = 1e-8
+#: Multipliers of the motion where nothing is to be saved, and the pull on directions there.
+_IDLE = 1e-6
+_PULL = 1e-4
+#: Between the ends of a program and of the flight that proves it, m and m/s.
+_END_M = 2.0
+_END_M_S = 1e-2
+#: Samples of a coast from state to state.
+_SAMPLES = 8
+#: Barrier that a solver begins with near a solution.
+_NEAR = 1e-4
+#: Angle between thrust and primer from which the primer is not steered by, rad.
+_ASIDE = 1e-2
+#: Of a phase's thrust, so little that its direction is of no account.
+_LITTLE = 1e-3
+_SAME_LENGTH = 1e-3  # s
+_NOTHING_KG = 0.1
+
+
+@dataclass(frozen=True)
+class Found:
+    """A local optimum.
+
+    Attributes:
+        program: that was solved.
+        point: its solution.
+        m_f_kg: mass at the end.
+    """
+
+    program: Transcription
+    point: Point
+    m_f_kg: float
+
+
+def solve_collocation(request: Request, beat_kg: float | None = None) -> Solution:
+    """Solve a mission by collocation.
+
+    Args:
+        request: see :class:`ares_optimizer.request.Request`.
+        beat_kg: what brings no more is not worked out; None: anything is welcome.
+
+    Raises:
+        UnfitMethod: the heating limit is to hold from the jettison on.
+
+    Returns:
+        the best of all starts. CONVERGED: first- and second-order conditions are met, the
+        Hamiltonian is constant within :data:`SPREAD`, and the flight is proven by another
+        integrator. FEASIBLE: flown to the target, but one of these fails.
+    """
+    began = time.perf_counter()
+    arrays, start = request.arrays, request.state
+    if request.heating is Heating.FROM_JETTISON:
+        raise UnfitMethod("heating is 'from_jettison'; collocation takes at_jettison or ignored")
+    if request.heating is Heating.IGNORED:
+        arrays = _dropped_at_ignition(arrays)
+    floors = floors_of(arrays, start)
+    search = _Search(arrays, start, floors, request)
+    # where a coast is free there is more than one valley: each start is tried
+    several = any(arrays.arcs[k]["kind"] == COAST for k in free_arcs(arrays, start[0]))
+    for trial in trials(arrays, start, floors):
+        if request.deadline.passed or (search.enough and not several):
+            break
+        search.take(trial)
+    best = search.best
+    elapsed = 1e3 * (time.perf_counter() - began)
+    if best is None or (beat_kg is not None and best.m_f_kg < beat_kg):
+        cause = search.failure()
+        if best is None and beat_kg is None and not request.deadline.passed:
+            cause = _short_of_propellant(search, cause)
+        return replace(
+            failed(METHOD, cause, iterations=search.iterations, solve_ms=elapsed),
+            restarts=max(0, search.starts - 1),
+        )
+    return _finished(search, best, began)
+
+
+def _dropped_at_ignition(arrays: MissionArrays) -> MissionArrays:
+    """The mission with what waits for heating dropped as its stage ignites."""
+    jettisons = arrays.jettisons.copy()
+    waiting = jettisons["criterion"] == HEATING_LIMIT
+    jettisons["value"][waiting] = math.inf
+    return arrays._replace(jettisons=jettisons)
+
+
+class _Search:
+    """All starts of one mission.
+
+    Attributes:
+        best: the local optimum with the greatest mass.
+        again: how often it was met.
+        starts: tried.
+        iterations: of all.
+        idle: in the best, no direction of the thrust saves any propellant.
+    """
+
+    def __init__(
+        self,
+        arrays: MissionArrays,
+        start: NDArray[np.void],
+        floors: tuple[Floor, ...],
+        request: Request,
+    ) -> None:
+        self.arrays, self.start, self.floors = arrays, start, floors
+        self.request = request
+        self.best: Found | None = None
+        self.again = 0
+        self.starts = 0
+        self.iterations = 0
+        self.idle = False
+        self._violations: list[tuple[float, str]] = []
+        self._unproven = False
+        r = start["position"][0]
+        self._start_m = float(np.linalg.norm(r)) - surface_radius(r, arrays.environment[0])
+
+    @property
+    def enough(self) -> bool:
+        """Whether the best was met often enough to be believed."""
+        return self.best is not None and self.again >= _ENOUGH
+
+    def take(self, trial: Trial) -> None:
+        """Solve from a flight."""
+        self.starts += 1
+        floors = floors_on(self.floors, self._start_m, trial)
+        try:
+            program = Transcription(self.arrays, self.start, trial.times, floors)
+        except ValueError:
+            return
+        point = solve_program(
+            program, guess_of(program, trial), self.request.deadline, most=_MOST_FIRST
+        )
+        self.iterations += point.iterations
+        if not point.solved:
+            if point.status == LOCALLY_INFEASIBLE:
+                self._violations.append((point.violation, worst_row(program, point)))
+            else:
+                self._unproven = True
+            return
+        self.consider(Found(program, point, float(point.x[program.ends[-1]] * program.mass)))
+
+    def consider(self, found: Found) -> None:
+        """Keep a local optimum if it is the best."""
+        if self.best is not None:
+            near = SAME_MASS * found.m_f_kg
+            if abs(found.m_f_kg - self.best.m_f_kg) <= near:
+                self.again += 1
+                return
+            if found.m_f_kg < self.best.m_f_kg:
+                return
+        self.best, self.again = found, 1
+
+    def failure(self) -> Cause:
+        """Say why nothing was found, and no more than is known."""
+        if self.best is not None:
+            return Cause(Status.NOT_OPTIMAL, "nothing better than what is known was found")
+        if self.request.deadline.passed:
+            return OUT_OF_TIME
+        if self._violations and not self._unproven:
+            violation, name = min(self._violations)
+            return Cause(
+                Status.INFEASIBLE,
+                f"no flight to the target exists near any of {self.starts} starts: the least "
+                f"violation is {violation:.2g}, of {name}",
+            )
+        if not self.starts:
+            return Cause(
+                Status.ILLEGAL_START,
+                "no flight can be laid out: the last burn does not begin, or too many events",
+            )
+        return Cause(
+            Status.STALLED, f"no flight to the target found from {self.starts} starts"
+        )
+
+
+def _short_of_propellant(search: _Search, cause: Cause) -> Cause:
+    """Why nothing was found, by a flight whose last stage burns more than it has."""
+    arcs = search.arrays.arcs.copy()
+    last = arcs["stage"] == arcs[-1]["stage"]
+    usable = float(arcs[-1]["propellant"])
+    stack = float(arcs["stack_mass"][last][0])
+    if not np.isinf(arcs["duration"][last]).any() or usable >= _MOST_PROPELLANT * stack:
+        return cause
+    arcs["propellant"][last] = _MOST_PROPELLANT * stack
+    more = _Search(search.arrays._replace(arcs=arcs), search.start, search.floors, search.request)
+    for trial in trials(more.arrays, search.start, search.floors):
+        if search.request.deadline.passed or more.enough:
+            break
+        more.take(trial)
+    search.iterations += more.iterations
+    if more.best is None:
+        return cause
+    program, x = more.best.program, more.best.point.x
+    stages = arcs["stage"][program.segments["arc"]]
+    members = np.flatnonzero(stages == arcs[-1]["stage"])
+    burnt = program.mass * float((x[program.masses[members]] - x[program.ends[members]]).sum())
+    return Cause(
+        Status.INFEASIBLE,
+        f"propellant of the last stage: {burnt - usable:,.0f} kg short, the best flight takes "
+        f"{burnt:,.0f} kg of {usable:,.0f} kg",
+    )
+
+
+def worst_row(program: Transcription, point: Point) -> str:
+    """Return the name of the row that is violated most."""
+    rows = np.zeros(program.row_lower.size)
+    program.rows(point.x, rows)
+    off = np.maximum(program.row_lower - rows, rows - program.row_upper)
+    return program.names[int(np.argmax(off))]
+
+
+def floors_on(floors: tuple[Floor, ...], start_m: float, trial: Trial) -> tuple[Floor, ...]:
+    """Return the floors that count: on its way up a vehicle may coast below the default one.
+
+    Args:
+        floors: of the mission.
+        start_m: altitude at the start.
+        trial: a flight.
+    """
+    kept = []
+    for floor in floors:
+        arcs, heights = trial.track[:, rollout.ARC], trial.track[:, rollout.ALTITUDE]
+        before = heights[arcs < floor.arc]
+        highest = max(start_m, float(before.max(initial=-math.inf)))
+        if floor.said or highest >= floor.altitude_m:
+            kept.append(floor)
+    return tuple(kept)
+
+
+# ---- from a coarse program to a proven flight
+
+
+def times_of(program: Transcription, x: Array) -> Times:
+    """Return when what is free happens at a point of a program."""
+    begins = float(program.start["time"][0]) + program.time * np.concatenate(
+        ([0.0], np.cumsum(x[program.lengths]))
+    )
+    arrays, start = program.arrays, program.start[0]
+    lengths = []
+    low, _ = length_bounds(arrays, start)
+    for f, k in enumerate(free_arcs(arrays, start)):
+        members = program.arc_phases.get(k, [])
+        length = float(x[program.lengths[members]].sum()) * program.time if members else 0.0
+        past = float(start["time"] - start["arc_start_time"]) if k == start["arc"] else 0.0
+        lengths.append(max(length + past, float(low[f])))
+    last = program.arc_phases[max(program.arc_phases)][-1]
+    cutoff = float(begins[last + 1])
+    drops = []
+    for number in range(program.waiting):
+        p = program.drop_ends.get(number)
+        at = program.trial.drops[number] if p is None else float(begins[p + 1])
+        drops.append(_at_event(at, begins, p))
+    return Times(np.array(lengths), cutoff, np.array(drops))
+
+
+def _at_event(at: float, begins: Array, p: int | None) -> float:
+    """A drop that comes with another event is put there."""
+    if p is None:
+        return at
+    others = np.delete(begins, p + 1)
+    nearest = float(others[np.argmin(np.abs(others - at))])
+    return nearest if abs(nearest - at) < _SAME_LENGTH else at
+
+
+def finer_guess(program: Transcription, old: Transcription, x: Array) -> Array:
+    """Return the variables of a finer program from those of a coarser one."""
+    lengths = x[old.lengths] * old.time
+    out = np.zeros(program.size)
+    pieces = program.segments
+    for p, piece in enumerate(pieces):
+        out[program.lengths[p]] = float(piece["end"] - piece["start"]) / program.time
+        out[program.masses[p]] = float(piece["mass"]) / program.mass
+        out[program.ends[p]] = timetable.segment_mass(piece, piece["end"]) / program.mass
+    then, now = node_times(old, lengths), node_times(program)
+    states = x[: 6 * old.nodes].reshape(-1, 6)
+    steady = np.concatenate(([True], np.diff(then) > 1e-9))
+    track = CubicHermiteSpline(
+        then[steady], states[steady, :3], states[steady, 3:] * (old.speed / old.radius)
+    )
+    inside = np.clip(now, then[0], then[-1])
+    new = np.column_stack((track(inside), track(inside, 1) * (old.radius / old.speed)))
+    new[0] = program.start_state
+    for c in range(3, 6):
+        new[1:, c] = np.interp(inside[1:], then[steady], states[steady, c])
+    out[: 6 * program.nodes] = new.ravel()
+    thrust_times, directions = [], []
+    for point in old.points:
+        if point["control"] >= 0:
+            at = int(point["control"])
+            thrust_times.append(then[int(point["node"] + point["number"])])
+            directions.append(x[at : at + 3])
+    if directions:
+        table = np.array(directions)
+        for point in program.points:
+            if point["control"] >= 0:
+                t = now[int(point["node"] + point["number"])]
+                u = np.array([np.interp(t, thrust_times, table[:, c]) for c in range(3)])
+                at = int(point["control"])
+                out[at : at + 3] = u / max(float(np.linalg.norm(u)), 1e-9)
+    return out
+
+
+@dataclass(frozen=True)
+class _Proven:
+    """A point of a program with the flight that proves it.
+
+    Attributes:
+        found: the point.
+        adjoint: its costates.
+        steering: by which it is flown.
+        flight: None where no proof is asked for.
+        checks: of the flight.
+        exact: the flight ends where the program does.
+    """
+
+    found: Found
+    adjoint: Adjoint
+    steering: Steering
+    flight: Flight | None
+    checks: tuple[ConstraintCheck, ...]
+    exact: bool
+
+
+def _finished(search: _Search, best: Found, began: float) -> Solution:
+    """The best, on finer and finer intervals until its flight is proven."""
+    request = search.request
+    search.idle = is_idle(best)
+    floors = {floor.arc: floor for floor in search.floors if best.program.floor_rows.get(floor.arc)}
+    levels = {k: floor.altitude_m for k, floor in floors.items()}
+    proven: _Proven | None = None
+    found = best
+    for finer in _FINER:
+        there = tuple(floor._replace(altitude_m=levels[k]) for k, floor in floors.items())
+        found = _again(search, found, there, finer) or found
+        for _ in range(_MOST_LEVELS):
+            if not _moved(found, floors, levels):
+                break
+            found = _with_levels(search, found, levels) or found
+        adjoint = adjoint_of(found.program, found.point)
+        steady = wanders(found, adjoint) <= SPREAD
+        if request.deadline.passed and not steady:
+            break
+        if not steady and finer < _FINER[-1]:
+            continue
+        proven = _flown(search, found, adjoint)
+        if (proven.exact and all(c.satisfied for c in proven.checks)) or request.deadline.passed:
+            break
+    elapsed = 1e3 * (time.perf_counter() - began)
+    if proven is None:
+        proven = _flown(search, found, adjoint_of(found.program, found.point))
+    return _solution(search, proven, tuple(floors.values()), elapsed)
+
+
+def _again(
+    search: _Search, found: Found, floors: tuple[Floor, ...], finer: float
+) -> Found | None:
+    """Solve on finer intervals from a point; None where that leads nowhere."""
+    times = times_of(found.program, found.point.x)
+    try:
+        turning = None if search.idle else turning_of(found)
+        program = Transcription(
+            search.arrays, search.start, times, floors, finer=finer, turning=turning
+        )
+    except ValueError:
+        return None
+    guess = finer_guess(program, found.program, found.point.x)
+    if search.idle:
+        pull_together(program, guess)
+    for mu in (_NEAR, None):
+        point = solve_program(program, guess, search.request.deadline, mu=mu)
+        search.iterations += point.iterations
+        if point.solved:
+            return Found(program, point, float(point.x[program.ends[-1]] * program.mass))
+    return None
+
+
+def is_idle(found: Found) -> bool:
+    """Return whether no direction of the thrust saves any propellant."""
+    rows = 6 * len(found.program.points)
+    return float(np.abs(found.point.multipliers[:rows]).max()) < _IDLE
+
+
+def pull_together(program: Transcription, x: Array) -> None:
+    """Ask each guided phase for directions that are alike, where nothing else decides."""
+    for p in range(len(program.phases)):
+        if program.steering[p] == GUIDED:
+            at = program.control_of[p][:, None] + np.arange(3)
+            mean = x[at].mean(axis=0)
+            program.pull[at] = -_PULL * mean / (len(at) * max(float(np.linalg.norm(mean)), 1e-9))
+
+
+def turning_of(found: Found) -> Turning | None:
+    """Return how far the thrust has turned; None without thrust."""
+    program, x = found.program, found.point.x
+    guided = np.flatnonzero(program.points["control"] >= 0)
+    if not guided.size:
+        return None
+    points = program.points[guided]
+    times = node_times(program, program.time * x[program.lengths])
+    times = times[points["node"] + points["number"]]
+    u = x[points["control"][:, None] + np.arange(3)]
+    turns = np.arccos(np.clip((u[1:] * u[:-1]).sum(axis=1), -1.0, 1.0))
+    # where the thrust dies away its direction is of no account
+    turns[np.diff(times) < _SAME_LENGTH] = 0.0
+    return Turning(times, np.concatenate(([0.0], np.cumsum(turns))))
+
+
+def _with_levels(search: _Search, found: Found, levels: dict[int, float]) -> Found | None:
+    """Solve once more with other floors; None where that leads nowhere."""
+    program = found.program
+    for arc, level in levels.items():
+        program.move_floor(arc, level)
+    point = solve_program(program, found.point, search.request.deadline)
+    search.iterations += point.iterations
+    if not point.solved:
+        return None
+    return Found(program, point, float(point.x[program.ends[-1]] * program.mass))
+
+
+def _moved(found: Found, floors: dict[int, Floor], levels: dict[int, float]) -> bool:
+    """Raise or lower what the states keep to, so that the flight between them keeps a floor.
+
+    Returns:
+        whether anything had to be moved.
+    """
+    moved = False
+    for k, floor in floors.items():
+        if not math.isfinite(floor.altitude_m):
+            continue
+        sag = floor.altitude_m + _SAG - lowest_in(found, k)
+        if sag > _SAG or (sag < -_SAG and levels[k] > floor.altitude_m + _SAG):
+            levels[k] = max(floor.altitude_m, levels[k] + sag)
+            moved = True
+    return moved
+
+
+def bends_down(found: Found) -> bool:
+    """Whether mass can be gained to second order: along no direction that keeps the rows.
+
+    The least eigenvalue of the Hessian of the Lagrangian on the null space of the rows and bounds
+    that hold (Nocedal and Wright, Numerical Optimization, section 12.5).
+    """
+    program, point = found.program, found.point
+    n, m = program.size, program.row_lower.size
+    values = np.zeros(len(program.jacobian_pattern[0]))
+    program.jacobian(point.x, values)
+    rows = np.zeros((m, n))
+    np.add.at(rows, program.jacobian_pattern, values)
+    entries = np.zeros(len(program.hessian_pattern[0]))
+    program.hessian(point.x, point.multipliers, 1.0, entries)
+    hessian = np.zeros((n, n))
+    np.add.at(hessian, program.hessian_pattern, entries)
+    hessian = np.tril(hessian) + np.tril(hessian, -1).T
+    loose = (point.x - program.lower > _AT_BOUND) & (program.upper - point.x > _AT_BOUND)
+    holds = (program.row_lower == program.row_upper) | (np.abs(point.multipliers) > _PRICED)
+    free = null_space(rows[holds][:, loose])
+    if not free.size:
+        return False
+    bends = np.linalg.eigvalsh(free.T @ hessian[np.ix_(loose, loose)] @ free)
+    return bool(bends[0] < -_STRAIGHT * max(1.0, abs(float(bends[-1]))))
+
+
+def wanders(found: Found, adjoint: Adjoint) -> float:
+    """Return how far the Hamiltonian wanders in the phases that touch no floor.
+
+    Where a coast touches its floor between two states the multiplier lies on these, and moves the
+    Hamiltonian by what the altitude changes from one to the other.
+    """
+    program = found.program
+    touched = {
+        p
+        for arc, rows in program.floor_rows.items()
+        if rows and np.abs(found.point.multipliers[rows]).max() > _PRICED
+        for p in program.arc_phases.get(arc, [])
+    }
+    spreads = spread_of(program, adjoint)
+    return max((s for p, s in spreads.items() if p not in touched), default=0.0)
+
+
+def lowest_in(found: Found, arc: int) -> float:
+    """Return the least altitude in an arc, m, between its states too."""
+    program, x = found.program, found.point.x
+    phases = program.arc_phases.get(arc, [])
+    if not phases:
+        return math.inf
+    times = node_times(program, x[program.lengths] * program.time)
+    states = x[: 6 * program.nodes].reshape(-1, 6)
+    inside = slice(int(program.first[phases[0]]), int(program.first[phases[-1] + 1]) + 1)
+    times, states = times[inside], states[inside]
+    if times[-1] - times[0] < _SAME_LENGTH:
+        times, states = times[:1], states[:1]
+        grid = states[:, :3] * program.radius
+    else:
+        keep = np.concatenate(([True], np.diff(times) > 0.0))
+        track = CubicHermiteSpline(
+            times[keep], states[keep, :3] * program.radius, states[keep, 3:] * program.speed
+        )
+        grid = track(np.linspace(times[0], times[-1], _SAMPLES * len(times)))
+    environment = program.arrays.environment[0]
+    return min(float(np.linalg.norm(r)) - surface_radius(r, environment) for r in grid)
+
+
+def lowest_altitude(
+    arrays: MissionArrays, track: Trajectory, begin: float, end: float
+) -> float:
+    """Return the least altitude of a trajectory between two times, m."""
+    inside = (track.time_s >= begin - _SAME_LENGTH) & (track.time_s <= end + _SAME_LENGTH)
+    environment = arrays.environment[0]
+    return min(
+        float(np.linalg.norm(r)) - surface_radius(r, environment)
+        for r in track.position[inside]
+    )
+
+
+def _flown(search: _Search, found: Found, adjoint: Adjoint) -> _Proven:
+    """Fly a point of a program by another integrator, if that is asked for."""
+    program, point, request = found.program, found.point, search.request
+    steering = steering_of(program, point, adjoint)
+    if not request.verify:
+        return _Proven(found, adjoint, steering, None, (), exact=True)
+    times = times_of(program, point.x)
+    planned = with_lengths(search.arrays, search.start[0], times.lengths)
+    flight = fly(
+        planned,
+        search.start[0],
+        steering,
+        jettison_times(program, times),
+        times.cutoff,
+        [float(t) for t in adjoint.time[np.flatnonzero(np.diff(adjoint.phase)) + 1]],
+    )
+    held = Heating.IGNORED if request.heating is Heating.IGNORED else Heating.AT_JETTISON
+    checks = constraint_table(planned, search.start[0], flight, held)
+    off = flight.final[:6] - adjoint.state[-1]
+    exact = bool(np.linalg.norm(off[:3]) < _END_M and np.linalg.norm(off[3:]) < _END_M_S)
+    return _Proven(found, adjoint, steering, flight, checks, exact)
+
+
+def steering_of(program: Transcription, point: Point, adjoint: Adjoint) -> Steering:
+    """Return the steering of a point: along the primer, where thrust and primer agree.
+
+    Where nothing is paid for, as where burns of fixed length are too much, there is no primer:
+    the directions themselves are joined.
+    """
+    laws: dict[int, Callable[[float], Array]] = {}
+    for p, phase in enumerate(program.phases):
+        if phase["steering"] == COASTING:
+            continue
+        rows = np.flatnonzero(adjoint.phase == p)
+        controls = program.control_of[p]
+        u = point.x[controls[:, None] + np.arange(3)]
+        times = adjoint.time[rows]
+        if phase["steering"] == GUIDED:
+            primer = adjoint.by_velocity[rows]
+            size = np.linalg.norm(primer, axis=1)
+            along = (primer[1:] * u).sum(axis=1) / np.maximum(size[1:], 1e-300)
+            thrust = phase["thrust"] + phase["thrust_slope"] * (times[1:] - times[0]) / program.time
+            along[thrust < _LITTLE * thrust.max()] = 1.0
+            if size.min() > 0.0 and along.min() > math.cos(_ASIDE) and np.ptp(times) > _SAME_LENGTH:
+                laws[p] = CubicHermiteSpline(times, primer, -adjoint.by_position[rows])
+                continue
+        laws[p] = _joined(program, p, times, u)
+    begins = [float(adjoint.time[np.argmax(adjoint.phase == p)]) for p in laws]
+    numbers = list(laws)
+
+    def steering(begin: float, end: float) -> Direction:
+        middle = 0.5 * (begin + end)
+        index = max(0, int(np.searchsorted(begins, middle + 1e-9)) - 1)
+        law = laws[numbers[index]]
+
+        def at(t: float) -> Array:
+            vector = np.asarray(law(t))
+            return vector / math.sqrt(vector @ vector)
+
+        return at
+
+    return steering
+
+
+def _joined(program: Transcription, p: int, times: Array, u: Array) -> Callable[[float], Array]:
+    """Directions at the Radau points of a phase, joined by a polynomial in each interval."""
+    d = program.degree
+    pieces = [
+        BarycentricInterpolator(times[1 + k * d : 1 + (k + 1) * d], u[k * d : (k + 1) * d])
+        for k in range(int(program.intervals[p]))
+    ]
+    begins = times[:-1:d]
+
+    def law(t: float) -> Array:
+        k = min(max(int(np.searchsorted(begins, t, side="right")) - 1, 0), len(pieces) - 1)
+        return np.asarray(pieces[k](t))
+
+    if times[-1] - times[0] < _SAME_LENGTH or program.steering[p] != GUIDED:
+        return lambda _: u[-1]
+    return law
+
+
+def jettison_times(program: Transcription, times: Times) -> tuple[float, ...]:
+    """Return the time of every jettison, s; nan: it is done already, or does not come."""
+    arrays, start = program.arrays, program.start[0]
+    ignitions = first_ignitions(start, program.segments, arrays.arcs)
+    now = float(start["time"])
+    waiting = iter(times.drops)
+    out = []
+    for j, jettison in enumerate(arrays.jettisons):
+        if (int(start["jettisoned"]) >> j) & 1:
+            out.append(math.nan)
+            continue
+        lit = max(now, ignitions[int(jettison["stage"])])
+        if jettison["criterion"] == HEATING_LIMIT:
+            at = max(lit, float(next(waiting)))
+        elif jettison["criterion"] == MISSION_TIME:
+            at = max(lit, float(jettison["value"]))
+        else:
+            at = max(now, ignitions[int(jettison["stage"])] + float(jettison["value"]))
+        out.append(at if at <= times.cutoff else math.nan)
+    return tuple(out)
+
+
+def _steering_arcs(program: Transcription, point: Point, adjoint: Adjoint) -> tuple[SteeringArc, ...]:
+    """A linear-tangent law per phase: the straight line between its first and last direction."""
+    arcs = []
+    lengths = program.time * point.x[program.lengths]
+    begins = float(program.start["time"][0]) + np.concatenate(([0.0], np.cumsum(lengths)))
+    for p, phase in enumerate(program.phases):
+        rows = np.flatnonzero(adjoint.phase == p)
+        first_mass = float(point.x[program.masses[p]]) * program.mass
+        last_mass = float(point.x[program.ends[p]]) * program.mass
+        primer = adjoint.by_velocity[rows]
+        if phase["steering"] not in (COASTING, GUIDED):
+            primer = adjoint.direction[rows]
+        size = max(float(np.linalg.norm(primer[0])), 1e-300)
+        direction = primer[0] / size
+        rate = (primer[-1] - primer[0]) / (size * max(float(lengths[p]), SHORTEST))
+        gained = 0.0
+        primer_rate = np.full(3, math.nan)
+        if phase["steering"] == GUIDED:
+            primer_rate = -adjoint.by_position[rows[0]] / size
+        if phase["steering"] != COASTING:
+            k = int(program.segments[p]["arc"])
+            exhaust = float(program.arrays.arcs[k]["exhaust_velocity"])
+            gained = exhaust * math.log(first_mass / last_mass)
+        arcs.append(
+            SteeringArc(
+                float(begins[p]),
+                float(begins[p + 1]),
+                float(begins[p]),
+                (float(direction[0]), float(direction[1]), float(direction[2])),
+                (float(rate[0]), float(rate[1]), float(rate[2])),
+                first_mass,
+                last_mass,
+                gained,
+                (float(primer_rate[0]), float(primer_rate[1]), float(primer_rate[2])),
+            )
+        )
+    return tuple(arcs)
+
+
+def _solution(
+    search: _Search, proven: _Proven, floors: tuple[Floor, ...], elapsed: float
+) -> Solution:
+    """A point of a program as a solution."""
+    program, point, flight = proven.found.program, proven.found.point, proven.flight
+    times = times_of(program, point.x)
+    planned = with_lengths(search.arrays, search.start[0], times.lengths)
+    costates = costates_of(program, point, proven.adjoint)
+    spread = wanders(proven.found, proven.adjoint)
+    floor_checks = tuple(_floor_check(proven.found, floor) for floor in floors)
+    checks = (
+        *_priced(search, proven, proven.checks),
+        *floor_checks,
+        *_length_checks(program, point, times),
+    )
+    nodes = _nodes(program, point)
+    solution = Solution(
+        METHOD,
+        *_verdict(proven, checks, spread),
+        jettison_times(program, times),
+        times.cutoff,
+        proven.found.m_f_kg,
+        search.iterations,
+        elapsed,
+        arcs=_steering_arcs(program, point, proven.adjoint),
+        lengths_s=tuple(float(length) for length in times.lengths),
+        constraints=checks,
+        trajectory=_sampled(program, proven, nodes),
+        costates=costates,
+        parameters=_unknowns(program, proven, times),
+        restarts=max(0, search.starts - 1),
+        by_legs=True,
+    )
+    if flight is None:
+        return solution
+    offsets = held_offsets(planned, flight, proven.steering, costates)
+    directions = held_checks(planned, flight, offsets)
+    checks = (*checks, *directions)
+    return replace(
+        solution,
+        **_verdict(proven, checks, spread)._asdict(),
+        m_f_kg=float(flight.final[6]),
+        constraints=checks,
+        verification=verification(planned, flight, nodes[program.first]),
+        trajectory=flight.trajectory,
+        costates=replace(costates, held_off_deg=offsets),
+    )
+
+
+def _unknowns(program: Transcription, proven: _Proven, times: Times) -> Array:
+    """What the two-point problem would have for unknowns, see ``indirect.solver.Root``."""
+    point, adjoint = proven.found.point, proven.adjoint
+    arrays, start = program.arrays, program.start[0]
+    size = max(float(np.linalg.norm(adjoint.by_velocity[0])), 1e-300)
+    unknowns = [*adjoint.by_velocity[0] / size, *adjoint.by_position[0] / size, times.cutoff]
+    waiting = [
+        j
+        for j, jettison in enumerate(arrays.jettisons)
+        if jettison["criterion"] == HEATING_LIMIT and not (int(start["jettisoned"]) >> j) & 1
+    ]
+    for j, at in zip(waiting, times.drops, strict=True):
+        row = program.heating_rows.get(j)
+        pi = 0.0 if row is None else float(point.multipliers[row]) * program.mass / size
+        unknowns += [at, min(0.0, pi)]
+    now = float(start["arc_start_time"])
+    lengths = iter(times.lengths)
+    free = free_arcs(arrays, start)
+    for k in range(int(start["arc"]), len(arrays.arcs) - 1):
+        now += float(next(lengths)) if k in free else float(arrays.arcs[k]["duration"])
+        if k in free:
+            unknowns.append(now)
+    for k in range(int(start["arc"]), len(arrays.arcs)):
+        if arrays.arcs[k]["held"]:
+            p = next(p for p in range(len(program.phases)) if program.segments[p]["arc"] == k)
+            at = program.control_of[p][0]
+            unknowns += list(point.x[at : at + 3])
+    return np.array(unknowns)
+
+
+def _sampled(program: Transcription, proven: _Proven, nodes: Array) -> Trajectory:
+    """The states of a program as a trajectory; phases begin and end with a sample."""
+    adjoint = proven.adjoint
+    masses = np.interp(adjoint.time, nodes[:, 0], nodes[:, 7])
+    thrust = np.zeros(len(adjoint.time))
+    for p, piece in enumerate(program.segments):
+        rows = adjoint.phase == p
+        begin = float(proven.found.point.x[program.masses[p]]) * program.mass
+        into = adjoint.time[rows] - adjoint.time[rows][0]
+        moved = piece.copy()
+        moved["start"], moved["mass"] = 0.0, begin
+        masses[rows] = [timetable.segment_mass(moved, s) for s in into]
+        thrust[rows] = [timetable.segment_thrust(moved, s) for s in into]
+    direction = adjoint.direction.copy()
+    for i in range(1, len(direction)):
+        if np.isnan(direction[i]).any():
+            direction[i] = direction[i - 1]
+    first = np.argmax(~np.isnan(direction).any(axis=1))
+    direction[:first] = direction[first]
+    state = adjoint.state
+    rates = [heating(y[:3], y[3:], program.arrays) for y in state]
+    return Trajectory(
+        adjoint.time, state[:, :3], state[:, 3:], masses, direction, np.array(rates), thrust
+    )
+
+
+def _nodes(program: Transcription, point: Point) -> Array:
+    """States of the program with time and mass, shape (n, 8); masses where phases begin."""
+    times = node_times(program, program.time * point.x[program.lengths])
+    states = point.x[: 6 * program.nodes].reshape(-1, 6)
+    masses = np.interp(
+        np.arange(program.nodes),
+        program.first,
+        program.mass * np.concatenate((point.x[program.masses], point.x[program.ends[-1:]])),
+    )
+    return np.column_stack(
+        (times, program.radius * states[:, :3], program.speed * states[:, 3:], masses)
+    )
+
+
+def _verdict(proven: _Proven, checks: tuple[ConstraintCheck, ...], spread: float) -> Cause:
+    """Optimal, or feasible and why."""
+    broken = next((check for check in checks if not check.satisfied), None)
+    if broken is not None:
+        return Cause(
+            Status.NOT_OPTIMAL,
+            f"{broken.name} {broken.value:,.7g} {broken.unit} instead of {broken.limit:,.7g} "
+            f"{broken.unit} when flown by another integrator",
+        )
+    if proven.found.point.regularized and bends_down(proven.found):
+        return Cause(Status.FEASIBLE, "the second-order conditions are not met")
+    taken = _taken(proven.found)
+    if taken < _NOTHING_KG:
+        return Cause(Status.CONVERGED, next_to_nothing(taken))
+    if spread > SPREAD:
+        return Cause(
+            Status.FEASIBLE, f"the Hamiltonian wanders by {spread:.1e}; at most {SPREAD:g} counts"
+        )
+    return OPTIMAL
+
+
+def _taken(found: Found) -> float:
+    """Propellant that the free burns of the last stage take, kg; inf: none is free."""
+    program = found.program
+    arcs = program.arrays.arcs
+    burns = [
+        k
+        for k in program.arc_phases
+        if arcs[k]["stage"] == arcs[-1]["stage"] and arcs[k]["kind"] == BURN
+        and math.isinf(arcs[k]["duration"])
+    ]
+    phases = [p for k in burns for p in program.arc_phases[k]]
+    if not phases:
+        return math.inf
+    burnt = found.point.x[program.masses[phases]] - found.point.x[program.ends[phases]]
+    return float(burnt.sum()) * program.mass
+
+
+def _floor_check(found: Found, floor: Floor) -> ConstraintCheck:
+    """A floor, and what a metre of it costs."""
+    rows = found.program.floor_rows[floor.arc]
+    price = float(found.point.multipliers[rows].sum()) * found.program.mass / found.program.radius
+    low = lowest_in(found, floor.arc)
+    return ConstraintCheck(
+        Check.LOWEST_ALTITUDE,
+        f"lowest altitude in arc {floor.arc}",
+        low,
+        floor.altitude_m,
+        low < floor.altitude_m + _ACTIVE,
+        "m",
+        low >= floor.altitude_m - 0.1 * _SAG,
+        price,
+    )
+
+
+def _priced(
+    search: _Search, proven: _Proven, checks: tuple[ConstraintCheck, ...]
+) -> tuple[ConstraintCheck, ...]:
+    """The checks with what each is worth, kg per unit."""
+    arrays = search.arrays
+    program, point, adjoint = proven.found.program, proven.found.point, proven.adjoint
+    target = arrays.target[0]
+    costate = np.concatenate((adjoint.by_position[-1], adjoint.by_velocity[-1]))
+    mu = float(arrays.environment[0]["mu"])
+    worth = target_worth(target, mu, adjoint.state[-1], costate)
+    prices: dict[tuple[Check, int | None], float] = {
+        (row.key, None): -float(value)
+        for row, value in zip(target_rows(target), worth, strict=True)
+    }
+    for j, row in program.heating_rows.items():
+        prices[Check.HEATING_AT_JETTISON, j] = (
+            -float(point.multipliers[row]) * program.mass / float(arrays.jettisons[j]["value"])
+        )
+    return tuple(
+        replace(check, multiplier=prices.get((check.key, check.jettison), check.multiplier))
+        for check in checks
+    )
+
+
+def _length_checks(
+    program: Transcription, point: Point, times: Times
+) -> tuple[ConstraintCheck, ...]:
+    """The bounds of the free arcs, and what a second of them is worth."""
+    arrays, start = program.arrays, program.start[0]
+    low, high = length_bounds(arrays, start)
+    checks = []
+    for f, k in enumerate(free_arcs(arrays, start)):
+        length = float(times.lengths[f])
+        short = length < low[f] + _SAME_LENGTH
+        long = length > high[f] - _SAME_LENGTH
+        bound = float(low[f]) if short or math.isinf(high[f]) else float(high[f])
+        members = program.arc_phases.get(k, [])
+        worth = math.nan
+        if len(members) == 1:
+            at = program.lengths[members[0]]
+            worth = float(point.at_upper[at] - point.at_lower[at]) * program.mass / program.time
+        burn = arrays.arcs[k]["kind"] == BURN
+        checks.append(
+            ConstraintCheck(
+                Check.ARC_LENGTH,
+                f"length of arc {k}",
+                length,
+                bound,
+                bool(short or long),
+                "s",
+                bool(low[f] - _SAME_LENGTH <= length <= high[f] + _SAME_LENGTH),
+                (math.nan if burn and long else worth) if short or long else 0.0,
+            )
+        )
+    return tuple(checks)

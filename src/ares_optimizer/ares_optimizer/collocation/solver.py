@@ -1,0 +1,144 @@
+"""The sparse program solved by IPOPT (Waechter and Biegler, Math. Program. 106, 2006)."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_optimizer.collocation.transcription import Transcription
+from ares_optimizer.deadline import Deadline
+
+Array = NDArray[np.float64]
+
+SOLVED = 0
+ACCEPTABLE = 1
+LOCALLY_INFEASIBLE = 2
+
+_OPTIONS: dict[str, Any] = {
+    "print_level": 0,
+    "sb": "yes",
+    "tol": 1e-9,
+    "constr_viol_tol": 1e-9,
+    "mu_strategy": "adaptive",
+    "fixed_variable_treatment": "make_parameter",
+    "bound_relax_factor": 0.0,
+}
+#: Near a solution with its multipliers.
+_WARM: dict[str, Any] = {
+    "warm_start_init_point": "yes",
+    "warm_start_bound_push": 1e-7,
+    "warm_start_bound_frac": 1e-7,
+    "warm_start_slack_bound_push": 1e-7,
+    "warm_start_slack_bound_frac": 1e-7,
+    "warm_start_mult_bound_push": 1e-7,
+    "mu_init": 1e-7,
+    "mu_strategy": "monotone",
+}
+
+
+@dataclass(frozen=True)
+class Point:
+    """Where the solver stopped.
+
+    Attributes:
+        x: shape (n,), variables.
+        status: the solver's own: SOLVED, ACCEPTABLE, LOCALLY_INFEASIBLE or another failure.
+        multipliers: shape (m,), of the rows.
+        at_lower, at_upper: shape (n,), multipliers of the bounds.
+        violation: greatest violation of a row or bound.
+        iterations: of the solver.
+        regularized: the Hessian had to be changed in the last iteration: no strict minimum.
+    """
+
+    x: Array
+    status: int
+    multipliers: Array
+    at_lower: Array
+    at_upper: Array
+    violation: float
+    iterations: int
+    regularized: bool
+
+    @property
+    def solved(self) -> bool:
+        """Whether the first-order conditions are met."""
+        return self.status in (SOLVED, ACCEPTABLE)
+
+
+def solve_program(
+    program: Transcription,
+    guess: Array | Point,
+    deadline: Deadline,
+    mu: float | None = None,
+    most: int = 200,
+) -> Point:
+    """Solve a program from a guess.
+
+    Args:
+        program: what is solved.
+        guess: shape (n,), or the solution of a program of the same pattern.
+        deadline: at which the solver stops.
+        mu: barrier to begin with, for a guess that is near; None: the solver's.
+        most: iterations.
+    """
+    import ipyopt
+
+    seen = {"iterations": 0, "regularization": 0.0}
+
+    def watch(
+        _mode: int, iteration: int, _f: float, _p: float, _d: float, _mu: float, _n: float,
+        regularization: float, *_rest: float,
+    ) -> bool:
+        seen["iterations"] = iteration
+        seen["regularization"] = regularization
+        return not deadline.passed
+
+    chosen = _OPTIONS | {"max_iter": most}
+    if mu is not None:
+        chosen |= {"mu_init": mu, "mu_strategy": "monotone"}
+    if isinstance(guess, Point):
+        chosen |= _WARM
+    problem = ipyopt.Problem(
+        program.size,
+        program.lower,
+        program.upper,
+        program.row_lower.size,
+        program.row_lower,
+        program.row_upper,
+        program.jacobian_pattern,
+        program.hessian_pattern,
+        program.objective,
+        program.gradient,
+        program.rows,
+        program.jacobian,
+        program.hessian,
+        intermediate_callback=watch,
+        ipopt_options=chosen,
+    )
+    if isinstance(guess, Point):
+        x, multipliers = guess.x.copy(), guess.multipliers.copy()
+        at_lower, at_upper = guess.at_lower.copy(), guess.at_upper.copy()
+    else:
+        x, multipliers = guess, np.zeros(program.row_lower.size)
+        at_lower, at_upper = np.zeros(program.size), np.zeros(program.size)
+    x = np.clip(x, program.lower, program.upper)
+    x, _, status = problem.solve(
+        x, mult_g=multipliers, mult_x_L=at_lower, mult_x_U=at_upper
+    )
+    rows = np.zeros(program.row_lower.size)
+    program.rows(x, rows)
+    violation = max(
+        float(np.maximum(program.row_lower - rows, rows - program.row_upper).max(initial=0.0)),
+        float(np.maximum(program.lower - x, x - program.upper).max(initial=0.0)),
+    )
+    return Point(
+        x,
+        int(status),
+        multipliers,
+        at_lower,
+        at_upper,
+        violation,
+        int(seen["iterations"]),
+        seen["regularization"] > 0.0,
+    )

@@ -1,0 +1,609 @@
+"""A mission as a sparse program: what follows what, which variables, which rows.
+
+The order of events is that of a timetable (``kernels/timetable.py``) for trial times; which
+arc a fairing goes in, and whether a throttle's limit is met, stays as it is there.
+"""
+
+import math
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models.arrays import BURN, HEATING_LIMIT, MissionArrays, Record
+from ares_optimizer.collocation.arrays import (
+    COASTING,
+    FLOOR_RULE,
+    GUIDED,
+    HEATING_RULE,
+    HELD_ATTITUDE,
+    PERIGEE_RULE,
+    PHASE,
+    POINT,
+    RULE,
+    TARGET_RULE,
+)
+from ares_optimizer.collocation.kernels import (
+    Program,
+    fill_hessian,
+    fill_jacobian,
+    fill_rows,
+    fill_rules,
+)
+from ares_optimizer.collocation.radau import radau
+from ares_optimizer.floors import Floor
+from ares_optimizer.kernels import timetable
+from ares_optimizer.kernels.terminal import MAX_ROWS, terminal_rows
+from ares_optimizer.plan import SHORTEST, free_arcs
+
+Array = NDArray[np.float64]
+
+INFINITE = 2e19  # what the solver takes for no bound
+#: Intervals of a burn and of a coast: one per so much of a small circle, rad, and at least so many.
+_BURN_TURN = 0.12
+_COAST_TURN = 0.25
+_LEAST_BURN = 2
+_MOST_BURN = 40
+_LEAST_COAST = 2
+_MOST_COAST = 400
+#: Turn of the thrust that takes an interval more, rad; intervals of a phase at most, and places
+#: to put them.
+_THRUST_TURN = 0.15
+_MOST_TURNS = 80
+_PLACES = 2001
+_SHORT = 5.0  # s
+#: Mass, as a part of that at the start, that is none.
+_NO_MASS = 1e-9
+_LEAST_MASS = 1e-6
+
+
+class Turning(NamedTuple):
+    """How far the thrust of a flight has turned.
+
+    Attributes:
+        time: s, shape (n,), increasing.
+        turned: rad since the first of them, shape (n,).
+    """
+
+    time: Array
+    turned: Array
+
+
+class Times(NamedTuple):
+    """When what is free happens.
+
+    Attributes:
+        lengths: of the free arcs before the last, s.
+        cutoff: s, mission elapsed time.
+        drops: of the jettisons that wait for heating, in the order of the file, s.
+    """
+
+    lengths: Array
+    cutoff: float
+    drops: Array
+
+
+@dataclass
+class Rows:
+    """Rows that are linear, and the bounds of all."""
+
+    lower: list[float] = field(default_factory=list)
+    upper: list[float] = field(default_factory=list)
+    names: list[str] = field(default_factory=list)
+    linear: list[tuple[int, int, float]] = field(default_factory=list)
+
+    def add(self, name: str, lower: float, upper: float) -> int:
+        """Add a row; its index."""
+        self.lower.append(lower)
+        self.upper.append(upper)
+        self.names.append(name)
+        return len(self.lower) - 1
+
+
+def segments_of(
+    arrays: MissionArrays, start: NDArray[np.void], times: Times
+) -> NDArray[np.void]:
+    """Return the smooth pieces of a flight, dtype SEGMENT; empty where the times make none."""
+    segments = np.zeros(timetable.MAX_SEGMENTS, timetable.SEGMENT)
+    ends = np.zeros(max(1, len(times.lengths)))
+    now = float(start["arc_start_time"][0])
+    free = free_arcs(arrays, start[0])
+    f = 0
+    for k in range(int(start["arc"][0]), len(arrays.arcs) - 1):
+        if k in free:
+            now += float(times.lengths[f])
+            ends[f] = now
+            f += 1
+        else:
+            now += float(arrays.arcs[k]["duration"])
+    drops = np.concatenate((times.drops, [0.0]))
+    count = timetable.build_timetable(
+        start[0],
+        arrays.arcs,
+        arrays.jettisons,
+        timetable.Times(timetable.HEATING_PASSIVE, drops, ends, times.cutoff),
+        segments,
+    )
+    return segments[:count]
+
+
+class Transcription:
+    """The program of one mission and one order of events.
+
+    Attributes:
+        program: for the kernels.
+        segments: pieces of the trial flight, one per phase.
+        first: of each phase, index of the state at its begin; and of the last state.
+        breaks: of each phase, where its intervals begin and end, as parts of it.
+        intervals: of each phase.
+        names: of the rows.
+        lower, upper: bounds of the variables, shape (n,).
+        row_lower, row_upper: bounds of the rows, shape (m,).
+        pull: shape (n,), of the objective besides the mass: 0 but where nothing else decides.
+    """
+
+    def __init__(
+        self,
+        arrays: MissionArrays,
+        start: NDArray[np.void],
+        times: Times,
+        floors: tuple[Floor, ...] = (),
+        degree: int = 5,
+        finer: float = 1.0,
+        turning: Turning | None = None,
+    ) -> None:
+        """Lay out variables and rows.
+
+        Args:
+            arrays: the mission.
+            start: shape (1,), dtype NAVIGATION.
+            times: trial times, which make the order of events.
+            floors: of the arcs.
+            degree: of the polynomials.
+            finer: factor on the number of intervals.
+            turning: how far the thrust has turned in a flight like this one: intervals are
+                short where it turns fast. None: they are of one length in a phase.
+
+        Raises:
+            ValueError: the times make no flight.
+        """
+        self.arrays = arrays
+        self.start = start
+        self.trial = times
+        self.waiting = len(times.drops)
+        self.mission = arrays.records()
+        self.segments = segments_of(arrays, start, times)
+        if not len(self.segments):
+            raise ValueError("the times make no flight")
+        environment = arrays.environment[0]
+        self.radius = float(environment["equatorial_radius"])
+        self.speed = math.sqrt(float(environment["mu"]) / self.radius)
+        self.time = self.radius / self.speed
+        self.mass = float(self.segments[0]["mass"])
+        self.degree = degree
+        self._rows = Rows()
+        self._lay_out_chain(finer, turning)
+        self._lay_out_variables()
+        self._lay_out_phases()
+        self._lay_out_points()
+        self._lay_out_lengths()
+        self._lay_out_masses()
+        self._lay_out_rules(floors)
+        rows = self._rows
+        self.row_lower, self.row_upper = np.array(rows.lower), np.array(rows.upper)
+        self.names = tuple(rows.names)
+        field = 1.5 * float(environment["j2"])
+        self.program = Program(
+            self.phases,
+            self.points,
+            self.rules,
+            radau(degree)[1],
+            self.controls,
+            field,
+            self.radius,
+            self.speed,
+        )
+        self.pull = np.zeros(self.size)
+        self._make_patterns()
+
+    # ---- what follows what
+
+    def _lay_out_chain(self, finer: float, turning: Turning | None) -> None:
+        """Place the intervals, and number the states."""
+        self.breaks = [self._breaks(piece, finer, turning) for piece in self.segments]
+        self.intervals = np.array([len(breaks) - 1 for breaks in self.breaks])
+        self.first = np.concatenate(([0], np.cumsum(self.intervals * self.degree)))
+        self.nodes = int(self.first[-1]) + 1
+
+    def _breaks(self, piece: Record, finer: float, turning: Turning | None) -> Array:
+        """Where the intervals of a phase begin and end, as parts of it."""
+        begin, end = float(piece["start"]), float(piece["end"])
+        orbit = (end - begin) / self.time
+        burning = piece["thrust"] > 0.0 or piece["thrust_slope"] > 0.0
+        step, least, most = (
+            (_BURN_TURN, _LEAST_BURN, _MOST_BURN)
+            if burning
+            else (_COAST_TURN, _LEAST_COAST, _MOST_COAST)
+        )
+        count = min(max(math.ceil(orbit / step), least), most)
+        if end - begin < _SHORT:
+            count = 1
+        even = np.linspace(0.0, 1.0, _PLACES)
+        if turning is None or not burning or end - begin < _SHORT:
+            return np.linspace(0.0, 1.0, math.ceil(finer * count) + 1)
+        turned = np.interp(begin + even * (end - begin), *turning)
+        # as many intervals again as the thrust turns by steps of its own
+        whole = even * count + (turned - turned[0]) / _THRUST_TURN
+        count = math.ceil(finer * min(whole[-1], _MOST_TURNS))
+        places = np.interp(np.linspace(0.0, whole[-1], count + 1), whole, even)
+        places[0], places[-1] = 0.0, 1.0
+        return places
+
+    def _lay_out_variables(self) -> None:
+        """Number the variables: states, directions, lengths, masses."""
+        phases = len(self.segments)
+        burning = (self.segments["thrust"] > 0.0) | (self.segments["thrust_slope"] > 0.0)
+        self.steering = np.where(
+            burning, np.where(self.segments["held"] > 0, HELD_ATTITUDE, GUIDED), COASTING
+        )
+        at = 6 * self.nodes
+        controls: list[int] = []
+        self.control_of: list[NDArray[np.int64]] = []
+        held: dict[int, int] = {}
+        for p in range(phases):
+            count = int(self.intervals[p]) * self.degree
+            if self.steering[p] == GUIDED:
+                own = at + 3 * np.arange(count)
+                controls += own.tolist()
+                at += 3 * count
+            elif self.steering[p] == HELD_ATTITUDE:
+                number = int(self.segments[p]["held"])
+                if number not in held:
+                    held[number] = at
+                    controls.append(at)
+                    at += 3
+                own = np.full(count, held[number])
+            else:
+                own = np.full(count, -1)
+            self.control_of.append(own)
+        self.controls = np.array(controls, np.int64)
+        self.lengths = at + np.arange(phases)
+        self.masses = at + phases + np.arange(phases)
+        self.ends = at + 2 * phases + np.arange(phases)
+        self.size = at + 3 * phases
+        self.lower = np.full(self.size, -INFINITE)
+        self.upper = np.full(self.size, INFINITE)
+        self.lower[6 * self.nodes : at] = -1.5
+        self.upper[6 * self.nodes : at] = 1.5
+        self.lower[:6] = self.upper[:6] = self.start_state
+        self.lower[self.lengths] = 0.0
+        self.lower[self.masses] = self.lower[self.ends] = _LEAST_MASS
+
+    @property
+    def start_state(self) -> Array:
+        """State at the start, scaled, shape (6,)."""
+        return np.concatenate(
+            (self.start["position"][0] / self.radius, self.start["velocity"][0] / self.speed)
+        )
+
+    def _lay_out_phases(self) -> None:
+        """Write what is known of each phase."""
+        force = self.mass * self.speed / self.time
+        flow = self.mass / self.time
+        phases = np.zeros(len(self.segments), PHASE)
+        for p, piece in enumerate(self.segments):
+            row = phases[p]
+            row["steering"] = self.steering[p]
+            row["length"] = self.lengths[p]
+            row["mass"] = self.masses[p]
+            row["thrust"] = piece["thrust"] / force
+            row["thrust_slope"] = piece["thrust_slope"] * self.time / force
+            row["flow"] = piece["flow"] / flow
+            row["flow_slope"] = piece["flow_slope"] * self.time / flow
+            row["fading"] = piece["fading"] * self.time
+            row["acceleration"] = piece["thrust"] / piece["mass"] * self.time / self.speed
+            row["end"] = self.ends[p]
+        self.phases = phases
+
+    def _lay_out_points(self) -> None:
+        """Write the Radau points, six rows each, and a row for each direction."""
+        nodes = radau(self.degree)[0]
+        points = np.zeros(int(self.intervals.sum()) * self.degree, POINT)
+        i = 0
+        for p, breaks in enumerate(self.breaks):
+            for k, width in enumerate(np.diff(breaks)):
+                for number in range(1, self.degree + 1):
+                    row = points[i]
+                    row["phase"] = p
+                    row["node"] = self.first[p] + k * self.degree
+                    row["number"] = number
+                    row["width"] = width
+                    row["fraction"] = breaks[k] + width * nodes[number]
+                    row["control"] = self.control_of[p][k * self.degree + number - 1]
+                    i += 1
+        self.points = points
+        for name, count in (("motion", 6 * len(points)), ("direction", len(self.controls))):
+            for _ in range(count):
+                self._rows.add(name, 0.0, 0.0)
+
+    # ---- rules
+
+    def _lay_out_lengths(self) -> None:
+        """Bound the lengths of phases and arcs."""
+        start, pieces = self.start[0], self.segments
+        self.drop_ends: dict[int, int] = {}
+        self.arc_phases: dict[int, list[int]] = {}
+        members: list[int] = []
+        for p, piece in enumerate(pieces):
+            members.append(p)
+            k = int(piece["arc"])
+            if not piece["after_cutoff"]:
+                self.arc_phases.setdefault(k, []).append(p)
+            if piece["end_heating"] >= 0:
+                self.drop_ends[int(piece["end_heating"])] = p
+            arc = self.arrays.arcs[k]
+            length = float(piece["end"] - pieces[members[0]]["start"])
+            if self._ends_arc(p):
+                low = high = length
+                if math.isinf(arc["duration"]) and not piece["after_cutoff"]:
+                    past = float(start["time"] - start["arc_start_time"])
+                    past = past if k == start["arc"] else 0.0
+                    low = max(SHORTEST, float(arc["shortest"]) - past)
+                    high = max(low, float(arc["longest"]) - past)
+                self._bound_sum(f"length of arc {k}", members, low, high)
+                members = []
+            elif piece["end_heating"] < 0 and not self._throttle_turns(p):
+                self._bound_sum(f"event in arc {k}", members, length, length)
+
+    def _ends_arc(self, p: int) -> bool:
+        """Whether a phase is the last of its arc, or of the tail-off after the cut-off."""
+        if p + 1 == len(self.segments):
+            return True
+        here, there = self.segments[p], self.segments[p + 1]
+        return bool(here["arc"] != there["arc"] or here["after_cutoff"] != there["after_cutoff"])
+
+    def _throttle_turns(self, p: int) -> bool:
+        """Whether a phase ends where its burn begins or ends to be throttled."""
+        if p + 1 == len(self.segments):
+            return False
+        here, there = self.segments[p], self.segments[p + 1]
+        return bool(
+            here["arc"] == there["arc"]
+            and math.isfinite(self.arrays.arcs[here["arc"]]["max_acceleration"])
+            and (here["fading"] > 0.0) != (there["fading"] > 0.0)
+        )
+
+    def _bound_sum(self, name: str, phases: list[int], low: float, high: float) -> None:
+        """Keep the length of some phases between two bounds, s."""
+        low, high = low / self.time, min(high / self.time, INFINITE)
+        if len(phases) == 1:
+            at = self.lengths[phases[0]]
+            self.lower[at], self.upper[at] = max(low, self.lower[at]), min(high, self.upper[at])
+            return
+        if high >= INFINITE and low <= 0.0:
+            return
+        row = self._rows.add(name, low, high)
+        self._rows.linear += [(row, int(self.lengths[p]), 1.0) for p in phases]
+
+    def _lay_out_masses(self) -> None:
+        """Tie the masses of phases to one another, and keep to the propellant of each stage."""
+        rows, pieces, arcs = self._rows, self.segments, self.arrays.arcs
+        self.lower[self.masses[0]] = self.upper[self.masses[0]] = 1.0
+        dropped = np.zeros(len(pieces))
+        for p, piece in enumerate(pieces):
+            self.phases[p]["link"] = rows.add("mass", 0.0, 0.0)
+            arc = arcs[piece["arc"]]
+            if self._throttle_turns(p):
+                limit = float(arc["thrust"] / arc["max_acceleration"]) / self.mass
+                if piece["fading"] > 0.0:
+                    limit *= float(arc["min_throttle"])
+                self.lower[self.ends[p]] = self.upper[self.ends[p]] = limit
+            if p + 1 == len(pieces):
+                break
+            after = pieces[p + 1]
+            if arcs[after["arc"]]["begins_stage"] and after["arc"] != piece["arc"]:
+                at = self.masses[p + 1]
+                self.lower[at] = self.upper[at] = float(after["mass"]) / self.mass
+                continue
+            end = timetable.segment_mass(piece, piece["end"])
+            drop = float(end - after["mass"]) / self.mass
+            dropped[p] = drop if drop > _NO_MASS else 0.0
+            row = rows.add("mass", -dropped[p], -dropped[p])
+            rows.linear += [(row, int(self.masses[p + 1]), 1.0), (row, int(self.ends[p]), -1.0)]
+        self._lay_out_propellant(dropped)
+
+    def _lay_out_propellant(self, dropped: Array) -> None:
+        """Keep what each stage burns within its propellant, where that is not given."""
+        pieces, arcs = self.segments, self.arrays.arcs
+        stages = arcs["stage"][pieces["arc"]]
+        start = self.start[0]
+        used = timetable.propellant_used(
+            start, float(pieces[0]["mass"]), arcs, self.arrays.jettisons
+        )
+        for stage in np.unique(stages):
+            members = np.flatnonzero(stages == stage)
+            there = arcs[np.unique(pieces["arc"][members])]
+            burns = there[there["kind"] == BURN]
+            if not np.isinf(burns["duration"]).any():
+                continue
+            left = float(burns["propellant"].max())
+            if stage == arcs[start["arc"]]["stage"]:
+                left -= used
+            most = left / self.mass + float(dropped[members[:-1]].sum())
+            row = self._rows.add(f"propellant of stage {stage}", -INFINITE, most)
+            self._rows.linear += [
+                (row, int(self.masses[members[0]]), 1.0),
+                (row, int(self.ends[members[-1]]), -1.0),
+            ]
+
+    def _lay_out_rules(self, floors: tuple[Floor, ...]) -> None:
+        """Write the rules of single states: target, heating, floors."""
+        rules: list[tuple[int, int, int, int, float]] = []
+        rows = self._rows
+
+        def add(kind: int, name: str, node: int, count: int, level: float, high: float) -> None:
+            first = len(rows.lower)
+            for _ in range(count):
+                rows.add(name, 0.0, high)
+            rules.append((kind, node, first, count, level))
+
+        waiting = [
+            j
+            for j, jettison in enumerate(self.arrays.jettisons)
+            if jettison["criterion"] == HEATING_LIMIT
+            and not (int(self.start["jettisoned"][0]) >> j) & 1
+        ]
+        self.heating_rows: dict[int, int] = {}
+        for number, p in self.drop_ends.items():
+            j = waiting[number]
+            self.heating_rows[j] = len(rows.lower)
+            level = math.log(float(self.arrays.jettisons[j]["value"]))
+            node = int(self.first[p + 1])
+            add(HEATING_RULE, f"heating at jettison {j}", node, 1, level, INFINITE)
+        self.floor_rows: dict[int, list[int]] = {}
+        for floor in floors:
+            phases = self.arc_phases.get(floor.arc, [])
+            # the state at the start is given
+            nodes = [n for p in phases for n in range(self.first[p], self.first[p + 1] + 1) if n]
+            before = len(rows.lower)
+            if math.isfinite(floor.altitude_m):
+                for node in dict.fromkeys(nodes):
+                    name = f"altitude in arc {floor.arc}"
+                    add(FLOOR_RULE, name, int(node), 1, floor.altitude_m, INFINITE)
+            if math.isfinite(floor.perigee_m) and nodes:
+                name = f"perigee in arc {floor.arc}"
+                add(PERIGEE_RULE, name, int(nodes[0]), 1, floor.perigee_m, INFINITE)
+            self.floor_rows[floor.arc] = list(range(before, len(rows.lower)))
+        c, gradient = np.zeros(MAX_ROWS), np.zeros((MAX_ROWS, 6))
+        start = self.start[0]
+        count = terminal_rows(
+            self.arrays.target[0],
+            float(self.arrays.environment[0]["mu"]),
+            tuple(start["position"].tolist()),
+            tuple(start["velocity"].tolist()),
+            c,
+            gradient,
+        )
+        add(TARGET_RULE, "target", self.nodes - 1, count, 0.0, 0.0)
+        self.target_rows = range(len(rows.lower) - count, len(rows.lower))
+        self.rules = np.zeros(len(rules), RULE)
+        for row, rule in zip(self.rules, rules, strict=True):
+            row["kind"], row["node"], row["row"], row["rows"], row["level"] = rule
+
+    def move_floor(self, arc: int, altitude_m: float) -> None:
+        """Ask for another altitude in an arc."""
+        for rule in self.rules:
+            if rule["kind"] == FLOOR_RULE and rule["row"] in self.floor_rows[arc]:
+                rule["level"] = altitude_m
+
+    # ---- patterns
+
+    def _make_patterns(self) -> None:
+        """Make the patterns of Jacobian and Hessian, in the order in which kernels write."""
+        rows: list[int] = []
+        columns: list[int] = []
+
+        def put(row: int, *at: int) -> None:
+            rows.extend([row] * len(at))
+            columns.extend(at)
+
+        d = self.degree
+        for i, point in enumerate(self.points):
+            node, number = int(point["node"]), int(point["number"])
+            phase = self.phases[point["phase"]]
+            length, mass, control = int(phase["length"]), int(phase["mass"]), int(point["control"])
+            at = 6 * (node + number)
+            for c in range(6):
+                put(6 * i + c, *(6 * (node + j) + c for j in range(d + 1)))
+            for c in range(3):
+                put(6 * i + c, at + 3 + c, length)
+                put(6 * i + 3 + c, at, at + 1, at + 2, length)
+                if phase["steering"] != COASTING:
+                    put(6 * i + 3 + c, control + c, mass)
+        first = 6 * len(self.points)
+        for i, control in enumerate(self.controls):
+            put(first + i, int(control), int(control) + 1, int(control) + 2)
+        for p, phase in enumerate(self.phases):
+            length, mass = int(phase["length"]), int(phase["mass"])
+            put(int(phase["link"]), int(self.ends[p]), length, mass)
+        for rule in self.rules:
+            at = 6 * int(rule["node"])
+            for row in range(int(rule["rows"])):
+                put(int(rule["row"]) + row, *range(at, at + 6))
+        self.linear = np.array([entry[2] for entry in self._rows.linear])
+        self._linear_rows = np.array([entry[0] for entry in self._rows.linear], np.int64)
+        self._linear_columns = np.array([entry[1] for entry in self._rows.linear], np.int64)
+        self.moving = len(rows)
+        self.jacobian_pattern = (
+            np.concatenate((rows, self._linear_rows)).astype(np.int64),
+            np.concatenate((columns, self._linear_columns)).astype(np.int64),
+        )
+        self.hessian_pattern = self._hessian_pattern()
+
+    def _hessian_pattern(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        rows: list[int] = []
+        columns: list[int] = []
+
+        def put(one: int, other: int) -> None:
+            rows.append(max(one, other))
+            columns.append(min(one, other))
+
+        for point in self.points:
+            phase = self.phases[point["phase"]]
+            length, mass, control = int(phase["length"]), int(phase["mass"]), int(point["control"])
+            at = 6 * (int(point["node"]) + int(point["number"]))
+            for c in range(3):
+                for j in range(c + 1):
+                    put(at + c, at + j)
+            for c in range(3):
+                put(length, at + 3 + c)
+                put(length, at + c)
+            if phase["steering"] == COASTING:
+                continue
+            for c in range(3):
+                put(length, control + c)
+                put(mass, control + c)
+            put(length, length)
+            put(mass, length)
+            put(mass, mass)
+        for control in self.controls:
+            for c in range(3):
+                put(int(control) + c, int(control) + c)
+        for phase in self.phases:
+            put(int(phase["length"]), int(phase["length"]))
+            put(int(phase["mass"]), int(phase["length"]))
+        for rule in self.rules:
+            at = 6 * int(rule["node"])
+            for j in range(6):
+                for other in range(j + 1):
+                    put(at + j, at + other)
+        return np.array(rows, np.int64), np.array(columns, np.int64)
+
+    # ---- what the solver calls
+
+    def objective(self, x: Array) -> float:
+        """Negative mass at the end, and the pull."""
+        return float(self.pull @ x) - float(x[self.ends[-1]])
+
+    def gradient(self, x: Array, out: Array) -> None:
+        """Gradient of :meth:`objective`."""
+        out[:] = self.pull
+        out[self.ends[-1]] -= 1.0
+
+    def rows(self, x: Array, out: Array) -> None:
+        """Values of all rows."""
+        out[:] = 0.0
+        fill_rows(x, self.program, out)
+        fill_rules(x, self.program, self.mission, out)
+        if self.linear.size:
+            np.add.at(out, self._linear_rows, self.linear * x[self._linear_columns])
+
+    def jacobian(self, x: Array, out: Array) -> None:
+        """Entries of the Jacobian."""
+        fill_jacobian(x, self.program, self.mission, out)
+        out[self.moving :] = self.linear
+
+    def hessian(self, x: Array, multipliers: Array, factor: float, out: Array) -> None:
+        """Entries of the Hessian of the Lagrangian."""
+        fill_hessian(x, multipliers, self.program, self.mission, out)

@@ -1,0 +1,41 @@
+"""What a figure of the target is worth, from the costates at cut-off."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models.arrays import Record
+from ares_optimizer.targets import figures_of, half_turn, target_rows
+
+Array = NDArray[np.float64]
+
+#: Steps of the differences, m and m/s.
+_STEPS = np.array([10.0] * 3 + [1e-2] * 3)
+
+
+def target_worth(target: Record, mu: float, state: Array, costate: Array) -> Array:
+    """Write the costates at cut-off in the gradients of the figures that a target asks for.
+
+    Args:
+        target: record TARGET.
+        mu: m3/s2.
+        state: position m and velocity m/s at cut-off, shape (6,).
+        costate: by them, shape (6,).
+
+    Returns:
+        costate per unit of each figure of :func:`targets.target_rows`.
+    """
+    rows = target_rows(target)
+    gradient = np.zeros((len(rows), 6))
+    for k in range(6):
+        move = np.zeros(6)
+        move[k] = _STEPS[k]
+        sides = [figures_of(target, x[:3], x[3:], mu) for x in (state + move, state - move)]
+        for i, row in enumerate(rows):
+            change = sides[0][i] - sides[1][i]
+            if row.turn:
+                change = half_turn(change)
+            gradient[i, k] = change / (2.0 * _STEPS[k])
+    # scaled so that position and velocity weigh alike
+    return np.asarray(
+        np.linalg.lstsq((gradient * _STEPS).T, costate * _STEPS, rcond=None)[0]
+    )
