@@ -2,16 +2,19 @@
 
 import math
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from rclpy.node import Node
 
+from ares_guidance.messages import _trajectory
 from ares_guidance.node import GuidanceNode
 from ares_models.mission import MISSION
 from ares_msgs.msg import FlightEvent, GuidanceStatus, NavState
 from ares_msgs.srv import SolveTrajectory
 from ares_node.qos import FLIGHT
+from ares_optimizer import messages
 from ares_optimizer.messages import ERROR_CODES
 from ares_optimizer.node import OptimizerNode
 from ares_optimizer.solution import Cause, Status, failed
@@ -55,6 +58,15 @@ def test_the_optimum_is_served_whole(served):
     positions = np.reshape(answer.sample_position, (-1, 3))
     assert len(positions) == len(answer.sample_time) == len(answer.sample_mass)
     assert np.linalg.norm(positions[-1]) == pytest.approx(6_518_889.0, abs=1.0)
+
+
+def test_a_plan_by_legs_is_served_and_read_as_one(monkeypatch):
+    found = messages.solve
+    asked = SolveTrajectory.Request(mission="ares_v")
+    service = messages.Answers("ares_v", "indirect", 10.0)
+    assert not service.answer(asked).by_legs
+    monkeypatch.setattr(messages, "solve", lambda *a, **k: replace(found(*a, **k), by_legs=True))
+    assert _trajectory(service.answer(asked)).by_legs
 
 
 def test_a_request_that_names_nothing_gets_the_nodes_mission(served):

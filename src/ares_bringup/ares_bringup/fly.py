@@ -174,7 +174,7 @@ def needs_trajectory(law: str) -> bool:
 
 
 def needs_plan(mission: str) -> bool:
-    """Whether guidance waits for the optimizer's plan of a mission's free arcs.
+    """Whether guidance waits for the optimizer's plan of what a mission leaves free.
 
     Raises:
         CannotStart: no such mission; one line.
@@ -182,7 +182,7 @@ def needs_plan(mission: str) -> bool:
     from ares_models.mission import MissionError, load_mission
 
     try:
-        return load_mission(mission).plans_arcs
+        return load_mission(mission).needs_plan
     except MissionError as error:
         raise CannotStart(str(error)) from error
 

@@ -311,6 +311,8 @@ TURN_WORK = np.dtype(
         ("speed_scale", np.float64),  # m/s
         ("length_scale", np.float64),  # m
         ("first_direction", np.float64, (3,)),
+        ("pull", np.float64),  # downrange, where the burn gives more than the target needs
+        ("held", np.float64),  # s, time to go that is not free; 0: it is
         ("unknowns", np.float64, (TURN_UNKNOWNS,)),
         ("before", np.float64, (TURN_UNKNOWNS,)),
         ("step", np.float64, (TURN_UNKNOWNS,)),
@@ -417,10 +419,12 @@ MONITORS = np.dtype(
     align=True,
 )
 
-#: How a flight with free arcs before its last is flown.
+#: How a mission is flown that leaves more free than the end of its last arc.
 PLAN = np.dtype(
     [
-        ("made", np.int64),  # 0: there is none
+        ("made", np.int64),  # 1: it has the lengths of free arcs before the last
+        ("by_legs", np.int64),  # 1: law optimal flies it leg by leg too
+        ("aims", np.int64),  # 1: target of the last arc is where the mission's is met
         ("length", np.float64, (MAX_ARCS,)),  # s, of free arcs
         ("target", TARGET, (MAX_ARCS,)),  # at the end of a free burn before the last arc
         # of the first and the last thrust in the leg that ends with the arc; 0: not known
@@ -470,6 +474,7 @@ GUIDANCE_STATE = np.dtype(
         ("solution", SOLUTION),  # under iteration
         ("saved", SOLUTION),  # that before this cycle
         ("exact", SOLUTION),  # that to the target, while another is sought
+        ("shortest", SOLUTION),  # that of least time, while one that lasts longer is sought
         ("predicted_position", np.float64, (3,)),
         ("predicted_velocity", np.float64, (3,)),
         ("aim", np.int64),  # AIM_*

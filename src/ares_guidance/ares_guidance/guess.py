@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from ares_guidance.arrays import PLAN
 from ares_guidance.floor import check_floor
 from ares_models.arrays import BURN, TARGET_RADIUS_SPEED_ANGLE_PLANE, MissionArrays
+from ares_models.mission_target import leaves_end_free
 from ares_models.orbits import Insertion
 
 Array = NDArray[np.float64]
@@ -22,6 +23,19 @@ ABOUT_UNIT = 1e-3
 FASTEST_TURN = 1.0
 #: What staging drops at least, as a part of the mass. Rounding is less, a stage is more.
 LEAST_DROP = 1e-6
+
+
+def leaves_arcs_free(arrays: MissionArrays) -> bool:
+    """Return whether arcs before the mission's last are free."""
+    return bool(np.any(np.isinf(arrays.arcs["duration"][:-1])))
+
+
+def true_anomaly_of(state: Insertion, mu: float) -> float:
+    """Return the angle from perigee, rad, of a state; mu in m3/s2."""
+    momentum = state.radius * state.speed * math.cos(state.flight_path_angle)
+    towards = momentum**2 / (mu * state.radius) - 1.0
+    ahead = momentum * state.speed * math.sin(state.flight_path_angle) / mu
+    return math.atan2(ahead, towards)
 
 
 def _expect(sound: NDArray[np.bool_], name: str, expected: str) -> None:
@@ -75,11 +89,12 @@ class JettisonPlan:
 
 @dataclass(frozen=True)
 class ArcPlan:
-    """How a mission with free arcs before its last is flown.
+    """How a mission is flown that leaves more free than the end of its last arc.
 
     Attributes:
         lengths_s: of the free arcs, by index into the mission's arcs.
-        ends: state at the end of each free burn that is not the last arc, by the same index.
+        ends: state at the end of each free burn, and of the last arc where the target leaves the
+            place on its orbit free, by the same index.
         directions: of the first and the last thrust since the free burn before, up to there and
             up to the end of the last arc, shape (2, 3), where they are known.
         positions: at the end of each of these, m, shape (3,), where they are known.
@@ -88,6 +103,8 @@ class ArcPlan:
         ignitions: when that is, mission elapsed time, s.
         jettison_time_s: mission elapsed time; nan: not known, or no jettison waits for heating.
         first_arc: index of the arc that it begins in: those before are over.
+        by_legs: every law flies it leg by leg, `optimal` too, which elsewhere plans the whole
+            flight anew: the plan keeps what the two-point problem on board does not know of.
     """
 
     lengths_s: dict[int, float]
@@ -98,18 +115,29 @@ class ArcPlan:
     ignitions: dict[int, float] = field(default_factory=dict)
     jettison_time_s: float = math.nan
     first_arc: int = 0
+    by_legs: bool = False
 
-    def record(self, arcs: NDArray[np.void]) -> NDArray[np.void]:
+    def record(self, arrays: MissionArrays) -> NDArray[np.void]:
         """The plan as the kernel reads it, shape (1,), dtype PLAN.
 
         Args:
-            arcs: the mission's, dtype ARC.
+            arrays: the mission.
 
         Raises:
             ValueError: something of it is missing or cannot be flown.
         """
+        arcs = arrays.arcs
         record = np.zeros(1, PLAN)
-        record["made"] = 1
+        record["made"] = leaves_arcs_free(arrays)
+        record["by_legs"] = self.by_legs
+        if leaves_end_free(arrays.target[0]):
+            record["aims"] = 1
+            last = len(arcs) - 1
+            end = self._end(last)
+            record["target"][0, last] = arrays.target[0]
+            record["target"]["true_anomaly"][0, last] = true_anomaly_of(
+                end, float(arrays.environment["mu"][0])
+            )
         for k in np.flatnonzero(np.isinf(arcs["duration"])):
             if k < self.first_arc:
                 continue
@@ -119,9 +147,7 @@ class ArcPlan:
             record["length"][0, k] = length
             if arcs["kind"][k] != BURN or k + 1 == len(arcs):
                 continue
-            end = self.ends.get(int(k))
-            if end is None:
-                raise ValueError(f"end of burn {k} is missing; expected the state there")
+            end = self._end(int(k))
             target = record["target"][0, k]
             target["kind"] = TARGET_RADIUS_SPEED_ANGLE_PLANE
             target["radius"] = end.radius
@@ -140,6 +166,16 @@ class ArcPlan:
             record["ignition"][0, index] = self.ignitions[index]
         record["jettison_time"] = self.jettison_time_s
         return record
+
+    def _end(self, k: int) -> Insertion:
+        """The state at the end of a burn, by its index.
+
+        Raises:
+            ValueError: there is none.
+        """
+        if k not in self.ends:
+            raise ValueError(f"end of burn {k} is missing; expected the state there")
+        return self.ends[k]
 
 
 @dataclass(frozen=True)
@@ -165,6 +201,7 @@ class OfflineTrajectory:
         flown_arc: index of each of the mission's arcs from the one that runs on,
         flown_start_time, flown_end_time: and when it begins and ends, s; a begin in the past for
             one that runs.
+        by_legs: as of `ArcPlan`.
     """
 
     jettison_time: float
@@ -184,6 +221,7 @@ class OfflineTrajectory:
     flown_arc: NDArray[np.int64]
     flown_start_time: Array
     flown_end_time: Array
+    by_legs: bool = False
 
     def __post_init__(self) -> None:
         """Check the lists.
@@ -283,7 +321,7 @@ class OfflineTrajectory:
         return nearest
 
     def arc_plan(self, arrays: MissionArrays) -> ArcPlan:
-        """The plan of a mission's free arcs.
+        """The plan of what a mission leaves free.
 
         Args:
             arrays: the mission.
@@ -316,8 +354,9 @@ class OfflineTrajectory:
                     directions[int(k)] = self._directions(begin, end)
                 positions[int(k)] = self.sample_position[self._sample(end, f"the end of burn {k}")]
                 begin = end
-                if not last:
-                    states[int(k)] = self.sample_at(end, f"the end of burn {k}")
+                # the last burn's tail-off included, where the target holds
+                reached = float(self.sample_time[-1]) if last else end
+                states[int(k)] = self.sample_at(reached, f"the end of burn {k}")
         return ArcPlan(
             lengths,
             states,
@@ -327,6 +366,7 @@ class OfflineTrajectory:
             ignitions,
             self.jettison_time,
             int(self.flown_arc[0]),
+            self.by_legs,
         )
 
     def _check_arcs(self, arcs: NDArray[np.void]) -> None:

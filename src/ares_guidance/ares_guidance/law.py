@@ -20,10 +20,11 @@ from ares_guidance.arrays import (
     OnboardArrays,
     blank_onboard,
 )
-from ares_guidance.guess import ArcPlan, OfflineTrajectory
+from ares_guidance.guess import ArcPlan, OfflineTrajectory, leaves_arcs_free
 from ares_guidance.kernels.legs import step_by_legs
 from ares_models.arrays import BURN, HEATING_LIMIT, MissionArrays
 from ares_models.jit import specialised
+from ares_models.mission_target import leaves_end_free
 
 
 def _setting(
@@ -250,14 +251,24 @@ def law_of_pass(name: str, code: int, iterate: Callable[..., tuple[float, float,
 
 
 def needs_plan(arrays: MissionArrays) -> bool:
-    """Whether a law flies a mission by a plan alone: arcs before the last are free."""
-    return bool(np.any(np.isinf(arrays.arcs["duration"][:-1])))
+    """Return whether a law flies a mission by a plan alone.
+
+    Arcs before the last are free, or where on its orbit the target is met.
+    """
+    return leaves_arcs_free(arrays) or leaves_end_free(arrays.target[0])
 
 
 def name_free_arcs(arrays: MissionArrays) -> str:
     """The free arcs before the last, for a person."""
     free = np.flatnonzero(np.isinf(arrays.arcs["duration"][:-1]))
     return f"arc{'s' * (len(free) > 1)} " + ", ".join(str(k) for k in free)
+
+
+def name_what_is_free(arrays: MissionArrays) -> str:
+    """Name for a person what a plan decides: free arcs, the end on the target's orbit."""
+    parts = [f"the free {name_free_arcs(arrays)}"] * leaves_arcs_free(arrays)
+    parts += ["the end on the target's orbit"] * leaves_end_free(arrays.target[0])
+    return " and ".join(parts)
 
 
 def why_no_plan(law: str, arrays: MissionArrays, reason: str) -> str:
@@ -269,7 +280,7 @@ def why_no_plan(law: str, arrays: MissionArrays, reason: str) -> str:
         reason: the optimizer's.
     """
     return (
-        f"law {law} needs a plan of the free {name_free_arcs(arrays)}, the optimizer has none: "
+        f"law {law} needs a plan of {name_what_is_free(arrays)}, the optimizer has none: "
         f"{reason}; try another method of `ares optimize`, other bounds of these arcs or fixed ones"
     )
 
@@ -344,11 +355,11 @@ class Law:
         """Put the state of before a flight on board, with the plan."""
         self.onboard = blank_onboard(self._settings)
         if self._arc_plan is not None:
-            self.state["plan"] = self._arc_plan.record(self._arrays.arcs)[0]
+            self.state["plan"] = self._arc_plan.record(self._arrays)[0]
 
     @property
     def lacks_plan(self) -> bool:
-        """Free arcs before the mission's last need a plan, and there is none yet."""
+        """The mission leaves free what a plan decides, and there is none yet."""
         return needs_plan(self._arrays) and self._arc_plan is None
 
     def check_plan(self) -> None:
@@ -359,17 +370,17 @@ class Law:
         """
         if self.lacks_plan:
             raise ValueError(
-                f"law is {self.kind.name!r}, which needs a plan for the free "
-                f"{name_free_arcs(self._arrays)} of the mission; use --initial-guess optimizer"
+                f"law is {self.kind.name!r}, which needs a plan for "
+                f"{name_what_is_free(self._arrays)} of the mission; use --initial-guess optimizer"
             )
 
     def follow_arcs(self, plan: ArcPlan) -> None:
-        """Fly the next flights by a plan of the arcs; by one of the arcs left this flight alone.
+        """Fly the next flights by a plan; by one of the arcs left this flight alone.
 
         Raises:
             ValueError: it is not one of this mission.
         """
-        plan.record(self._arrays.arcs)
+        plan.record(self._arrays)
         self._arc_plan = plan
         self._begin()
 
@@ -448,7 +459,7 @@ class Law:
             whether a guidance cycle was due; `steering` is the answer either way.
 
         Raises:
-            ValueError: free arcs need a plan, and there is none.
+            ValueError: the mission needs a plan, and there is none.
         """
         self.check_plan()
         before = int(self.state["cycle"])

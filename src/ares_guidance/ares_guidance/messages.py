@@ -245,4 +245,5 @@ def _trajectory(answer: SolveTrajectory.Response) -> OfflineTrajectory:
         flown_arc=np.asarray(answer.flown_arc, dtype=np.int64),
         flown_start_time=numbers(answer.flown_start_time),
         flown_end_time=numbers(answer.flown_end_time),
+        by_legs=answer.by_legs,
     )

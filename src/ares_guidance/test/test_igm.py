@@ -116,7 +116,7 @@ def test_it_has_the_code_of_the_status_message():
 
 
 @pytest.mark.parametrize(
-    "name", [name for name in list_missions() if not load_mission(name).plans_arcs]
+    "name", [name for name in list_missions() if not load_mission(name).needs_plan]
 )
 def test_starts_by_itself_within_thirty_iterations(name):
     mission = load_mission(name)

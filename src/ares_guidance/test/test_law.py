@@ -23,7 +23,7 @@ def ares_v():
 
 
 @pytest.mark.parametrize(
-    "name", [name for name in list_missions() if not load_mission(name).plans_arcs]
+    "name", [name for name in list_missions() if not load_mission(name).needs_plan]
 )
 def test_starts_by_itself_within_thirty_iterations(name):
     mission = load_mission(name)

@@ -40,7 +40,13 @@ from ares_models.mission_parts import (
 )
 from ares_models.mission_start import FORMS as START_FORMS
 from ares_models.mission_start import InitialState
-from ares_models.mission_target import Target, TargetOrbit, TargetState, target_record
+from ares_models.mission_target import (
+    Target,
+    TargetOrbit,
+    TargetState,
+    leaves_end_free,
+    target_record,
+)
 from ares_models.sidereal import greenwich_sidereal_time_deg, turns_as_earth
 
 __all__ = [
@@ -167,6 +173,15 @@ class Mission(Part):
         """Whether guidance decides the end of more than the last arc."""
         arcs = [arc for stage in self.stages for arc in stage.flight_arcs]
         return any(arc.free for arc in arcs[:-1])
+
+    @property
+    def needs_plan(self) -> bool:
+        """Whether guidance flies by the optimizer's plan alone.
+
+        It decides the ends of free arcs before the last, and where on its orbit the target is met
+        if that is free.
+        """
+        return self.plans_arcs or leaves_end_free(target_record(self)[0])
 
     @property
     def jettison_names(self) -> tuple[str, ...]:

@@ -358,7 +358,7 @@ class BurnArc(Part):
     min_s: Delay | None = Field(default=None, description="least length, if it is free")
     max_s: Duration | None = Field(default=None, description="greatest length, if it is free")
     min_altitude_m: FloorAltitude | None = Field(
-        default=None, description="least altitude, all along it"
+        default=None, exclude_if=not_there, description="least altitude, all along it"
     )
     attitude: Literal["guided", "held"] = Field(
         default="guided", description="held: the direction at ignition is kept; not for a free burn"
@@ -503,10 +503,15 @@ class CoastArc(Part):
     min_s: Delay | None = Field(default=None, description="least length, if it is free")
     max_s: Duration | None = Field(default=None, description="greatest length, if it is free")
     min_altitude_m: FloorAltitude | None = Field(
-        default=None, description="least altitude, all along it; of a free coast between burns by default the edge of the air"
+        default=None,
+        exclude_if=not_there,
+        description="least altitude, all along it; of a free coast after a burn by default the "
+        "edge of the air, 100 km on Earth",
     )
     min_perigee_altitude_m: FloorAltitude | None = Field(
-        default=None, description="least perigee of the orbit it is flown on; of a free coast"
+        default=None,
+        exclude_if=not_there,
+        description="least perigee of the orbit it is flown on, above the equatorial radius",
     )
 
     @model_validator(mode="after")

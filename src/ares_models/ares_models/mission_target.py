@@ -613,6 +613,24 @@ Target = Annotated[
 ]
 
 
+def leaves_end_free(target: np.void) -> bool:
+    """Return whether a target leaves free where on a known orbit it is met.
+
+    With the argument of perigee named the direction of the end decides the place. An orbit of
+    which only one of size and shape is named is not known: perigee is aimed at, as
+    :func:`complete` has it.
+
+    Args:
+        target: record TARGET.
+    """
+    named = int(target["named"])
+    placed = named & (
+        layout.NAMES_RADIUS | layout.NAMES_ARGUMENT_OF_PERIGEE | layout.NAMES_TRUE_ANOMALY
+    )
+    sizes = sum(1 for size in _SIZES if named & _NAMES[size])
+    return bool(target["kind"] == layout.TARGET_ELEMENTS and sizes == 2 and not placed)
+
+
 def target_record(mission: "Mission") -> NDArray[np.void]:
     """What kernels take of the target: shape (1,), dtype TARGET."""
     target = mission.target

@@ -455,3 +455,29 @@ def test_directions_that_are_none(dated, target, frame, said):
         dated(target, **frame)
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("target", "needed"),
+    [
+        ({"perigee_altitude_m": 185e3, "apogee_altitude_m": 35786e3}, True),
+        ({"perigee_altitude_m": 185e3, "c3_m2_s2": 1e6, "inclination_deg": 28.5}, True),
+        ({"semi_major_axis_m": 6.6e6, "eccentricity": 1e-4}, True),
+        ({"perigee_altitude_m": 185e3, "apogee_altitude_m": 35786e3, "at": "perigee"}, False),
+        (
+            {
+                "perigee_altitude_m": 185e3,
+                "apogee_altitude_m": 35786e3,
+                "inclination_deg": 28.5,
+                "argument_of_perigee_deg": 180.0,
+            },
+            False,
+        ),
+        ({"perigee_altitude_m": 185e3}, False),
+        ({"apogee_altitude_m": 35786e3}, False),
+    ],
+)
+def test_a_place_that_is_free_needs_a_plan(aimed, target, needed):
+    """Of a circle every place is as good; of an apogee alone the orbit is not known."""
+    assert aimed(**target).needs_plan == needed
+    assert not SHIPPED.needs_plan

@@ -81,8 +81,7 @@ def _polished(request: Request, found: Solution) -> Solution | None:
     """The root of the two-point problem next to a solution; None where that is another problem."""
     arrays, start = request.arrays, request.state
     touched = any(
-        check.active and check.name.startswith("lowest altitude in")
-        for check in found.constraints
+        check.active and check.name.startswith("lowest altitude in") for check in found.constraints
     )
     if touched or found.parameters is None or not found.converged:
         return None

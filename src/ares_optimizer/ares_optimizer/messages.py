@@ -240,6 +240,7 @@ def _fill(response: Any, solution: Solution) -> None:
     response.flown_arc = [arc.arc for arc in solution.flown]
     response.flown_start_time = _doubles([arc.start_s for arc in solution.flown])
     response.flown_end_time = _doubles([arc.end_s for arc in solution.flown])
+    response.by_legs = solution.by_legs
     flight = solution.trajectory
     if flight is not None:
         direction = flight.direction.copy()

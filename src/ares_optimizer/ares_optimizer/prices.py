@@ -36,6 +36,4 @@ def target_worth(target: Record, mu: float, state: Array, costate: Array) -> Arr
                 change = half_turn(change)
             gradient[i, k] = change / (2.0 * _STEPS[k])
     # scaled so that position and velocity weigh alike
-    return np.asarray(
-        np.linalg.lstsq((gradient * _STEPS).T, costate * _STEPS, rcond=None)[0]
-    )
+    return np.asarray(np.linalg.lstsq((gradient * _STEPS).T, costate * _STEPS, rcond=None)[0])

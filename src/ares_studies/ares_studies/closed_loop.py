@@ -67,13 +67,14 @@ def offline_trajectory(solution: Solution) -> OfflineTrajectory:
         flown_arc=np.array([arc.arc for arc in solution.flown], dtype=np.int64),
         flown_start_time=np.array([arc.start_s for arc in solution.flown]),
         flown_end_time=np.array([arc.end_s for arc in solution.flown]),
+        by_legs=solution.by_legs,
     )
 
 
 def arc_plan(
     mission: Mission, law: LawKind, state: NDArray[np.void] | None = None
 ) -> ArcPlan | None:
-    """The optimizer's plan of a mission's free arcs, for a law that needs one; else None.
+    """The optimizer's plan of what a mission leaves free, for a law that needs one; else None.
 
     Args:
         mission: what is flown.
@@ -88,7 +89,7 @@ def arc_plan(
         return None
     from ares_optimizer.solve import solve  # slow to import
 
-    solution = solve(mission, "indirect", state=state, verify=False)
+    solution = solve(mission, "auto", state=state, verify=False)
     if solution.status is not Status.CONVERGED:
         raise ValueError(why_no_plan(law.name, arrays, solution.reason))
     try:

@@ -6,13 +6,16 @@ import numpy as np
 import pytest
 
 from ares_guidance.arrays import ERROR_PROPELLANT_SHORT
+from ares_guidance.guess import ArcPlan
 from ares_guidance.law import LawSettings
-from ares_guidance.laws import check_law, make_law
+from ares_guidance.laws import check_law, find_law, make_law
 from ares_models.judge import End, judge
 from ares_models.mission import Mission, load_mission
 from ares_models.orbits import Elements
 from ares_optimizer.indirect.solve import solve_indirect
-from ares_studies.closed_loop import fly_compiled, offline_trajectory, ready_law
+from ares_optimizer.solve import solve
+from ares_studies.closed_loop import arc_plan, fly_compiled, offline_trajectory, ready_law
+from ares_vehicle_sim.dispersions import Dispersions
 
 EQUATOR = 6378140.0
 TRANSFER = {"perigee_altitude_m": 185e3, "apogee_altitude_m": 35786e3}
@@ -67,15 +70,14 @@ def judged(mission, plant):
 @pytest.mark.parametrize("name", TARGETS)
 def test_what_is_named_is_met(law, name):
     mission = aimed(**TARGETS[name])
-    arrays = mission.arrays(foreseen=True)
-    check_law(law, arrays, mission.start().navigation())
-    plant = fly_compiled(mission, law=make_law(law, arrays)).plant
+    plan = arc_plan(mission, find_law(law))
+    check_law(law, mission.arrays(foreseen=True), mission.start().navigation(), plan)
+    plant = fly_compiled(mission, law=law).plant
     met, result = judged(mission, plant)
     assert met, result
     best = solve_indirect(mission.arrays(), mission.start().navigation(), verify=False)
-    # laws that aim at perigee where the place is free pay for it, an escape the most; optimal
-    # flies by peg until it has found its optimum
-    lost = 1e-4 if law == "optimal" else 0.06
+    # optimal flies by peg until it has found its optimum
+    lost = 1e-4 if law == "optimal" else 3e-3
     assert -1e-6 < 1.0 - plant["mass"] / best.m_f_kg < lost
 
 
@@ -88,11 +90,25 @@ def test_large_turns_are_flown_to_the_same_targets(name):
     assert met, result
 
 
-def test_the_place_is_perigee_where_no_other_is_named():
+def planned_end(mission):
+    """The orbit at the end of the optimum."""
+    track = solve(mission, "indirect").trajectory
+    mu = mission.environment.mu_m3_s2
+    return Elements.from_state(track.position[-1], track.velocity[-1], mu)
+
+
+@pytest.mark.parametrize("law", ["peg", "igm"])
+@pytest.mark.parametrize("thrust", [0.0, -0.02])
+def test_a_place_that_is_free_is_that_of_the_plan(law, thrust):
     mission = aimed(**TARGETS["transfer"])
-    plant = fly_compiled(mission).plant
+    dispersed = Dispersions(thrust={"mean": thrust})
+    plant = fly_compiled(mission, dispersions=dispersed, law=law).plant
     orbit = Elements.from_state(plant["position"], plant["velocity"], mission.environment.mu_m3_s2)
-    assert math.degrees(orbit.true_anomaly) == pytest.approx(0.0, abs=1e-3)
+    planned = planned_end(mission)
+    assert math.degrees(planned.true_anomaly) > 5.0
+    assert orbit.true_anomaly == pytest.approx(planned.true_anomaly, abs=1e-4)
+    assert orbit.perigee_radius == pytest.approx(EQUATOR + 185e3, abs=10.0)
+    assert orbit.apogee_radius == pytest.approx(EQUATOR + 35786e3, abs=1e3)
 
 
 def test_an_apogee_alone_is_flown_to_from_the_height_of_the_start():
@@ -105,11 +121,80 @@ def test_an_apogee_alone_is_flown_to_from_the_height_of_the_start():
 
 
 @pytest.mark.parametrize("law", LAWS)
+def test_a_free_place_needs_a_plan(law):
+    free = aimed(**TARGETS["transfer"])
+    arrays = free.arrays(foreseen=True)
+    with pytest.raises(ValueError, match=f"{law}.*needs a plan for the end on the target's orbit"):
+        check_law(law, arrays, free.start().navigation())
+    for name in ("transfer with its perigee", "at perigee"):
+        assert not make_law(law, aimed(**TARGETS[name]).arrays()).lacks_plan
+    assert not make_law(law, load_mission("ares_v").arrays()).lacks_plan
+
+
+def test_a_plan_needs_the_end_of_a_free_place():
+    law = make_law("peg", aimed(**TARGETS["transfer"]).arrays())
+    with pytest.raises(ValueError, match="end of burn 1 is missing; expected the state there"):
+        law.follow_arcs(ArcPlan({1: 300.0}, {}))
+
+
+UPPER_STAGE = """
+name: weak_upper_stage
+title: a cryogenic core and a weak upper stage, from booster separation to transfer orbit
+source: public figures, rounded
+environment:
+  mu_m3_s2: 3.986004418e14
+  j2: 0.00108263
+  earth:
+    equatorial_radius_m: 6378137.0
+    polar_radius_m: 6356752.3
+    rotation_rate_rad_s: 7.292115e-5
+  atmosphere: {model: us76}
+initial_state:
+  time_s: 141
+  latitude_deg: 5.3
+  right_ascension_deg: -50
+  radius_m: 6444954.5
+  speed_m_s: 2501.895
+  flight_path_angle_deg: 20.4667
+  azimuth_deg: 90.8004
+stages:
+  - {name: core, ignition_mass_kg: 165800.0, thrust_n: 1390000.0, isp_s: 432.0, burn_time_s: 393.0}
+  - name: upper
+    ignition_mass_kg: 30400.0
+    propellant_kg: 14900.0
+    arcs:
+      - {coast_s: 6.0}
+      - {thrust_n: 64800.0, isp_s: 446.0, burn_time_s: free}
+jettisons:
+  - {name: fairing, mass_kg: 2400.0, stage: core, heating_limit_w_m2: 1135.0}
+target: {perigee_altitude_m: 250000.0, apogee_altitude_m: 35943000.0, inclination_deg: 6.0}
+"""
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_weak_upper_stage_ends_in_a_climb(law, tmp_path):
+    """Cut off 33 deg behind perigee, where gravity takes most of what the thrust gives.
+
+    The optimum, 21,170.8 kg, is that of a collocation which shares nothing with this project;
+    level at perigee an end costs 18 % of it.
+    """
+    path = tmp_path / "weak.yaml"
+    path.write_text(UPPER_STAGE)
+    mission = load_mission(path)
+    plant = fly_compiled(mission, law=law).plant
+    met, result = judged(mission, plant)
+    assert met, result
+    assert plant["mass"] > (21_170.7 if law == "optimal" else 0.997 * 21_170.8)
+
+
+@pytest.mark.parametrize("law", LAWS)
 def test_short_of_propellant_the_perigee_is_kept(law):
     whole = aimed(**TARGETS["transfer"])
     stage = whole.stages[-1].model_copy(update={"propellant_kg": 190_000.0})
     mission = whole.model_copy(update={"stages": (whole.stages[0], stage)})
-    flight = fly_compiled(mission, law=make_law(law, mission.arrays(foreseen=True)))
+    guidance = make_law(law, mission.arrays(foreseen=True))
+    guidance.follow_arcs(arc_plan(whole, guidance.kind))
+    flight = fly_compiled(mission, law=guidance)
     assert int(flight.guidance["error"]) == ERROR_PROPELLANT_SHORT
     orbit = Elements.from_state(
         flight.plant["position"], flight.plant["velocity"], mission.environment.mu_m3_s2
@@ -121,8 +206,7 @@ def test_short_of_propellant_the_perigee_is_kept(law):
 def test_the_thesis_law_flies_to_elements_with_an_inclination():
     mission = aimed(**TARGETS["transfer"])
     law = make_law("peg_thesis", mission.arrays(foreseen=True))
-    best = solve_indirect(mission.arrays(), mission.start().navigation())
-    law.start_from(offline_trajectory(best))
+    law.start_from(offline_trajectory(solve(mission, "indirect")))
     met, result = judged(mission, fly_compiled(mission, law=law).plant)
     assert met, result
     with pytest.raises(ValueError, match="leaves the inclination free; law peg_thesis holds one"):

@@ -9,6 +9,7 @@ from ares_guidance.arrays import PHASE_CUTOFF, PHASE_HOLD
 from ares_guidance.laws import make_law
 from ares_guidance.testing import step_anew
 from ares_models.mission import load_mission
+from ares_studies.closed_loop import ready_law
 from ares_vehicle_sim.simulator import CAMPAIGN, Simulator
 
 #: Ariane 5 ECA from booster separation, rounded public figures. The weak last stage meets its
@@ -59,7 +60,7 @@ def ariane(tmp_path_factory):
 
 def test_a_cut_off_in_a_climb_is_flown_as_predicted(ariane):
     simulator = Simulator(ariane, CAMPAIGN)
-    law = make_law("optimal", ariane.arrays(foreseen=True))
+    law = ready_law(ariane, "optimal")
     held = []
     while not simulator.complete:
         law.step(simulator.navigation)

@@ -14,14 +14,14 @@ from ares_guidance.laws import check_law, find_law, make_law
 from ares_guidance.testing import RESTART
 from ares_models.arrays import COAST as KIND_COAST
 from ares_models.mission import load_mission
-from ares_models.orbits import Insertion
+from ares_models.orbits import Elements, Insertion
 from ares_optimizer.solution import Cause, Status, failed
 from ares_optimizer.solve import solve
 from ares_studies import closed_loop
 from ares_studies.closed_loop import fly_compiled, fly_stepwise, offline_trajectory
 from ares_studies.montecarlo.flights import Range, Settings
 from ares_vehicle_sim.arrays import ARC_ENDED, CUTOFF, IGNITION
-from ares_vehicle_sim.dispersions import Dispersions
+from ares_vehicle_sim.dispersions import STANDARD, Dispersions, load_dispersions
 from ares_vehicle_sim.simulator import CAMPAIGN, Simulator, SimulatorOptions
 
 BURN, COAST = 153.252950, 450.0
@@ -65,7 +65,7 @@ def test_the_plan_of_a_trajectory(restart):
     mission, trajectory = restart
     plan = trajectory.arc_plan(mission.arrays())
     assert plan.lengths_s == pytest.approx({1: BURN, 2: COAST, 3: 9.1581}, abs=1e-3)
-    assert list(plan.ends) == [1]
+    assert list(plan.ends) == [1, 3]
     assert plan.ends[1].speed == pytest.approx(7539.05, abs=0.01)
     assert sorted(plan.directions) == [1, 3]
     assert np.linalg.norm(plan.directions[1], axis=1) == pytest.approx(1.0)
@@ -194,7 +194,7 @@ def test_a_trajectory_with_another_arc(restart):
 def test_the_primers_of_a_plan(restart):
     mission, trajectory = restart
     plan = trajectory.arc_plan(mission.arrays())
-    record = plan.record(mission.arrays().arcs)
+    record = plan.record(mission.arrays())
     lit = record["ignition"][0]
     assert lit[[0, 1]] == pytest.approx([0.0, 148.102380138703], abs=1e-6)
     assert lit[3] - lit[1] == pytest.approx(plan.lengths_s[1] + plan.lengths_s[2], abs=1e-6)
@@ -388,3 +388,117 @@ def test_guidance_that_begins_anew_in_a_coast_flies_on(restart, name, share):
     truth = simulator.truth()
     assert np.linalg.norm(truth["position"]) == pytest.approx(6556000.0, abs=10.0)
     assert np.linalg.norm(truth["velocity"]) == pytest.approx(7797.3928, abs=0.1)
+
+
+@pytest.mark.parametrize("name", ["peg", "igm", "optimal"])
+def test_a_plan_by_legs_is_kept_by_every_law(restart, name):
+    """The coast begins and ends as planned, where the best of now is no better than the plan."""
+    mission, trajectory = restart
+    law = ready(mission, replace(trajectory, by_legs=True), name)
+    flight = fly_compiled(mission, law=law)
+    plant = flight.plant
+    assert plant["inserted"] == 1
+    assert np.linalg.norm(plant["position"]) == pytest.approx(6556000.0, abs=1.0)
+    assert np.linalg.norm(plant["velocity"]) == pytest.approx(7797.3928, abs=1e-3)
+    assert OPTIMUM - 1e-3 < spent(mission, flight) < OPTIMUM + 0.02
+    lit = flight.events[flight.events["type"] == IGNITION]["time"]
+    ended = flight.events[flight.events["type"] == ARC_ENDED]
+    assert lit[2] - ended["time"][1] == pytest.approx(COAST, abs=1e-6)
+    # the orbit of the coast is the plan's
+    planned = trajectory.arc_plan(mission.arrays()).ends[1]
+    coasts = Insertion.from_state(ended["position"][1], ended["velocity"][1])
+    assert coasts.radius == pytest.approx(planned.radius, abs=10.0)
+    assert coasts.speed == pytest.approx(planned.speed, abs=0.01)
+
+
+@pytest.mark.parametrize("name", ["peg", "igm", "optimal"])
+def test_a_plan_by_legs_is_kept_by_another_engine(restart, name):
+    """Law `optimal` would plan another coast from where the weak engine has brought it."""
+    mission, trajectory = restart
+    weak = Dispersions(thrust={"mean": -0.02})
+    law = ready(mission, replace(trajectory, by_legs=True), name)
+    flight = fly_compiled(mission, dispersions=weak, law=law)
+    planned = trajectory.arc_plan(mission.arrays()).ends[1]
+    ended = flight.events[flight.events["type"] == ARC_ENDED]
+    coasts = Insertion.from_state(ended["position"][1], ended["velocity"][1])
+    assert coasts.radius == pytest.approx(planned.radius, abs=10.0)
+    assert coasts.speed == pytest.approx(planned.speed, abs=0.01)
+    assert ended["time"][2] - ended["time"][1] == pytest.approx(COAST, abs=1e-6)
+    assert np.linalg.norm(flight.plant["velocity"]) == pytest.approx(7797.3928, abs=0.01)
+
+
+FIXED_FIRST = """
+name: fixed_first
+title: the first burn alone gives more than the target needs
+source: made up
+environment:
+  mu_m3_s2: 398600441800000.0
+  earth:
+    {equatorial_radius_m: 6378137.0, polar_radius_m: 6378137.0, rotation_rate_rad_s: 7.292115e-5}
+  altitude: spherical
+  atmosphere: {model: us76, density_factor: 1.0e-12}
+initial_state:
+  time_s: 0.0
+  latitude_deg: 20.0
+  right_ascension_deg: 10.0
+  radius_m: 6488137.0
+  speed_m_s: 3500.0
+  flight_path_angle_deg: 12.0
+  azimuth_deg: 80.0
+stages:
+  - name: first
+    ignition_mass_kg: 60000.0
+    arcs:
+      - {thrust_n: 900000.0, isp_s: 350.0, burn_time_s: 174.1632}
+  - name: second
+    ignition_mass_kg: 13832.184
+    propellant_kg: 2000.0
+    arcs:
+      - {thrust_n: 60000.0, isp_s: 320.0, burn_time_s: free}
+target:
+  radius_m: 6628137.0
+  speed_m_s: 7754.845497372695
+  flight_path_angle_deg: 0.0
+  inclination_deg: 22.268744495296882
+"""
+
+
+@pytest.mark.parametrize("name", ["peg", "igm", "optimal"])
+def test_a_burn_of_fixed_length_is_flown_whole(tmp_path, name):
+    """It could end 0.5 s early: what it gives too much is spent on the way, and the next lights.
+
+    Method direct11 ends with 13,831.23 kg: all but the shortest second burn.
+    """
+    path = tmp_path / "fixed_first.yaml"
+    path.write_text(FIXED_FIRST)
+    mission = load_mission(path)
+    flight = fly_compiled(mission, law=name)
+    plant = flight.plant
+    (ended,) = flight.events[flight.events["type"] == ARC_ENDED]
+    assert ended["time"] == pytest.approx(174.1632, abs=1e-9)
+    assert list(flight.events[flight.events["type"] == IGNITION]["index"]) == [0, 1]
+    assert plant["inserted"] == 1
+    assert plant["mass"] == pytest.approx(13_831.23, abs=0.05)
+    end = Insertion.from_state(plant["position"], plant["velocity"])
+    assert end.radius == pytest.approx(6628137.0, abs=20.0)
+    assert end.speed == pytest.approx(7754.8455, abs=0.05)
+    assert math.degrees(end.flight_path_angle) == pytest.approx(0.0, abs=1e-3)
+    assert math.degrees(end.inclination) == pytest.approx(22.2687, abs=1e-3)
+
+
+@pytest.mark.parametrize("flight", [1, 2, 5])
+def test_where_no_optimum_is_found_the_plan_is_flown(flight):
+    """Its last burn of 4 s cannot mend what the first one leaves: that one ends where planned.
+
+    The whole planned anew would end these flights with 6,640 to 6,790 kg, far from the target.
+    """
+    mission = load_mission("delta_iii_coast")
+    spread = load_dispersions(STANDARD)
+    plant = fly_compiled(mission, CAMPAIGN, spread, 0, flight, "optimal").plant
+    assert plant["inserted"] == 1
+    assert plant["mass"] > 7_400.0
+    orbit = Elements.from_state(plant["position"], plant["velocity"], mission.environment.mu_m3_s2)
+    target = mission.arrays().target[0]
+    assert orbit.semi_major_axis == pytest.approx(float(target["semi_major_axis"]), rel=5e-3)
+    assert orbit.eccentricity == pytest.approx(float(target["eccentricity"]), abs=2e-3)
+    assert orbit.inclination == pytest.approx(float(target["inclination"]), abs=1e-3)

@@ -18,6 +18,7 @@ from ares_models.mission import load_mission
 from ares_optimizer.foreknown import begin_times
 from ares_studies.aborts.abort_map import AbortMap, MapMaker, MapSettings, Share
 from ares_studies.aborts.report import ENDS, make_report, render
+from ares_studies.closed_loop import arc_plan
 
 EXIT_MADE = 0
 EXIT_POINTS_FAILED = 1
@@ -48,12 +49,15 @@ class AbortOptions:
             CannotStart: mission or law is wrong; one line.
         """
         try:
-            self_starting(self.guidance)
+            law = self_starting(self.guidance)
             mission = load_mission(self.mission)
             # refuses a mission whose failures have no time
             begin_times(mission.arrays(), mission.start().time_s)
             check_law(
-                self.guidance, mission.arrays(foreseen=True), mission.start().navigation(), None
+                self.guidance,
+                mission.arrays(foreseen=True),
+                mission.start().navigation(),
+                None if mission.plans_arcs else arc_plan(mission, law),
             )
         except ValueError as error:
             raise CannotStart(" ".join(str(error).split())) from error

@@ -33,7 +33,8 @@ from ares_bringup.verbs.app import (
 def optimize(
     mission: MissionOption = "ares_v",
     method: Annotated[
-        Method, typer.Option(help="How to solve; auto chooses by the mission, and says what it did.")
+        Method,
+        typer.Option(help="How to solve; auto chooses by the mission, and says what it did."),
     ] = Method.AUTO,
     heating: Annotated[
         Heating | None,

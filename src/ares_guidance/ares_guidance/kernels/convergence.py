@@ -7,9 +7,13 @@
 import math
 
 from ares_guidance.arrays import ERROR_NONE, ERROR_NOT_CONVERGED, LAW_PEG, STEEPEST, Onboard
-from ares_guidance.kernels.large_turn import converge_large_turn, converge_lofted
+from ares_guidance.kernels.large_turn import (
+    converge_held,
+    converge_large_turn,
+    converge_lofted,
+)
 from ares_guidance.kernels.peg import iterate
-from ares_guidance.kernels.segments import plan_segments
+from ares_guidance.kernels.segments import least_time_to_go, plan_segments
 from ares_guidance.kernels.shortfall import SETTLED, lacking_speed
 from ares_guidance.kernels.start import start_guess
 from ares_models.arrays import MissionRecords
@@ -21,9 +25,10 @@ LAW = LAW_PEG
 #: held: nothing comes after to make up for what it leaves.
 LAST_SHARE = 0.01
 LAST_PASSES = 20
-#: rad; the same as `small_turn_limit` once something has failed. What is left of the vehicle may
-#: fly long and weakly, where the expansion about the mean costs mass.
-SMALL_AFTER_FAILURE = 0.2
+#: rad; the same as `small_turn_limit` once something has failed, and in a flight by legs. What is
+#: left of the vehicle, or a leg with its coasts, may be long and weak, where the expansion about
+#: the mean costs mass.
+SMALL_WHERE_LONG = 0.2
 
 
 @kernel
@@ -83,8 +88,10 @@ def begin_again(mission: MissionRecords, onboard: Onboard, cold: bool) -> None:
 
 
 @kernel
-def seek(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bool]:
-    """A solution by the law; where small angles do not lead to one, through large angles.
+def seek_free(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bool]:
+    """A solution by the law that ends whenever it likes.
+
+    Where small angles do not lead to one, it goes through large angles.
 
     Args:
         mission: as in :func:`ares_guidance.kernels.cycle.guidance_step`; so the next.
@@ -94,9 +101,10 @@ def seek(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bo
     Returns: as :func:`converge`.
     """
     state = onboard.state
+    state.turn.held = 0.0
     limit = onboard.settings.small_turn_limit
-    if state.found.count > 0 and math.isfinite(limit):
-        limit = min(limit, SMALL_AFTER_FAILURE)
+    if (state.found.count > 0 or state.leg.count > 0) and math.isfinite(limit):
+        limit = min(limit, SMALL_WHERE_LONG)
     small_does = False
     dear = 0.0
     if state.solution.primer.gradient == 0.0:
@@ -125,3 +133,30 @@ def seek(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bo
         begin_again(mission, onboard, cold)
         return converge(mission, onboard)
     return error, True
+
+
+@kernel
+def seek(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bool]:
+    """A solution by the law that flies the arcs before the last whole.
+
+    Args: as in :func:`seek_free`.
+
+    Returns: as there; the target cannot be reached where what it does not need cannot be spent.
+    """
+    state = onboard.state
+    if state.turn.held > 0.0:
+        plan_segments(mission, onboard)
+        least = least_time_to_go(mission.arcs, onboard.navigation, state)
+        if converge_held(mission, onboard, least) == ERROR_NONE:
+            return ERROR_NONE, True
+        begin_again(mission, onboard, cold)
+    error, reachable = seek_free(mission, onboard, cold)
+    if error != ERROR_NONE:
+        return error, reachable
+    least = least_time_to_go(mission.arcs, onboard.navigation, state)
+    if state.solution.time_to_go >= least or least <= onboard.settings.hold_time:
+        return error, reachable
+    if converge_held(mission, onboard, least) != ERROR_NONE:
+        reachable = False
+    state.solution.time_to_go = least
+    return error, reachable

@@ -39,7 +39,12 @@ from ares_guidance.kernels.near import (
     move_radius,
 )
 from ares_guidance.kernels.prediction import LinearTangent
-from ares_guidance.kernels.segments import acceleration_at, plan_segments, thrust_integrals
+from ares_guidance.kernels.segments import (
+    acceleration_at,
+    least_time_to_go,
+    plan_segments,
+    thrust_integrals,
+)
 from ares_guidance.kernels.shortfall import (
     MOST_DOWN,
     ROUNDS,
@@ -51,7 +56,7 @@ from ares_guidance.kernels.shortfall import (
     lower_target,
 )
 from ares_guidance.kernels.start import start_guess
-from ares_models.arrays import BURN, MAX_ARCS, MissionRecords, Record
+from ares_models.arrays import MAX_ARCS, MissionRecords, Record
 from ares_models.jit import inlined, kernel
 from ares_models.kernels.environment import gravity, heating_rate
 from ares_models.kernels.sequence import SAME_TIME, awaits_heating
@@ -89,6 +94,8 @@ def throttled_thrust(state: Record, t: float) -> tuple[float, float, float]:
 def held_cutoff(mission: MissionRecords, onboard: Onboard) -> float:
     """Time to go under frozen steering: when the speed will be that of the target.
 
+    Before the last arc it stays as it is.
+
     Args: as in :func:`guidance_step`.
 
     Returns:
@@ -99,9 +106,8 @@ def held_cutoff(mission: MissionRecords, onboard: Onboard) -> float:
     state = onboard.state
     solution = state.solution
     arc = mission.arcs[nav.arc]
-    left = nav.arc_start_time + arc.duration - nav.time
-    if arc.kind != BURN or left < solution.time_to_go:
-        # the cut-off is that of a later arc
+    if nav.arc + 1 < mission.arcs.shape[0]:
+        # the cut-off is that of the last arc: those before are flown whole
         return solution.time_to_go
     r = load(nav.position)
     v = load(nav.velocity)
@@ -141,7 +147,7 @@ def held_cutoff(mission: MissionRecords, onboard: Onboard) -> float:
         t += step
     if not abs(step) <= CUTOFF_SETTLED:
         return float(solution.time_to_go)
-    return t
+    return max(t, least_time_to_go(mission.arcs, nav, state))
 
 
 @kernel

@@ -83,6 +83,13 @@ SHORTEST = 0.1  # s
 #: Guesses where the first does not do, rad, and the velocity that a radian costs, as a part.
 LOFTS = (0.5, 0.9, 1.2)
 LOFT_COSTS = 0.3
+#: First pull downrange that is tried to spend what the target does not need, either way, and
+#: rounds in which it is fitted.
+PULL = 0.02
+PULL_ROUNDS = 12
+#: Share of the last pull by which the next may be larger, and may differ where it is good enough.
+MOST_PULL = 3.0
+NEAR_PULL = 0.1
 
 #: State at the end of the thrust, and the primer with its rate there.
 End = tuple[Vector, Vector, Vector, Vector]
@@ -246,6 +253,9 @@ def residuals(mission: MissionRecords, onboard: Onboard, column: int) -> float:
         miss_free_node(target, turn, end, rows)
     else:
         miss_named_plane(mission, turn, end, rows)
+    rows[5] -= turn.pull
+    if turn.held > 0.0:
+        rows[5] = turn.unknowns[6] - turn.held / turn.time_scale
     # the length of the primer has no meaning
     rows[6] = dot(load(turn.unknowns), load(turn.first_direction)) - 1.0
     largest = 0.0
@@ -444,3 +454,75 @@ def converge_lofted(mission: MissionRecords, onboard: Onboard) -> int:
         if converge_large_turn(mission, onboard) == ERROR_NONE:
             return ERROR_NONE
     return ERROR_NOT_CONVERGED
+
+
+@kernel
+def pull_downrange(mission: MissionRecords, onboard: Onboard, pull: float, least: float) -> bool:
+    """Find a pull downrange, from a first one, by which the thrust lasts for ``least`` s.
+
+    Around the optimum the time that a flight takes grows with the square of the pull.
+
+    Args:
+        mission: as in :func:`converge_large_turn`; so the next.
+        onboard: what is on board, the optimum in ``shortest`` too. Changed.
+        pull: the first.
+        least: s to go, more than the optimum takes.
+
+    Returns:
+        whether the solution is near.
+    """
+    state = onboard.state
+    shortest = state.shortest.time_to_go
+    good = 0.0
+    for _ in range(PULL_ROUNDS):
+        state.turn.pull = pull
+        error = converge_large_turn(mission, onboard)
+        more = state.solution.time_to_go - shortest
+        if error != ERROR_NONE or not more > 0.0:
+            state.solution = state.shortest
+            pull = 0.5 * (pull + good)
+            continue
+        good = pull
+        share = math.sqrt((least - shortest) / more)
+        if abs(share - 1.0) < NEAR_PULL:
+            return True
+        pull *= min(MOST_PULL, share)
+    return False
+
+
+@kernel
+def converge_held(mission: MissionRecords, onboard: Onboard, least: float) -> int:
+    """Find a flight to the target that lasts for ``least`` s, where the optimum takes less.
+
+    What the burns before the last give beyond the target's need is spent on the way: the time is
+    given, and downrange, which is free, pulls at the thrust.
+
+    Args:
+        mission: as in :func:`converge_large_turn`; so the next.
+        onboard: what is on board, with a solution. Changed.
+        least: s to go.
+
+    Returns:
+        ERROR_NONE or ERROR_NOT_CONVERGED.
+    """
+    state = onboard.state
+    turn = state.turn
+    if turn.held > 0.0:
+        turn.held = least
+        return converge_large_turn(mission, onboard)
+    state.shortest = state.solution
+    near = False
+    for k in range(2):
+        state.solution = state.shortest
+        near = near or pull_downrange(mission, onboard, PULL - 2.0 * k * PULL, least)
+        if near:
+            break
+    turn.pull = 0.0
+    turn.held = least
+    error = ERROR_NOT_CONVERGED
+    if near:
+        error = converge_large_turn(mission, onboard)
+    if error != ERROR_NONE:
+        turn.held = 0.0
+        state.solution = state.shortest
+    return error

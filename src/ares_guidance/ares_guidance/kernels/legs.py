@@ -1,4 +1,4 @@
-"""Flights with free arcs before the last, by a plan: leg by leg.
+"""Flights by a plan: leg by leg where arcs before the last are free.
 
 A leg is the arcs up to and including the next free burn, its coasts and other free arcs as long
 as planned. The law sees it as a mission: its last burn is cut off where the leg's target is met,
@@ -57,9 +57,46 @@ def mission_of_leg(mission: MissionRecords, leg: Record) -> MissionRecords:
 
 
 @inlined
+def aimed_by_plan(mission: MissionRecords, state: Record) -> MissionRecords:
+    """Return the mission with the target that :func:`set_aim` has written."""
+    return MissionRecords(
+        mission.environment, mission.atmosphere, mission.arcs, mission.jettisons, state.leg.target
+    )
+
+
+@inlined
 def onboard_of_leg(onboard: Onboard, leg: Record) -> Onboard:
     """What is on board, as the law sees it in a leg."""
     return Onboard(leg.navigation, onboard.settings, onboard.state, leg.steering)
+
+
+@kernel
+def set_aim(mission: MissionRecords, state: Record) -> None:
+    """Write the target of the last leg: the mission's, met where the plan meets it.
+
+    Args:
+        mission: as guidance believes it.
+        state: record GUIDANCE_STATE. Its leg is changed.
+    """
+    if state.plan.aims == 1:
+        state.leg.target = state.plan.target[mission.arcs.shape[0] - 1]
+    else:
+        state.leg.target = mission.target
+
+
+@kernel
+def set_guess(plan: Record, leg: Record, last: int) -> None:
+    """Write what the plan says of the leg that ends with arc ``last``, to begin a search with.
+
+    Args:
+        plan: record PLAN.
+        leg: record LEG. Changed.
+        last: index of the arc.
+    """
+    store(leg.first_direction, load(plan.direction[last, 0]))
+    store(leg.last_direction, load(plan.direction[last, 1]))
+    store(leg.end_position, load(plan.position[last]))
+    leg.jettison_time = plan.jettison_time
 
 
 @kernel
@@ -84,11 +121,8 @@ def lay_out(mission: MissionRecords, state: Record, last: int) -> None:
     if leg.count < mission.arcs.shape[0]:
         leg.target = plan.target[last]
     else:
-        leg.target = mission.target
-    store(leg.first_direction, load(plan.direction[last, 0]))
-    store(leg.last_direction, load(plan.direction[last, 1]))
-    store(leg.end_position, load(plan.position[last]))
-    leg.jettison_time = plan.jettison_time
+        set_aim(mission, state)
+    set_guess(plan, leg, last)
 
 
 @kernel
@@ -132,20 +166,19 @@ def look_ahead(mission: MissionRecords, nav: Record, leg: Record) -> None:
 
 
 @kernel
-def guess_end(mission: MissionRecords, state: Record) -> None:
-    """How far off the end of the leg is by the plan.
+def guess_end(arcs: NDArray[Any], nav: Record, state: Record) -> None:
+    """Write how far off the end of the leg is by the plan.
 
     Args:
-        mission: as guidance believes it.
+        arcs: of the leg, dtype ARC, the free ones of no known length.
+        nav: record NAVIGATION that the law steers from.
         state: record GUIDANCE_STATE. Its leg is changed.
     """
-    leg = state.leg
-    nav = leg.navigation
     end = nav.arc_start_time
-    for k in range(nav.arc, leg.count):
-        fixed = mission.arcs[k].duration
+    for k in range(nav.arc, arcs.shape[0]):
+        fixed = arcs[k].duration
         end += fixed if math.isfinite(fixed) else state.plan.length[k]
-    leg.time_to_go = max(0.0, end - nav.time)
+    state.leg.time_to_go = max(0.0, end - nav.time)
 
 
 @kernel
@@ -191,6 +224,8 @@ def begin_leg(mission: MissionRecords, onboard: Onboard) -> None:
     state.phase = PHASE_CONVERGING
     state.stale_cycles = 0
     state.lowered = 0.0
+    state.optimal.solved = 0
+    state.optimal.arcs_from = 0
     state.next_cycle_time = nav.time
     state.time = nav.time
     store(state.sensed_delta_v, load(nav.sensed_delta_v))
@@ -216,6 +251,7 @@ def check_first(mission: MissionRecords, onboard: Onboard, last: int) -> None:
     if leg.count <= last and abs(onboard.steering.cutoff_time - planned) > allowed:
         state.error = ERROR_TIME_TO_GO_JUMP
         state.phase = PHASE_CONVERGING
+        state.optimal.solved = 0
         onboard.steering.cutoff_time = math.nan
         start_guess(mission, onboard)
 
@@ -272,8 +308,25 @@ def command_flight(mission: MissionRecords, onboard: Onboard) -> None:
 
 
 @kernel
+def step_as_one(mission: MissionRecords, onboard: Onboard) -> None:
+    """Answer one navigation state of a flight without free arcs before its last.
+
+    Args: as in :func:`ares_guidance.kernels.cycle.guidance_step`.
+    """
+    state = onboard.state
+    leg = state.leg
+    set_aim(mission, state)
+    leg.time_to_go = 0.0
+    if state.plan.aims == 1 and state.phase <= PHASE_CONVERGING:
+        # until there is a solution
+        set_guess(state.plan, leg, mission.arcs.shape[0] - 1)
+        guess_end(mission.arcs, onboard.navigation, state)
+    guidance_step(aimed_by_plan(mission, state), onboard)
+
+
+@kernel
 def step_by_legs(mission: MissionRecords, onboard: Onboard) -> None:
-    """Answer one navigation state, leg by leg; without a plan, by the cycle.
+    """Answer one navigation state, leg by leg where the plan has legs.
 
     Args: as in :func:`ares_guidance.kernels.cycle.guidance_step`.
     """
@@ -281,7 +334,7 @@ def step_by_legs(mission: MissionRecords, onboard: Onboard) -> None:
     state = onboard.state
     leg = state.leg
     if state.plan.made == 0:
-        guidance_step(mission, onboard)
+        step_as_one(mission, onboard)
         return
     last = last_of_leg(nav.arc, mission.arcs)
     begins = last + 1 != leg.count
@@ -289,7 +342,7 @@ def step_by_legs(mission: MissionRecords, onboard: Onboard) -> None:
         lay_out(mission, state, last)
     was_coasting = leg.coasting
     look_ahead(mission, nav, leg)
-    guess_end(mission, state)
+    guess_end(mission.arcs[: leg.count], leg.navigation, state)
     if begins:
         leg.begin = leg.navigation.time
         begin_leg(mission_of_leg(mission, leg), onboard_of_leg(onboard, leg))

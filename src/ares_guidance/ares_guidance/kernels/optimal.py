@@ -13,7 +13,12 @@ from ares_guidance.arrays import ERROR_NONE, ERROR_NOT_CONVERGED, LAW_OPTIMAL, O
 from ares_guidance.kernels.convergence import begin_again
 from ares_guidance.kernels.convergence import seek as seek_by_peg
 from ares_guidance.kernels.jettison import on_board_heating
-from ares_guidance.kernels.segments import note_tail_off, plan_segments, thrust_integrals
+from ares_guidance.kernels.segments import (
+    least_time_to_go,
+    note_tail_off,
+    plan_segments,
+    thrust_integrals,
+)
 from ares_models.arrays import BURN, HEATING_LIMIT, MissionRecords, Record
 from ares_models.jit import inlined, kernel
 from ares_models.kernels.environment import log_heating_gradient
@@ -62,6 +67,11 @@ SAME_ENGINE = 0.01
 #: s before the planned end of an arc from which that end stands.
 NEAR_END = 1.0
 _ROUNDING = 1e-6
+
+#: What a search starts from.
+BY_NOTHING = 0
+BY_STEERING = 1
+BY_PLAN = 2
 #: An extremal that burns longer than PEG's plan by this factor, and a second, is no optimum.
 LONGER = 1.02
 #: Steps of the integrator in one cycle. What is found at all takes 60 in the median, 260 at most.
@@ -69,6 +79,31 @@ MOST_STEPS = 1_500
 #: Steps of the integrator that may go into searches without a result while an arc lasts; then
 #: the law flies PEG until the next arc. It bounds what a hopeless mission costs, to seconds.
 MOST_WASTED = 1_000_000
+
+
+@kernel
+def plans_whole(state: Record) -> bool:
+    """Return whether the ends of free arcs before the last are unknowns too."""
+    return state.plan.made == 1 and state.plan.by_legs == 0
+
+
+@kernel
+def begins_by_plan(arcs: NDArray[Any], onboard: Onboard) -> bool:
+    """Return whether the plan has the costates to begin the search with.
+
+    Without free arcs before the last they are those of the first cycle alone.
+    """
+    nav = onboard.navigation
+    state = onboard.state
+    if plans_whole(state):
+        return True
+    if state.plan.made == 1 or state.plan.aims == 0 or state.cycle != 1:
+        return False
+    k = nav.arc
+    while arcs[k].kind != BURN:
+        k += 1
+    primer = state.plan.primer[k]
+    return math.isfinite(norm(load(primer[0])) + norm(load(primer[1])))
 
 
 @kernel
@@ -100,7 +135,7 @@ def believed_arcs(mission: MissionRecords, onboard: Onboard) -> None:
         return
     for k in range(arcs.shape[0]):
         memory.arcs[k] = arcs[k]
-        if state.plan.made == 1:
+        if plans_whole(state):
             memory.arcs[k].duration = memory.duration[k]
         if arcs[k].stage == stage and arcs[k].kind == BURN and state.thrust_ratio > 0.0:
             memory.arcs[k].thrust *= state.thrust_ratio
@@ -398,7 +433,7 @@ def tell(mission: MissionRecords, onboard: Onboard) -> None:
     solution.turn = 0.0
     note_tail_off(mission.arcs[mission.arcs.shape[0] - 1], state)
     solution.time_to_go = u[COLUMN_CUTOFF] - nav.time + solution.tail_gain
-    if state.plan.made == 1:
+    if plans_whole(state):
         tell_lengths(mission.arcs, state)
     index = COLUMN_JETTISON
     for j in range(mission.jettisons.shape[0]):
@@ -430,13 +465,14 @@ def set_options(mission: MissionRecords, onboard: Onboard) -> None:
 
 
 @kernel
-def solve_optimal(mission: MissionRecords, onboard: Onboard, guessed: bool, restart: bool) -> int:
+def solve_optimal(mission: MissionRecords, onboard: Onboard, start: int, restart: bool) -> int:
     """The optimum from a navigation state into the state on board.
 
     Args:
         mission: as in :func:`ares_guidance.kernels.cycle.guidance_step`; so the next.
         onboard: what is on board. Changed.
-        guessed: it holds steering to start from, if the last cycle left no solution.
+        start: what to start from if the last cycle left no solution: the plan, the steering on
+            board, or nothing (BY_PLAN, BY_STEERING, BY_NOTHING).
         restart: seek from other guesses too when the first leads nowhere.
 
     Returns:
@@ -456,15 +492,15 @@ def solve_optimal(mission: MissionRecords, onboard: Onboard, guessed: bool, rest
         if memory.age < REFRESH and remaining > LAST:
             found = correct(believed, onboard)
     else:
-        if state.plan.made == 1:
+        if start == BY_PLAN:
             planned_guess(believed, onboard)
-            memory.solved_in = nav.arc
-        elif guessed:
+        elif start == BY_STEERING:
             first_guess(mission.jettisons, onboard)
+        memory.solved_in = nav.arc
         memory.time = nav.time
         memory.jettisoned = nav.jettisoned
     if not found:
-        iterations, found = search(believed, onboard, guessed, restart)
+        iterations, found = search(believed, onboard, start != BY_NOTHING, restart)
     memory.solved = 1 if found else 0
     state.iterations += iterations
     if not found:
@@ -473,6 +509,19 @@ def solve_optimal(mission: MissionRecords, onboard: Onboard, guessed: bool, rest
     state.solution.miss_speed = 0.0
     tell(mission, onboard)
     return ERROR_NONE
+
+
+@kernel
+def ends_early(mission: MissionRecords, onboard: Onboard) -> bool:
+    """Return whether the optimum on board would cut off before the last arc.
+
+    Where the ends of arcs are unknowns they have bounds.
+    """
+    state = onboard.state
+    if plans_whole(state):
+        return False
+    least = least_time_to_go(mission.arcs, onboard.navigation, state)
+    return least > onboard.settings.hold_time and state.solution.time_to_go < least
 
 
 @kernel
@@ -487,17 +536,23 @@ def seek(mission: MissionRecords, onboard: Onboard, cold: bool) -> tuple[int, bo
     Returns: as :func:`ares_guidance.kernels.convergence.converge`.
     """
     error = ERROR_NOT_CONVERGED
-    solved = onboard.state.optimal.solved == 1
-    if solved or onboard.state.plan.made == 1:
-        error = solve_optimal(mission, onboard, True, cold and not solved)
-    if error == ERROR_NONE:
-        return error, True
     state = onboard.state
+    solved = state.optimal.solved == 1
+    by_plan = begins_by_plan(mission.arcs, onboard)
+    if solved or by_plan:
+        start = BY_PLAN if by_plan else BY_STEERING
+        error = solve_optimal(mission, onboard, start, cold and not solved)
+    if error == ERROR_NONE and not ends_early(mission, onboard):
+        return error, True
     error, reachable = seek_by_peg(mission, onboard, cold)
-    if onboard.state.plan.made == 0 and (cold or error == ERROR_NONE):
+    if state.turn.held > 0.0:
+        # every flight that ends with the last arc's begin takes the same: there is no best
+        state.optimal.solved = 0
+        return error, reachable
+    if not plans_whole(state) and (cold or error == ERROR_NONE):
         guessed = error == ERROR_NONE
         longest = LONGER * state.solution.time_to_go + 1.0 if guessed else math.inf
-        found = solve_optimal(mission, onboard, guessed, cold)
+        found = solve_optimal(mission, onboard, BY_STEERING if guessed else BY_NOTHING, cold)
         if found == ERROR_NONE:
             if state.solution.time_to_go <= longest:
                 return found, True

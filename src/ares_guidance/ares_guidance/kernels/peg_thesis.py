@@ -28,6 +28,7 @@ from ares_guidance.arrays import (
     Onboard,
 )
 from ares_guidance.kernels.cycle import accept, adopt_steering, guidance_step
+from ares_guidance.kernels.legs import aimed_by_plan, set_aim
 from ares_guidance.kernels.start import start_guess
 from ares_models.arrays import (
     TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
@@ -232,13 +233,15 @@ def step_by_modes(mission: MissionRecords, onboard: Onboard) -> None:
         onboard: what is on board; settings are those of the shared cycle. Changed.
     """
     nav = onboard.navigation
-    memory = onboard.state.thesis
+    state = onboard.state
+    memory = state.thesis
+    set_aim(mission, state)
     if memory.planned == 0:
-        guidance_step(mission, onboard)
+        guidance_step(aimed_by_plan(mission, state), onboard)
         return
     mode = mode_of(nav, mission.arcs, memory)
     if mode == 3:
-        fly_mode(mission, by_rules(onboard, memory.late_rules), mode)
+        fly_mode(aimed_by_plan(mission, state), by_rules(onboard, memory.late_rules), mode)
     else:
         early = mission_to_jettison(mission, memory)
         fly_to_jettison(early, by_rules(onboard, memory.early_rules), mode)

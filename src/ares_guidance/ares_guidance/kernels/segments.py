@@ -6,6 +6,9 @@ throttled engine meets its limit or its least thrust (Jaggers 1977: constant acc
 """
 
 import math
+from typing import Any
+
+from numpy.typing import NDArray
 
 from ares_guidance.arrays import MAX_SEGMENTS, Onboard
 from ares_guidance.kernels.engines import present_engine
@@ -20,6 +23,9 @@ from ares_models.kernels.sequence import (
 )
 from ares_models.kernels.throttle import LEAST, LIMITED, mass_after, stretch, time_to_burn
 from ares_models.kernels.thrust_curve import tail_length
+
+#: s that a last burn lasts which the target would not need.
+SHORTEST_BURN = 0.05
 
 #: L, J, S, Q, P, H.
 Integrals = tuple[float, float, float, float, float, float]
@@ -374,6 +380,29 @@ def burn_time_to_go(state: Record, delta_v: float) -> tuple[float, int]:
         tb = time_to_gain(segment, max(left, 0.0))
         return segment.start + tb, i
     return 0.0, last
+
+
+@kernel
+def least_time_to_go(arcs: NDArray[Any], nav: Record, state: Record) -> float:
+    """Return the time to go, s, at which the last arc has lasted as long as it must.
+
+    The arcs before it are flown whole. A burn of fixed length ends by the clock.
+
+    Args:
+        arcs: dtype ARC.
+        nav: record NAVIGATION.
+        state: record GUIDANCE_STATE, before the last arc with planned segments.
+    """
+    last = arcs.shape[0] - 1
+    arc = arcs[last]
+    shortest = arc.shortest if arc.shortest < arc.longest else 0.0
+    if nav.arc == last:
+        return nav.arc_start_time + shortest - nav.time + arc.tail_gain
+    for i in range(state.segment_count):
+        if state.segments[i].arc == last:
+            begin = state.segments[i].start - arc.start_loss
+            return begin + max(shortest, arc.start_loss, SHORTEST_BURN) + arc.tail_gain
+    return 0.0
 
 
 @kernel

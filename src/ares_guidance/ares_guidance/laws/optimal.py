@@ -6,8 +6,12 @@ from ares_guidance.law import LawKind
 from ares_models.jit import specialised
 
 _CYCLE = specialised("ares_guidance.kernels.cycle", "of_optimal", seek=seek)
+_LEGS = specialised("ares_guidance.kernels.legs", "of_optimal", guidance_step=_CYCLE.guidance_step)
 _WHOLE = specialised(
-    "ares_guidance.kernels.whole", "of_optimal", guidance_step=_CYCLE.guidance_step
+    "ares_guidance.kernels.whole",
+    "of_optimal",
+    guidance_step=_CYCLE.guidance_step,
+    step_by_legs=_LEGS.step_by_legs,
 )
 
 LAW = LawKind("optimal", LAW_OPTIMAL, _WHOLE.step_whole, meets_place=True)

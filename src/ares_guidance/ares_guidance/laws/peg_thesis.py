@@ -12,7 +12,7 @@ from ares_guidance.arrays import (
     PLANE_OF_FLIGHT,
     PLANE_OF_MODE,
 )
-from ares_guidance.guess import JettisonPlan, OfflineTrajectory
+from ares_guidance.guess import JettisonPlan, OfflineTrajectory, leaves_arcs_free
 from ares_guidance.kernels.peg_thesis import step_by_modes
 from ares_guidance.law import Law, LawKind, LawSettings, name_free_arcs, needs_plan
 from ares_models.arrays import (
@@ -76,7 +76,7 @@ class ThesisPeg(Law):
             ValueError: not two stages with one heating jettison in the second, nothing free but
                 the last burn, or a target without an inclination.
         """
-        if needs_plan(arrays):
+        if leaves_arcs_free(arrays):
             raise ValueError(
                 f"the mission leaves {name_free_arcs(arrays)} free; law peg_thesis flies missions "
                 "of which only the last arc is free: expected peg, igm or optimal, which fly a plan"
@@ -117,11 +117,15 @@ class ThesisPeg(Law):
         Raises:
             ValueError: it has none.
         """
-        self.follow(trajectory.jettison_plan())
+        self._plan = trajectory.jettison_plan()
+        if needs_plan(self._arrays):
+            self.follow_arcs(trajectory.arc_plan(self._arrays))
+        else:
+            self.reset()
 
-    def reset(self) -> None:
-        """Forget the flight, not the plan."""
-        super().reset()
+    def _begin(self) -> None:
+        """Put the state of before a flight on board, with the plans."""
+        super()._begin()
         plan = self._plan
         if plan is None:
             return

@@ -127,8 +127,7 @@ class Pilot:
         self._waiting = [
             j
             for j, jettison in enumerate(arrays.jettisons)
-            if jettison["criterion"] == HEATING_LIMIT
-            and not (int(start["jettisoned"][0]) >> j) & 1
+            if jettison["criterion"] == HEATING_LIMIT and not (int(start["jettisoned"][0]) >> j) & 1
         ]
 
     # ---- lengths and times
@@ -493,9 +492,7 @@ def _track_to(pilot: Pilot, lengths: Array, f: int, length: float, constants: Ar
     return part.fly(times, constants).copy()
 
 
-def _period_there(
-    pilot: Pilot, lengths: Array, f: int, constants: Array, default: float
-) -> float:
+def _period_there(pilot: Pilot, lengths: Array, f: int, constants: Array, default: float) -> float:
     """Period of the orbit in which a coast is flown, s; that of a low circle where it is none."""
     track = _track_to(pilot, lengths, f, 0.0, constants)
     mu = float(pilot.arrays.environment[0]["mu"])
@@ -552,10 +549,7 @@ def guess_of(program: Transcription, trial: Trial) -> Array:
     _, rows = np.unique(track[:, rollout.TIME], return_index=True)
     track = track[rows]
     states = np.column_stack(
-        [
-            np.interp(times, track[:, rollout.TIME], track[:, rollout.POSITION + c])
-            for c in range(6)
-        ]
+        [np.interp(times, track[:, rollout.TIME], track[:, rollout.POSITION + c]) for c in range(6)]
     )
     states[:, :3] /= program.radius
     states[:, 3:] /= program.speed

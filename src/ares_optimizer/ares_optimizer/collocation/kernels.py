@@ -398,9 +398,7 @@ def fill_hessian(
         for j in range(6):
             for side in range(2):
                 step = _STEP if side == 0 else -_STEP
-                moved = (
-                    (axpy(step, AXES[j], r), v) if j < 3 else (r, axpy(step, AXES[j - 3], v))
-                )
+                moved = (axpy(step, AXES[j], r), v) if j < 3 else (r, axpy(step, AXES[j - 3], v))
                 rule_rows(rule, mission, scales, moved, c, sides[side])
             for other in range(6):
                 whole[j, other] = 0.0

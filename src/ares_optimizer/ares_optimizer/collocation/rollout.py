@@ -116,9 +116,9 @@ def roll(
                 track[rows, POSITION + c] = r[c]
                 track[rows, VELOCITY + c] = v[c]
                 track[rows, DIRECTION + c] = u[c]
-            track[rows, LOG_HEATING] = log_heating_gradient(
-                r, v, environment, mission.atmosphere
-            )[0]
+            track[rows, LOG_HEATING] = log_heating_gradient(r, v, environment, mission.atmosphere)[
+                0
+            ]
             track[rows, ALTITUDE] = altitude(r, environment)
             track[rows, ARC] = segment.arc
             rows += 1

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import null_space
 from scipy.interpolate import BarycentricInterpolator, CubicHermiteSpline
+from scipy.linalg import null_space
 
 from ares_models.arrays import BURN, COAST, HEATING_LIMIT, MISSION_TIME, MissionArrays
 from ares_optimizer.collocation import rollout
@@ -238,9 +238,7 @@ class _Search:
                 Status.ILLEGAL_START,
                 "no flight can be laid out: the last burn does not begin, or too many events",
             )
-        return Cause(
-            Status.STALLED, f"no flight to the target found from {self.starts} starts"
-        )
+        return Cause(Status.STALLED, f"no flight to the target found from {self.starts} starts")
 
 
 def _short_of_propellant(search: _Search, cause: Cause) -> Cause:
@@ -421,9 +419,7 @@ def _finished(search: _Search, best: Found, began: float) -> Solution:
     return _solution(search, proven, tuple(floors.values()), elapsed)
 
 
-def _again(
-    search: _Search, found: Found, floors: tuple[Floor, ...], finer: float
-) -> Found | None:
+def _again(search: _Search, found: Found, floors: tuple[Floor, ...], finer: float) -> Found | None:
     """Solve on finer intervals from a point; None where that leads nowhere."""
     times = times_of(found.program, found.point.x)
     try:
@@ -570,15 +566,12 @@ def lowest_in(found: Found, arc: int) -> float:
     return min(float(np.linalg.norm(r)) - surface_radius(r, environment) for r in grid)
 
 
-def lowest_altitude(
-    arrays: MissionArrays, track: Trajectory, begin: float, end: float
-) -> float:
+def lowest_altitude(arrays: MissionArrays, track: Trajectory, begin: float, end: float) -> float:
     """Return the least altitude of a trajectory between two times, m."""
     inside = (track.time_s >= begin - _SAME_LENGTH) & (track.time_s <= end + _SAME_LENGTH)
     environment = arrays.environment[0]
     return min(
-        float(np.linalg.norm(r)) - surface_radius(r, environment)
-        for r in track.position[inside]
+        float(np.linalg.norm(r)) - surface_radius(r, environment) for r in track.position[inside]
     )
 
 
@@ -686,7 +679,9 @@ def jettison_times(program: Transcription, times: Times) -> tuple[float, ...]:
     return tuple(out)
 
 
-def _steering_arcs(program: Transcription, point: Point, adjoint: Adjoint) -> tuple[SteeringArc, ...]:
+def _steering_arcs(
+    program: Transcription, point: Point, adjoint: Adjoint
+) -> tuple[SteeringArc, ...]:
     """A linear-tangent law per phase: the straight line between its first and last direction."""
     arcs = []
     lengths = program.time * point.x[program.lengths]
@@ -872,7 +867,8 @@ def _taken(found: Found) -> float:
     burns = [
         k
         for k in program.arc_phases
-        if arcs[k]["stage"] == arcs[-1]["stage"] and arcs[k]["kind"] == BURN
+        if arcs[k]["stage"] == arcs[-1]["stage"]
+        and arcs[k]["kind"] == BURN
         and math.isinf(arcs[k]["duration"])
     ]
     phases = [p for k in burns for p in program.arc_phases[k]]

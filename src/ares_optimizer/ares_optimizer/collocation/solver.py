@@ -87,8 +87,15 @@ def solve_program(
     seen = {"iterations": 0, "regularization": 0.0}
 
     def watch(
-        _mode: int, iteration: int, _f: float, _p: float, _d: float, _mu: float, _n: float,
-        regularization: float, *_rest: float,
+        _mode: int,
+        iteration: int,
+        _f: float,
+        _p: float,
+        _d: float,
+        _mu: float,
+        _n: float,
+        regularization: float,
+        *_rest: float,
     ) -> bool:
         seen["iterations"] = iteration
         seen["regularization"] = regularization
@@ -123,9 +130,7 @@ def solve_program(
         x, multipliers = guess, np.zeros(program.row_lower.size)
         at_lower, at_upper = np.zeros(program.size), np.zeros(program.size)
     x = np.clip(x, program.lower, program.upper)
-    x, _, status = problem.solve(
-        x, mult_g=multipliers, mult_x_L=at_lower, mult_x_U=at_upper
-    )
+    x, _, status = problem.solve(x, mult_g=multipliers, mult_x_L=at_lower, mult_x_U=at_upper)
     rows = np.zeros(program.row_lower.size)
     program.rows(x, rows)
     violation = max(

@@ -101,9 +101,7 @@ class Rows:
         return len(self.lower) - 1
 
 
-def segments_of(
-    arrays: MissionArrays, start: NDArray[np.void], times: Times
-) -> NDArray[np.void]:
+def segments_of(arrays: MissionArrays, start: NDArray[np.void], times: Times) -> NDArray[np.void]:
     """Return the smooth pieces of a flight, dtype SEGMENT; empty where the times make none."""
     segments = np.zeros(timetable.MAX_SEGMENTS, timetable.SEGMENT)
     ends = np.zeros(max(1, len(times.lengths)))
