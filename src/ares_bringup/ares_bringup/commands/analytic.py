@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ares_bringup.commands.optimize import (
-    EXIT_NOT_OPTIMAL,
+    EXIT_NOT_FOUND,
     EXIT_OPTIMAL,
     THESIS_MISSION,
     arc_table,
@@ -98,7 +98,7 @@ def optimize_analytic(
         print(json.dumps(_json(mission, chosen, found, optimum), indent=2, allow_nan=False))
     else:
         _print(mission, chosen, found, optimum, console())
-    return EXIT_OPTIMAL if chosen.solution.converged else EXIT_NOT_OPTIMAL
+    return EXIT_OPTIMAL if chosen.solution.converged else EXIT_NOT_FOUND
 
 
 def _staging_s(mission: Mission) -> float:

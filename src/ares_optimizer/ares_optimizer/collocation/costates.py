@@ -89,7 +89,6 @@ def adjoint_of(program: Transcription, point: Point) -> Adjoint:
     phases: list[int] = []
     interval = 0
     for p, count in enumerate(program.intervals):
-        phase = program.phases[p]
         length = float(x[program.lengths[p]])
         first = int(program.first[p])
         heavy = 0.0

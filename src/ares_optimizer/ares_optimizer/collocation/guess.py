@@ -286,7 +286,12 @@ class Pilot:
             return Trial(times, track.copy(), math.inf), constants
         count = self.miss_of(track).size + x0.size
         found = least_squares(
-            residual, x0, bounds=(low, high), max_nfev=effort, x_scale=0.3, diff_step=1e-6
+            residual,
+            x0,
+            bounds=(low, high),
+            max_nfev=effort,
+            x_scale=0.3,
+            diff_step=np.full(x0.size, 1e-6),
         )
         there = times_of(found.x)
         track = self.fly(there, found.x[:n])

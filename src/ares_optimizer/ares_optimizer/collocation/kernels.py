@@ -252,7 +252,7 @@ def fill_point_jacobian(
         a, by_s, by_m, _, _, _ = acceleration_terms(phase, point.fraction * length, x[phase.mass])
         u = vector_at(x, point.control)
         motion = axpy(a, u, motion)
-    for c in range(6):
+    for _ in range(6):
         for j in range(d + 1):
             values[k] = program.derivative[point.number - 1, j]
             k += 1
@@ -388,7 +388,7 @@ def fill_hessian(
             k += 1
     for p in range(program.phases.shape[0]):
         k = fill_mass_hessian(program.phases[p], x, multipliers, values, k)
-    c = np.zeros(MAX_ROWS)
+    missed = np.zeros(MAX_ROWS)
     sides = np.zeros((2, MAX_ROWS, 6))
     whole = np.zeros((6, 6))
     scales = (program.radius, program.speed)
@@ -399,7 +399,7 @@ def fill_hessian(
             for side in range(2):
                 step = _STEP if side == 0 else -_STEP
                 moved = (axpy(step, AXES[j], r), v) if j < 3 else (r, axpy(step, AXES[j - 3], v))
-                rule_rows(rule, mission, scales, moved, c, sides[side])
+                rule_rows(rule, mission, scales, moved, missed, sides[side])
             for other in range(6):
                 whole[j, other] = 0.0
                 for row in range(rule.rows):

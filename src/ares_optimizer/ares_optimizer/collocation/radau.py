@@ -31,4 +31,5 @@ def radau(degree: int) -> tuple[Array, Array, Array]:
         others = np.delete(points, j)
         polynomial = np.poly1d(others, r=True) / np.prod(points[j] - others)
         derivative[:, j] = polynomial.deriv()(points[1:])
-    return points, derivative, np.linalg.inv(derivative[:, 1:])
+    integral: Array = np.linalg.inv(derivative[:, 1:])
+    return np.asarray(points, np.float64), derivative, integral

@@ -182,8 +182,7 @@ def polished(request: Request, unknowns: Array) -> Solution:
     start = request.state
     options = TwoPointOptions(heating=request.heating)
     solver = TwoPointSolver(request.arrays, options, request.deadline)
-    unknowns = _as_unknowns(unknowns, solver, start)
-    assert unknowns is not None
+    _as_unknowns(unknowns, solver, start)
     if solver.plans_arcs(start):
         solver.press(start, lengths_of(solver, start, unknowns))
     root = solver.solve(start, unknowns, restart=False)
