@@ -294,13 +294,13 @@ def fill_jacobian(x: Array, program: Program, mission: MissionRecords, values: A
         values[k + 1] = -by_length
         values[k + 2] = -by_mass
         k += 3
-    c = np.zeros(MAX_ROWS)
+    missed = np.zeros(MAX_ROWS)
     gradient = np.zeros((MAX_ROWS, 6))
     scales = (program.radius, program.speed)
     for i in range(program.rules.shape[0]):
         rule = program.rules[i]
         state = (vector_at(x, 6 * rule.node), vector_at(x, 6 * rule.node + 3))
-        rule_rows(rule, mission, scales, state, c, gradient)
+        rule_rows(rule, mission, scales, state, missed, gradient)
         for row in range(rule.rows):
             for j in range(6):
                 values[k] = gradient[row, j]

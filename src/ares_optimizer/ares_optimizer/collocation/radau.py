@@ -31,5 +31,5 @@ def radau(degree: int) -> tuple[Array, Array, Array]:
         others = np.delete(points, j)
         polynomial = np.poly1d(others, r=True) / np.prod(points[j] - others)
         derivative[:, j] = polynomial.deriv()(points[1:])
-    integral: Array = np.linalg.inv(derivative[:, 1:])
-    return np.asarray(points, np.float64), derivative, integral
+    integral = np.linalg.inv(derivative[:, 1:]).astype(np.float64)
+    return points.astype(np.float64), derivative, integral
