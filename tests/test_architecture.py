@@ -43,12 +43,17 @@ ROOMS = {
     "two_point": {"kernels"},
     "proof": set(),
     "direct": {"kernels", "proof"},
+    # its gravity has the second derivatives that the two-point problem wrote
+    "collocation": {"kernels", "two_point", "proof"},
     "indirect": {"kernels", "two_point", "proof"},
     # part one aims at the optimum's state at its jettison
     "analytic": {"kernels", "proof", "direct"},
 }
-SHARED = {"deadline", "obstacles", "pieces", "plan", "request", "solution", "targets"}
-JOINS = {"foreknown", "rival", "solve", "messages", "node", "__main__", "__init__"}
+SHARED = {
+    *("deadline", "floors", "obstacles", "pieces", "plan", "prices", "request", "solution"),
+    "targets",
+}
+JOINS = {"auto", "foreknown", "rival", "solve", "messages", "node", "__main__", "__init__"}
 #: What flight software may take from the optimizer.
 ON_BOARD = {"ares_optimizer.two_point.arrays", "ares_optimizer.two_point.contract"}
 #: What may be taken from the proof: it flies and judges, its physics stays inside.

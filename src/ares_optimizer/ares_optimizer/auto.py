@@ -8,18 +8,26 @@ holds. What was done stands in ``Solution.steps``.
 
 from dataclasses import replace
 
+from ares_optimizer.direct.solve import solve_direct
 from ares_optimizer.floors import floors_of
 from ares_optimizer.indirect.solve import polished
-from ares_optimizer.plan import held_ahead, plans_arcs, throttled_ahead
+from ares_optimizer.plan import plans_arcs
 from ares_optimizer.request import Heating, Request
 from ares_optimizer.rival import solve_beside_rival
-from ares_optimizer.solution import OptimizerError, Solution, UnfitMethod
+from ares_optimizer.solution import (
+    OptimizerError,
+    Solution,
+    Status,
+    UnfitMethod,
+    next_to_nothing,
+)
 
-METHOD = "auto"
 #: What collocation finds must be better by so much, as a part of the mass, to count as better.
 _BETTER = 1e-4
 #: And what indirect makes of it must not be worse by more.
 _SAME = 1e-5
+#: Propellant of the last burn that is next to nothing, kg.
+_NOTHING_KG = 1.0
 
 
 def solve_auto(request: Request) -> Solution:
@@ -32,7 +40,6 @@ def solve_auto(request: Request) -> Solution:
         the best that they found.
     """
     from ares_optimizer.collocation.solve import solve_collocation  # IPOPT is not needed else
-    from ares_optimizer.direct.solve import solve_direct
 
     if request.heating is Heating.FROM_JETTISON:
         solution = solve_direct(replace(request, method="direct20"))
@@ -79,13 +86,10 @@ def _fast(request: Request) -> Solution | None:
 
 def _polished(request: Request, found: Solution) -> Solution | None:
     """The root of the two-point problem next to a solution; None where that is another problem."""
-    arrays, start = request.arrays, request.state
     touched = any(
         check.active and check.name.startswith("lowest altitude in") for check in found.constraints
     )
     if touched or found.parameters is None or not found.converged:
-        return None
-    if throttled_ahead(arrays, start[0]).any() and held_ahead(arrays, start[0]):
         return None
     try:
         exact = polished(request, found.parameters)
@@ -104,17 +108,36 @@ def _polished(request: Request, found: Solution) -> Solution | None:
 
 
 def _last_resort(request: Request, found: Solution, steps: list[str]) -> Solution:
-    """What ``indirect`` finds by its own search where collocation finds nothing."""
-    arrays, start = request.arrays, request.state
-    if not plans_arcs(arrays, start[0]) or request.deadline.passed:
+    """What another method finds by its own search where collocation finds nothing.
+
+    Where the burns of fixed length are all but enough, any steering that wastes what is too much
+    will do; ``direct11`` has few enough unknowns to find one that is smooth.
+    """
+    planned = plans_arcs(request.arrays, request.state[0])
+    method = "indirect" if planned else "direct11"
+    if request.deadline.passed:
         return replace(found, steps=tuple(steps))
     try:
-        other = solve_beside_rival(replace(request, method="indirect"))
+        if planned:
+            other = solve_beside_rival(replace(request, method=method))
+        else:
+            other = solve_direct(replace(request, method=method))
     except UnfitMethod:
         return replace(found, steps=tuple(steps))
-    steps.append(step("indirect", other))
-    best = other if other.converged and _keeps_floors(request, other) else found
+    if not planned and other.converged:
+        other = _as_good_as(other)
+    steps.append(step(method, other))
+    best = other if other.flyable and _keeps_floors(request, other) else found
     return replace(best, steps=tuple(steps))
+
+
+def _as_good_as(solution: Solution) -> Solution:
+    """A direct solution, optimal only as far as its last burn takes next to nothing."""
+    taken = solution.arcs[-1].start_mass_kg - solution.arcs[-1].end_mass_kg
+    if taken < _NOTHING_KG:
+        return replace(solution, reason=next_to_nothing(taken))
+    reason = "linear-tangent steering; no other method proves it to be the best"
+    return replace(solution, status=Status.FEASIBLE, reason=reason)
 
 
 def _keeps_floors(request: Request, solution: Solution) -> bool:

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import HEATING_LIMIT
+from ares_models.kernels.environment import gravity
 from ares_optimizer.collocation.arrays import COASTING, GUIDED
 from ares_optimizer.collocation.kernels import acceleration_terms
 from ares_optimizer.collocation.radau import radau
 from ares_optimizer.collocation.solver import Point
 from ares_optimizer.collocation.transcription import Transcription
-from ares_optimizer.proof.physics import gravity
 from ares_optimizer.solution import Costates
 
 Array = NDArray[np.float64]
@@ -103,7 +103,7 @@ def adjoint_of(program: Transcription, point: Point) -> Adjoint:
                 at = program.control_of[p][max(0, k * d + number - 1)]
                 u = x[at : at + 3] if at >= 0 else np.full(3, math.nan)
                 terms = _terms(program, p, fractions[number] * length, point, costate[3:], u)
-                motion = gravity(state[:3], environment) + terms.acceleration
+                motion = np.array(gravity(tuple(state[:3]), environment)) + terms.acceleration
                 hamiltonian = float(costate[:3] @ state[3:] + costate[3:] @ motion)
                 time = begin + fractions[number] * length * program.time
                 rows.append((time, *state, *costate, *terms.direction, hamiltonian, terms.flow))

@@ -11,6 +11,7 @@ from scipy.interpolate import BarycentricInterpolator, CubicHermiteSpline
 from scipy.linalg import null_space
 
 from ares_models.arrays import BURN, COAST, HEATING_LIMIT, MISSION_TIME, MissionArrays
+from ares_models.kernels.environment import altitude, heating_rate
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.arrays import COASTING, GUIDED
 from ares_optimizer.collocation.costates import Adjoint, adjoint_of, costates_of, spread_of
@@ -25,7 +26,6 @@ from ares_optimizer.prices import target_worth
 from ares_optimizer.proof.checks import constraint_table, verification
 from ares_optimizer.proof.flight import Direction, Flight, Steering, fly
 from ares_optimizer.proof.held import held_checks, held_offsets
-from ares_optimizer.proof.physics import heating, surface_radius
 from ares_optimizer.request import Heating, Request
 from ares_optimizer.solution import (
     OPTIMAL,
@@ -182,7 +182,7 @@ class _Search:
         self._violations: list[tuple[float, str]] = []
         self._unproven = False
         r = start["position"][0]
-        self._start_m = float(np.linalg.norm(r)) - surface_radius(r, arrays.environment[0])
+        self._start_m = float(altitude(tuple(r), arrays.environment[0]))
 
     @property
     def enough(self) -> bool:
@@ -563,16 +563,14 @@ def lowest_in(found: Found, arc: int) -> float:
         )
         grid = track(np.linspace(times[0], times[-1], _SAMPLES * len(times)))
     environment = program.arrays.environment[0]
-    return min(float(np.linalg.norm(r)) - surface_radius(r, environment) for r in grid)
+    return float(min(altitude(tuple(r), environment) for r in grid))
 
 
 def lowest_altitude(arrays: MissionArrays, track: Trajectory, begin: float, end: float) -> float:
     """Return the least altitude of a trajectory between two times, m."""
     inside = (track.time_s >= begin - _SAME_LENGTH) & (track.time_s <= end + _SAME_LENGTH)
     environment = arrays.environment[0]
-    return min(
-        float(np.linalg.norm(r)) - surface_radius(r, environment) for r in track.position[inside]
-    )
+    return float(min(altitude(tuple(r), environment) for r in track.position[inside]))
 
 
 def _flown(search: _Search, found: Found, adjoint: Adjoint) -> _Proven:
@@ -819,7 +817,8 @@ def _sampled(program: Transcription, proven: _Proven, nodes: Array) -> Trajector
     first = np.argmax(~np.isnan(direction).any(axis=1))
     direction[:first] = direction[first]
     state = adjoint.state
-    rates = [heating(y[:3], y[3:], program.arrays) for y in state]
+    environment, atmosphere = program.arrays.environment[0], program.arrays.atmosphere
+    rates = [heating_rate(tuple(y[:3]), tuple(y[3:]), environment, atmosphere) for y in state]
     return Trajectory(
         adjoint.time, state[:, :3], state[:, 3:], masses, direction, np.array(rates), thrust
     )
