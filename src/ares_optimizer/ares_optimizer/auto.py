@@ -6,6 +6,7 @@ several starts must not beat it. One with more to decide is solved by collocatio
 holds. What was done stands in ``Solution.steps``.
 """
 
+import math
 from dataclasses import replace
 
 from ares_optimizer.direct.solve import solve_direct
@@ -28,6 +29,8 @@ _BETTER = 1e-4
 _SAME = 1e-5
 #: Propellant of the last burn that is next to nothing, kg.
 _NOTHING_KG = 1.0
+#: Length of a free arc that vanishes, s: no cycle can hold its end.
+_VANISHING_S = 1.0
 
 
 def solve_auto(request: Request) -> Solution:
@@ -103,6 +106,7 @@ def _polished(request: Request, found: Solution) -> Solution | None:
             iterations=found.iterations + exact.iterations,
             restarts=found.restarts,
             solve_ms=found.solve_ms + exact.solve_ms,
+            by_legs=min(exact.lengths_s, default=math.inf) < _VANISHING_S,
         )
     return None
 
