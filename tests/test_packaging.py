@@ -30,7 +30,7 @@ KEYS = {
     + ("pytest", "rich", "scipy", "tornado", "typer")
 }
 # rosdep knows no key for these: installed with pip
-NO_KEY = {"distributed", "foxglove", "plotly", "pyarrow", "pymsis"}
+NO_KEY = {"distributed", "foxglove", "ipyopt", "plotly", "pyarrow", "pymsis"}
 # import name -> name in the package index, where they differ
 DISTRIBUTIONS = {
     "foxglove": "foxglove-sdk",

@@ -25,7 +25,7 @@ setup(
     ],
     extras_require={
         # what solves and what is drawn; no plain flight needs it
-        "solve": ["scipy>=1.13"],
+        "solve": ["ipyopt>=0.12", "scipy>=1.13"],
         "test": ["pytest"],
     },
     zip_safe=False,

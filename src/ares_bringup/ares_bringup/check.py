@@ -370,7 +370,7 @@ def _start(recorded: _Recorded, answers: Answers, values: Mapping[str, Any], res
     if refused and not taken and not answers.law.lacks_plan:
         result.notes.append(f"as in the flight, without the optimizer: {refused[0]}")
         return
-    asked_at, method = recorded.states[0][0], "indirect"
+    asked_at, method = recorded.states[0][0], "auto"
     if taken:
         told = {value.key: value.value for value in taken[0][1].values}
         asked_at, method = int(told[ASKED_AT_NS]), told["method"]

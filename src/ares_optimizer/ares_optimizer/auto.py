@@ -9,10 +9,13 @@ holds. What was done stands in ``Solution.steps``.
 import math
 from dataclasses import replace
 
+import numpy as np
+
 from ares_optimizer.direct.solve import solve_direct
 from ares_optimizer.floors import floors_of
 from ares_optimizer.indirect.solve import polished
-from ares_optimizer.plan import plans_arcs
+from ares_optimizer.plan import plans_arcs, with_lengths
+from ares_optimizer.proof.flight import flown_arcs
 from ares_optimizer.request import Heating, Request
 from ares_optimizer.rival import solve_beside_rival
 from ares_optimizer.solution import (
@@ -151,9 +154,15 @@ def _keeps_floors(request: Request, solution: Solution) -> bool:
     track = solution.trajectory
     if track is None:
         return False
-    times = {arc.arc: (arc.start_s, arc.end_s) for arc in solution.flown}
+    start = request.state[0]
+    planned = with_lengths(request.arrays, start, np.array(solution.lengths_s))
+    times = {
+        arc.arc: (arc.start_s, arc.end_s) for arc in flown_arcs(planned, start, solution.t_meco_s)
+    }
     for floor in floors_of(request.arrays, request.state):
-        begin, end = times.get(floor.arc, (track.time_s[0], track.time_s[-1]))
+        if floor.arc not in times or not math.isfinite(floor.altitude_m):
+            continue
+        begin, end = times[floor.arc]
         if lowest_altitude(request.arrays, track, begin, end) < floor.altitude_m - 1.0:
             return False
     return True

@@ -10,7 +10,14 @@ from numpy.typing import NDArray
 from scipy.interpolate import BarycentricInterpolator, CubicHermiteSpline
 from scipy.linalg import null_space
 
-from ares_models.arrays import BURN, COAST, HEATING_LIMIT, MISSION_TIME, MissionArrays
+from ares_models.arrays import (
+    BURN,
+    COAST,
+    HEATING_LIMIT,
+    MISSION_TIME,
+    TIME_AFTER_IGNITION,
+    MissionArrays,
+)
 from ares_models.kernels.environment import altitude, heating_rate
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.arrays import COASTING, GUIDED
@@ -150,7 +157,8 @@ def _dropped_at_ignition(arrays: MissionArrays) -> MissionArrays:
     """The mission with what waits for heating dropped as its stage ignites."""
     jettisons = arrays.jettisons.copy()
     waiting = jettisons["criterion"] == HEATING_LIMIT
-    jettisons["value"][waiting] = math.inf
+    jettisons["criterion"][waiting] = TIME_AFTER_IGNITION
+    jettisons["value"][waiting] = 0.0
     return arrays._replace(jettisons=jettisons)
 
 

@@ -1,0 +1,115 @@
+"""Real launchers by public figures: what `auto` finds beside another program, and what laws lose.
+
+The answers in `launchers/answers.json` are of a program that shares nothing with the project:
+Radau collocation by CasADi with IPOPT from up to ten starts, the best solved again on a finer mesh.
+It keeps coasts 100 km above a sphere of the equatorial radius; here they stay 100 km above the
+ellipsoid, so that more is possible where a coast touches its floor far from the equator.
+"""
+
+import argparse
+import json
+import math
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ares_models.judge import End, judge
+from ares_models.mission import Mission, load_mission
+from ares_optimizer.solve import solve
+from ares_studies.closed_loop import fly_compiled
+
+HERE = Path(__file__).parent
+FILES = HERE / "launchers"
+KEPT = HERE / "results" / "launchers.json"
+LAWS = ("peg", "igm", "optimal")
+#: Of the mass: less than the other program's by more is worse.
+SAME = 1e-5
+LIMIT_S = 60.0
+
+
+def flown(mission: Mission, law: str, optimum_kg: float) -> dict[str, Any]:
+    """Fly a mission by a law: what is reached, and what is lost to the optimum, %."""
+    try:
+        flight = fly_compiled(mission, law=law)
+    except ValueError as error:
+        return {"end": "refused", "reason": str(error)}
+    plant = flight.plant
+    arrays = mission.arrays()
+    environment = arrays.environment[0]
+    reached = judge(
+        plant["position"],
+        plant["velocity"],
+        arrays.target[0],
+        float(environment["mu"]),
+        float(environment["equatorial_radius"]),
+    )
+    loss = 100.0 * (1.0 - float(plant["mass"]) / optimum_kg)
+    return {"end": str(reached.end), "final_mass_kg": float(plant["mass"]), "loss_percent": loss}
+
+
+def row(path: Path, known_kg: float, laws: tuple[str, ...]) -> dict[str, Any]:
+    """Solve one mission, and fly it."""
+    mission = load_mission(path)
+    began, worked = time.perf_counter(), time.process_time()
+    found = solve(mission, "auto", time_limit_s=LIMIT_S, verify=False)
+    result: dict[str, Any] = {
+        "name": path.stem,
+        "status": str(found.status),
+        "reason": found.reason,
+        "method": found.method,
+        "final_mass_kg": found.m_f_kg,
+        "other_program_kg": known_kg,
+        "difference_percent": 100.0 * (found.m_f_kg / known_kg - 1.0),
+        "wall_s": time.perf_counter() - began,
+        "cpu_s": time.process_time() - worked,
+    }
+    if found.flyable:
+        result["laws"] = {law: flown(mission, law, found.m_f_kg) for law in laws}
+    return result
+
+
+def main() -> None:
+    """Print a row per mission, and the sums."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*", help="missions; default: all")
+    parser.add_argument("--plan-only", action="store_true", help="fly nothing")
+    parser.add_argument("--keep", action="store_true", help=f"write {KEPT.name}")
+    options = parser.parse_args()
+    answers = json.loads((FILES / "answers.json").read_text())
+    laws = () if options.plan_only else LAWS
+    rows = []
+    for name in options.names or sorted(answers):
+        one = row(FILES / f"{name}.yaml", answers[name]["final_mass_kg"], laws)
+        rows.append(one)
+        flights = " ".join(
+            f"{law} {flight['end']} {flight.get('loss_percent', math.nan):+.4f} %"
+            for law, flight in one.get("laws", {}).items()
+        )
+        print(
+            f"{name:22s} {one['status']:10s} {one['final_mass_kg']:11.3f} kg "
+            f"{one['difference_percent']:+.4f} % {one['cpu_s']:6.2f} s  {flights}",
+            flush=True,
+        )
+    solved = [one for one in rows if one["status"] == "converged"]
+    worse = [one for one in solved if one["difference_percent"] < -100.0 * SAME]
+    print(f"{len(solved)} of {len(rows)} optimal; {len(worse)} of them below the other program")
+    print("CPU time, median:", f"{np.median([one['cpu_s'] for one in rows]):.2f} s")
+    for law in laws:
+        losses = [
+            one["laws"][law]["loss_percent"]
+            for one in solved
+            if one["laws"][law]["end"] == str(End.TARGET)
+        ]
+        if losses:
+            print(
+                f"{law}: {len(losses)} of {len(solved)} on target, "
+                f"loss {np.median(losses):.4f} % in the median, {max(losses):.4f} % at worst"
+            )
+    if options.keep:
+        KEPT.write_text(json.dumps(rows, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

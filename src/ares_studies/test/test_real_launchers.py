@@ -1,0 +1,58 @@
+"""Real launchers, planned from their files alone and flown by every law, first try."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from ares_models.arrays import COAST
+from ares_models.judge import End, judge
+from ares_models.kernels.environment import altitude
+from ares_models.mission import load_mission
+from ares_optimizer.floors import edge_of_air
+from ares_optimizer.solution import Solution
+from ares_optimizer.solve import solve
+from ares_studies.closed_loop import ready_law
+from ares_vehicle_sim.simulator import Simulator, SimulatorOptions
+
+LAUNCHERS = ("ariane5_eca", "electron_sso", "falcon9_gto", "soyuz_fregat", "vulcan_gto")
+LAWS = ("peg", "igm", "optimal")
+#: Of the optimum's mass.
+MOST_LOST = 3e-3
+
+
+@cache
+def optimum(name: str) -> Solution:
+    """The plan, as the optimizer serves it."""
+    return solve(load_mission(name), "auto", verify=False)
+
+
+@pytest.mark.parametrize("law_name", LAWS)
+@pytest.mark.parametrize("name", LAUNCHERS)
+def test_a_real_launcher_arrives_with_what_its_plan_says(name: str, law_name: str) -> None:
+    mission = load_mission(name)
+    arrays = mission.arrays()
+    environment = arrays.environment[0]
+    simulator = Simulator(mission, SimulatorOptions(navigation_period_s=0.5))
+    law = ready_law(mission, law_name, state=np.array([simulator.navigation]))
+    lowest = np.inf
+    while not simulator.complete:
+        law.step(simulator.navigation)
+        simulator.command(law.steering)
+        simulator.advance()
+        now = simulator.navigation
+        arc = arrays.arcs[now["arc"]]
+        if arc["kind"] == COAST and np.isinf(arc["duration"]):
+            lowest = min(lowest, altitude(tuple(now["position"]), environment))
+    plant = simulator.plant
+    reached = judge(
+        plant["position"],
+        plant["velocity"],
+        arrays.target[0],
+        float(environment["mu"]),
+        float(environment["equatorial_radius"]),
+    )
+    assert reached.end is End.TARGET, reached
+    assert float(plant["mass"]) > (1.0 - MOST_LOST) * optimum(name).m_f_kg
+    # the parking coast keeps above the air
+    assert lowest > edge_of_air(arrays) - 1e3
