@@ -53,7 +53,17 @@ SHARED = {
     *("deadline", "floors", "obstacles", "pieces", "plan", "prices", "request", "solution"),
     "targets",
 }
-JOINS = {"auto", "foreknown", "rival", "solve", "messages", "node", "__main__", "__init__"}
+JOINS = {
+    "auto",
+    "payload",
+    "foreknown",
+    "rival",
+    "solve",
+    "messages",
+    "node",
+    "__main__",
+    "__init__",
+}
 #: What flight software may take from the optimizer.
 ON_BOARD = {"ares_optimizer.two_point.arrays", "ares_optimizer.two_point.contract"}
 #: What may be taken from the proof: it flies and judges, its physics stays inside.

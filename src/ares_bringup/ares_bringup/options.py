@@ -77,6 +77,12 @@ class Method(StrEnum):
     ANALYTIC = "analytic"
 
 
+class Maximize(StrEnum):
+    """What `optimize` may seek the most of, besides the mass at cut-off."""
+
+    PAYLOAD = "payload"
+
+
 class AnalyticProfile(StrEnum):
     """Polynomials of method `analytic`, by their names in `ares_optimizer.analytic_options`."""
 

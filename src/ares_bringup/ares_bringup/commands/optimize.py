@@ -15,6 +15,7 @@ from ares_bringup.options import CannotStart
 from ares_bringup.report import BLANK, console, number
 from ares_models.mission import Mission, MissionError, load_mission
 from ares_models.mission_physics import longest_flight
+from ares_optimizer.payload import greatest_payload
 from ares_optimizer.solution import OptimizerError, Solution, Status
 from ares_optimizer.solve import solve
 
@@ -81,6 +82,31 @@ def optimize(
     else:
         _print(mission, solution, console())
     return VERDICTS.get(solution.status, NOT_FOUND)[1]
+
+
+def optimize_payload(mission_name: str, as_json: bool, time_limit_s: float) -> int:
+    """Find the greatest payload, print it with its flight; the exit status as of `optimize`.
+
+    Args: as :func:`optimize`.
+
+    Raises:
+        CannotStart: bad mission, or one whose payload cannot be sought; one line.
+    """
+    try:
+        mission = load_mission(mission_name)
+        show_warnings(mission_name)
+        found = greatest_payload(mission, time_limit_s)
+    except (MissionError, OptimizerError) as error:
+        raise CannotStart(" ".join(str(error).split())) from error
+    if as_json:
+        text = {"payload_kg": found.payload_kg, **found.solution.to_json(mission.arc_names)}
+        print(json.dumps(text, indent=2, allow_nan=False))
+    else:
+        out = console()
+        asked = mission.payload_kg or 0.0
+        out.print(f"greatest payload: {found.payload_kg:,.2f} kg; the file has {asked:,.2f} kg")
+        _print(found.mission, found.solution, out)
+    return VERDICTS.get(found.solution.status, NOT_FOUND)[1]
 
 
 @cache

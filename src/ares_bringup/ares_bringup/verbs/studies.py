@@ -12,6 +12,7 @@ from ares_bringup.options import (
     AnalyticProfile,
     Heating,
     JettisonTarget,
+    Maximize,
     Method,
     PositionIntegral,
 )
@@ -63,6 +64,10 @@ def optimize(
         JettisonTarget | None,
         typer.Option(help="Of analytic: target of part one, found from; default: mission."),
     ] = None,
+    maximize: Annotated[
+        Maximize | None,
+        typer.Option(help="Seek the greatest payload_kg of a mission with its masses by item."),
+    ] = None,
     time_limit: Annotated[
         float, typer.Option(min=0.0, help="Wall time after which the search is given up, s.")
     ] = 30.0,
@@ -88,6 +93,14 @@ def optimize(
         raise typer.Exit(optimize_analytic(mission, as_json, refused, asked, time_limit))
     for name in asked:
         raise BadInput(f"--{name.replace('_', '-')} goes with --method analytic only")
+    if maximize is not None:
+        others = {"--heating": heating, "--hold-jettison": hold_jettison}
+        others["--method"] = method if method is not Method.AUTO else None
+        for name in (name for name, value in others.items() if value):
+            raise BadInput(f"{name} does not go with --maximize")
+        from ares_bringup.commands.optimize import optimize_payload
+
+        raise typer.Exit(optimize_payload(mission, as_json, time_limit))
     from ares_bringup.commands.optimize import optimize as solve
 
     status = solve(

@@ -1,0 +1,107 @@
+"""The greatest payload that a mission brings to its target."""
+
+import math
+from typing import NamedTuple
+
+from ares_models.mission import Mission
+from ares_optimizer.solution import OptimizerError, Solution
+from ares_optimizer.solve import solve
+
+#: Of the last stage with all above it, what may be propellant while the payload is sought.
+_MOST_PROPELLANT = 0.97
+_TRIALS = 20
+#: Propellant that may be left where the payload is the greatest, kg, and as a part of it.
+_LEFT_KG = 1e-3
+_LEFT = 1e-6
+
+
+class Greatest(NamedTuple):
+    """A payload with its flight.
+
+    Attributes:
+        mission: with the payload.
+        payload_kg: how much.
+        solution: the flight that takes all propellant of the last stage but what rounding leaves.
+    """
+
+    mission: Mission
+    payload_kg: float
+    solution: Solution
+
+
+def greatest_payload(mission: Mission, time_limit_s: float | None = None) -> Greatest:
+    """Find the payload with which the last stage just runs dry as it reaches the target.
+
+    The propellant that is left, taken as negative where a flight would need more than there is,
+    falls with the payload; its zero is sought by regula falsi (Illinois).
+
+    Args:
+        mission: with its masses by item.
+        time_limit_s: of each search, s.
+
+    Raises:
+        OptimizerError: masses are not by item, the last burn is not free, or not even a flight
+            without payload is found; one line.
+    """
+    if mission.payload_kg is None:
+        raise OptimizerError("payload_kg is missing; expected masses by item to maximize it")
+    arcs = mission.arrays().arcs
+    if not math.isinf(arcs[-1]["duration"]):
+        raise OptimizerError("the last burn has a fixed length; expected a free one")
+
+    def left(payload: float) -> float:
+        trial = mission.model_copy(update={"payload_kg": payload})
+        return _propellant_left(trial, time_limit_s)
+
+    low, left_low = 0.0, left(0.0)
+    if not left_low >= 0.0:
+        raise OptimizerError(
+            f"payload_kg: the last stage lacks {-left_low:,.1f} kg of propellant without any"
+        )
+    high = max(mission.payload_kg, left_low)
+    left_high = left(high)
+    for _ in range(_TRIALS):
+        if left_high < 0.0:
+            break
+        low, left_low, high = high, left_high, 2.0 * high
+        left_high = left(high)
+    enough = _LEFT_KG + _LEFT * float(arcs[-1]["propellant"])
+    for _ in range(_TRIALS):
+        if left_low <= enough:
+            break
+        middle = low + (high - low) * left_low / (left_low - left_high)
+        # on the side of the propellant that there is
+        middle = max(low + 0.01 * (high - low), middle - 0.25 * enough)
+        there = left(middle)
+        if there >= 0.0:
+            low, left_low, left_high = middle, there, 0.5 * left_high
+        else:
+            high, left_high = middle, there
+    best = mission.model_copy(update={"payload_kg": low})
+    return Greatest(best, low, solve(best, "auto", time_limit_s=time_limit_s))
+
+
+def _propellant_left(mission: Mission, time_limit_s: float | None) -> float:
+    """What the best flight leaves of the last stage's propellant, kg; less than 0: it lacks that.
+
+    Raises:
+        OptimizerError: no flight is found, whatever the propellant.
+    """
+    arrays = mission.arrays()
+    arcs = arrays.arcs.copy()
+    last = arcs["stage"] == arcs[-1]["stage"]
+    usable = float(arcs[-1]["propellant"])
+    stack = float(arcs["stack_mass"][last][0])
+    arcs["propellant"][last] = max(usable, _MOST_PROPELLANT * stack)
+    found = solve(
+        arrays._replace(arcs=arcs),
+        "auto",
+        state=mission.start().navigation(),
+        heating=mission.heating_limit_holds,
+        time_limit_s=time_limit_s,
+        verify=False,
+    )
+    if not found.flyable:
+        raise OptimizerError(f"payload_kg is {mission.payload_kg:,.1f}: {found.reason}")
+    dropped = mission.jettison_mass(int(arcs[-1]["stage"]))
+    return usable - (stack - dropped - found.m_f_kg)
