@@ -94,9 +94,9 @@ def optimize(
     for name in asked:
         raise BadInput(f"--{name.replace('_', '-')} goes with --method analytic only")
     if maximize is not None:
-        others = {"--heating": heating, "--hold-jettison": hold_jettison}
-        others["--method"] = method if method is not Method.AUTO else None
-        for name in (name for name, value in others.items() if value):
+        given = {"--method": method is not Method.AUTO, "--heating": heating is not None}
+        given["--hold-jettison"] = bool(hold_jettison)
+        for name in (name for name, value in given.items() if value):
             raise BadInput(f"{name} does not go with --maximize")
         from ares_bringup.commands.optimize import optimize_payload
 
