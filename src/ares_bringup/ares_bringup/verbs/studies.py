@@ -94,9 +94,12 @@ def optimize(
     for name in asked:
         raise BadInput(f"--{name.replace('_', '-')} goes with --method analytic only")
     if maximize is not None:
-        given = {"--method": method is not Method.AUTO, "--heating": heating is not None}
-        given["--hold-jettison"] = bool(hold_jettison)
-        for name in (name for name, value in given.items() if value):
+        beside = {
+            "--method": method is not Method.AUTO,
+            "--heating": heating is not None,
+            "--hold-jettison": bool(hold_jettison),
+        }
+        for name in (name for name, there in beside.items() if there):
             raise BadInput(f"{name} does not go with --maximize")
         from ares_bringup.commands.optimize import optimize_payload
 
