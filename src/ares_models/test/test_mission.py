@@ -36,13 +36,18 @@ def test_shipped_missions():
         "apollo11_ascent",
         "ares_v",
         "ares_v_transients",
+        "ariane5_eca",
         "delta_iii",
         "delta_iii_coast",
+        "electron_sso",
+        "falcon9_gto",
         "geostationary_burn",
         "geostationary_transfer",
         "saturn_v_as506",
         "saturn_v_tli",
+        "soyuz_fregat",
         "space_shuttle_sts121",
+        "vulcan_gto",
     )
     for name in list_missions():
         mission = load_mission(name)

@@ -14,7 +14,7 @@ import numpy as np
 from ares_optimizer.direct.solve import solve_direct
 from ares_optimizer.floors import floors_of
 from ares_optimizer.indirect.solve import polished
-from ares_optimizer.plan import plans_arcs, with_lengths
+from ares_optimizer.plan import plans_arcs, throttled_ahead, with_lengths
 from ares_optimizer.proof.flight import flown_arcs
 from ares_optimizer.request import Heating, Request
 from ares_optimizer.rival import solve_beside_rival
@@ -122,7 +122,8 @@ def _last_resort(request: Request, found: Solution, steps: list[str]) -> Solutio
     """
     planned = plans_arcs(request.arrays, request.state[0])
     method = "indirect" if planned else "direct11"
-    if request.deadline.passed:
+    throttled = throttled_ahead(request.arrays, request.state[0]).any()
+    if request.deadline.passed or (throttled and not planned):
         return replace(found, steps=tuple(steps))
     try:
         if planned:

@@ -21,7 +21,7 @@ COLLOCATION = "collocation"
 #: Chosen by the mission.
 AUTO = "auto"
 #: Those that plan burns in held attitude.
-HELD_METHODS = ("indirect", "direct11", "direct14", "direct20")
+HELD_METHODS = ("auto", "collocation", "indirect", "direct11", "direct14", "direct20")
 METHODS = (AUTO, COLLOCATION, *INDIRECT_METHODS, *DIRECT_METHODS, ANALYTIC_METHOD)
 
 

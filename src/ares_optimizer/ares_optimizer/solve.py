@@ -119,9 +119,7 @@ def _solve(request: Request) -> Solution:
 def _check_arcs(request: Request) -> None:
     """Refuse arcs that no method, or not this one, plans yet."""
     throttled = throttled_ahead(request.arrays, request.state[0])
-    if request.method in (AUTO, COLLOCATION):
-        return
-    if throttled.any() and request.method != "indirect":
+    if throttled.any() and request.method not in (AUTO, COLLOCATION, "indirect"):
         arc = int(request.state[0]["arc"]) + int(np.argmax(throttled))
         raise UnfitMethod(f"arc {arc}: its thrust is throttled, which is planned by indirect")
     _check_held(request)
