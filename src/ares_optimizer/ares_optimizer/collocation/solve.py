@@ -68,6 +68,8 @@ _FINER = (1.5, 3.0, 5.0)
 SPREAD = 1e-4
 #: What a flight is above its floor at most where it is brought there, m, and half of it at best.
 _SAG = 0.5
+#: Below the ground by so much, m, an arc without a floor is asked to keep above it.
+_DEEP_M = 1.0
 #: Solutions that bring it there, at most.
 _MOST_LEVELS = 3
 #: Altitude above a floor within which it is active, m.
@@ -200,11 +202,30 @@ class _Search:
     def take(self, trial: Trial) -> None:
         """Solve from a flight."""
         self.starts += 1
+        found = self._solved(trial)
+        if found is not None and (deep := self._underground(found)):
+            # asked for where it is needed: it takes a row for each state
+            self.floors += tuple(Floor(k, 0.0, math.nan, said=True) for k in deep)
+            found = self._solved(trial)
+        if found is not None and not self._underground(found):
+            self.consider(found)
+
+    def _underground(self, found: Found) -> list[int]:
+        """Arcs that a flight flies below the ground, of those that nothing keeps above it."""
+        rows = found.program.floor_rows
+        return [
+            k
+            for k in found.program.arc_phases
+            if not rows.get(k) and lowest_in(found, k) < -_DEEP_M
+        ]
+
+    def _solved(self, trial: Trial) -> Found | None:
+        """Solve from a flight; None where that leads nowhere."""
         floors = floors_on(self.floors, self._start_m, trial)
         try:
             program = Transcription(self.arrays, self.start, trial.times, floors)
         except ValueError:
-            return
+            return None
         point = solve_program(
             program, guess_of(program, trial), self.request.deadline, most=_MOST_FIRST
         )
@@ -214,8 +235,8 @@ class _Search:
                 self._violations.append((point.violation, worst_row(program, point)))
             else:
                 self._unproven = True
-            return
-        self.consider(Found(program, point, float(point.x[program.ends[-1]] * program.mass)))
+            return None
+        return Found(program, point, float(point.x[program.ends[-1]] * program.mass))
 
     def consider(self, found: Found) -> None:
         """Keep a local optimum if it is the best."""

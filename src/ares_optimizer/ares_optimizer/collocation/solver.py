@@ -24,6 +24,8 @@ _OPTIONS: dict[str, Any] = {
     "fixed_variable_treatment": "make_parameter",
     "bound_relax_factor": 0.0,
 }
+#: Infeasibility of the costates from which a search leads nowhere, and each step takes seconds.
+_DIVERGED = 1e9
 #: Near a solution with its multipliers.
 _WARM: dict[str, Any] = {
     "warm_start_init_point": "yes",
@@ -86,20 +88,11 @@ def solve_program(
 
     seen = {"iterations": 0, "regularization": 0.0}
 
-    def watch(
-        _mode: int,
-        iteration: int,
-        _f: float,
-        _p: float,
-        _d: float,
-        _mu: float,
-        _n: float,
-        regularization: float,
-        *_rest: float,
-    ) -> bool:
-        seen["iterations"] = iteration
-        seen["regularization"] = regularization
-        return not deadline.passed
+    def watch(*iterate: float) -> bool:
+        # as IPOPT hands it over: mode, iteration, objective, both infeasibilities, ...
+        seen["iterations"] = iterate[1]
+        seen["regularization"] = iterate[7]
+        return not deadline.passed and iterate[4] < _DIVERGED
 
     chosen = _OPTIONS | {"max_iter": most}
     if mu is not None:
