@@ -47,7 +47,7 @@ def test_what_is_absurd_is_answered(tmp_path, ares, case, words):
         assert len(lines) == 1
         return
     # no such flight finds its way within the time; it is not called one
-    assert done.returncode == (0 if words == ("missions",) else 1)
+    assert done.returncode in ((0,) if words == ("missions",) else (1, 4))
     assert all(line.startswith(WARNING) for line in lines)
     # but that the thrust is hardly meant is said
     assert bool(lines) == (case == "kick stage of 1 N")

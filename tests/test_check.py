@@ -221,7 +221,7 @@ def test_another_guidance_took_over(ares, reference, tmp_path):
     [
         (["--dispersions", "standard", "--seed", "3", "--guidance", "igm"], ""),
         (["--guidance", "peg_thesis"], "found again, by its method analytic"),
-        (["--mission", "geostationary_transfer"], "found again, by its method indirect"),
+        (["--mission", "geostationary_transfer"], "found again, by its method auto"),
         (["--guidance", "optimal", "--cycle-period", "4", "--initial-guess", "optimizer"], "found"),
     ],
     ids=["dispersed", "with a trajectory", "with a plan", "optimal"],

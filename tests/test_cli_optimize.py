@@ -16,12 +16,15 @@ def test_json_is_one_object_with_the_promised_keys(capsys):
     assert main(["optimize", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert set(found) == {
-        *("method", "converged", "reason", "t_plf_s", "t_meco_s", "m_f_kg"),
+        *("method", "status", "search", "converged", "reason", "t_plf_s", "t_meco_s", "m_f_kg"),
         *("delta_v_m_s", "arcs", "iterations", "solve_ms", "verification"),
     }
     assert [arc["name"] for arc in found["arcs"]] == ["core", "upper stage"]
     assert found["arcs"][-1]["end_s"] == found["t_meco_s"]
-    assert found["method"] == "direct11"
+    # by the mission: it is one for the fast method
+    assert found["method"] == "indirect"
+    assert found["status"] == "converged"
+    assert found["search"][0] == "indirect: optimal, 174,183.1151 kg"
     assert found["converged"] is True
     assert found["m_f_kg"] == pytest.approx(174_183.1, abs=0.5)
     assert found["t_plf_s"] == pytest.approx(416.64, abs=0.1)
@@ -53,12 +56,12 @@ def test_without_the_heating_limit_more_mass_arrives(capsys):
     assert json.loads(capsys.readouterr().out)["m_f_kg"] > 174_200.0
 
 
-def test_a_mission_that_cannot_be_flown_is_exit_1_with_a_reason(capsys, tmp_path):
+def test_a_mission_that_cannot_be_flown_is_exit_4_with_a_reason(capsys, tmp_path):
     shipped = resources.files("ares_models").joinpath("missions", "ares_v.yaml").read_text()
     text = shipped.replace("    isp_s: 448.0 ", "    propellant_kg: 90000.0\n    isp_s: 448.0 ")
     file = tmp_path / "short.yaml"
     file.write_text(text)
-    assert main(["optimize", "--json", "--mission", str(file)]) == 1
+    assert main(["optimize", "--json", "--mission", str(file)]) == 4
     found = json.loads(capsys.readouterr().out)
     assert found["converged"] is False
     assert "propellant" in found["reason"]
@@ -68,7 +71,7 @@ def test_a_mission_that_cannot_be_flown_is_exit_1_with_a_reason(capsys, tmp_path
     ("argv", "words"),
     [
         (["--mission", "nope"], "no such mission"),
-        (["--method", "magic"], "'magic'; expected one of direct11"),
+        (["--method", "magic"], "'magic'; expected one of auto"),
         (["--hold-jettison", "fairing=1"], "the name one of 'payload fairing'"),
         (["--hold-jettison", "payload fairing=soon"], "expected a number of seconds"),
         (["--mission", str(HELD), "--method", "jump"], "arc 2: its attitude is held"),

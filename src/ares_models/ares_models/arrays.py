@@ -96,7 +96,7 @@ ARC = np.dtype(
         ("duration", np.float64),  # s to its end by the clock; inf: free; 0: to the last drop
         ("shortest", np.float64),  # s; bounds of a free arc
         ("longest", np.float64),  # s; inf: none but the propellant
-        ("min_altitude", np.float64),  # m, all along it; nan: as a coast is by default
+        ("min_altitude", np.float64),  # m, all along it; -inf: none is named
         ("min_perigee_radius", np.float64),  # m, of the orbit it is flown on; 0: any
         ("held", np.int64),  # 1: the direction at ignition is kept
         ("max_acceleration", np.float64),  # m/s2, to which it is throttled; inf: it is not

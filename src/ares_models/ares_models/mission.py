@@ -340,7 +340,7 @@ class Mission(Part):
                 row["shortest"] = shortest(arc)
                 row["longest"] = arc.max_s or arc.duration_s
                 low = arc.min_altitude_m
-                row["min_altitude"] = math.nan if low is None else low
+                row["min_altitude"] = -math.inf if low is None else low
                 row["begins_stage"] = int(k == 0)
                 row["stack_mass"] = self.ignition_mass(i)
                 row["propellant"] = self.propellant(i)

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ares_optimizer.collocation.solve import lowest_altitude, solve_collocation
 from ares_optimizer.direct.solve import solve_direct
 from ares_optimizer.floors import floors_of
 from ares_optimizer.indirect.solve import polished
@@ -19,6 +20,8 @@ from ares_optimizer.proof.flight import flown_arcs
 from ares_optimizer.request import Heating, Request
 from ares_optimizer.rival import solve_beside_rival
 from ares_optimizer.solution import (
+    Check,
+    ConstraintCheck,
     OptimizerError,
     Solution,
     Status,
@@ -45,8 +48,6 @@ def solve_auto(request: Request) -> Solution:
     Returns:
         the best that they found.
     """
-    from ares_optimizer.collocation.solve import solve_collocation  # IPOPT is not needed else
-
     if request.heating is Heating.FROM_JETTISON:
         solution = solve_direct(replace(request, method="direct20"))
         return replace(solution, steps=(step("direct20", solution),))
@@ -90,11 +91,14 @@ def _fast(request: Request) -> Solution | None:
         return None
 
 
+def _is_floor(check: ConstraintCheck) -> bool:
+    """Whether a check is about the floor of one arc."""
+    return check.key is Check.LOWEST_ALTITUDE and " in arc " in check.name
+
+
 def _polished(request: Request, found: Solution) -> Solution | None:
     """The root of the two-point problem next to a solution; None where that is another problem."""
-    touched = any(
-        check.active and check.name.startswith("lowest altitude in") for check in found.constraints
-    )
+    touched = any(check.active and _is_floor(check) for check in found.constraints)
     if touched or found.parameters is None or not found.converged:
         return None
     try:
@@ -102,7 +106,7 @@ def _polished(request: Request, found: Solution) -> Solution | None:
     except OptimizerError:
         return None
     if exact.converged and exact.m_f_kg >= found.m_f_kg * (1.0 - _SAME):
-        lows = tuple(c for c in found.constraints if c.name.startswith("lowest altitude in"))
+        lows = tuple(check for check in found.constraints if _is_floor(check))
         return replace(
             exact,
             constraints=(*exact.constraints, *lows) if exact.constraints else (),
@@ -130,7 +134,7 @@ def _last_resort(request: Request, found: Solution, steps: list[str]) -> Solutio
             other = solve_beside_rival(replace(request, method=method))
         else:
             other = solve_direct(replace(request, method=method))
-    except UnfitMethod:
+    except OptimizerError:
         return replace(found, steps=tuple(steps))
     if not planned and other.converged:
         other = _as_good_as(other)
@@ -150,8 +154,6 @@ def _as_good_as(solution: Solution) -> Solution:
 
 def _keeps_floors(request: Request, solution: Solution) -> bool:
     """Whether a flight keeps the floors of the mission."""
-    from ares_optimizer.collocation.solve import lowest_altitude
-
     track = solution.trajectory
     if track is None:
         return False

@@ -330,7 +330,7 @@ class Solution:
             "method": self.method,
             "status": str(self.status),
             "converged": self.converged,
-            "steps": list(self.steps),
+            "search": list(self.steps),
             "reason": self.reason,
             "t_plf_s": _number(self.t_plf_s),
             "t_meco_s": _number(self.t_meco_s),

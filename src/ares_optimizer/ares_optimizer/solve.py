@@ -12,6 +12,7 @@ from ares_models.kernels.sequence import SAME_TIME
 from ares_models.mission import Mission
 from ares_optimizer.analytic.solve import solve_analytic
 from ares_optimizer.auto import solve_auto
+from ares_optimizer.collocation.solve import solve_collocation
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.free_arcs import solve_direct_planned
 from ares_optimizer.direct.solve import solve_direct
@@ -45,7 +46,7 @@ CHOICES = (Heating.AT_JETTISON, Heating.FROM_JETTISON, Heating.IGNORED)
 
 def solve(
     mission: Mission | MissionArrays,
-    method: str = "auto",
+    method: str = "direct11",
     *,
     guess: Any = None,
     state: NDArray[np.void] | None = None,
@@ -108,8 +109,6 @@ def _solve(request: Request) -> Solution:
     if request.method == AUTO:
         return solve_auto(request)
     if request.method == COLLOCATION:
-        from ares_optimizer.collocation.solve import solve_collocation  # IPOPT is not needed else
-
         return solve_collocation(request)
     if plans_arcs(request.arrays, request.state[0]):
         return solve_direct_planned(request)

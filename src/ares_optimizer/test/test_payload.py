@@ -17,7 +17,7 @@ def test_the_last_stage_just_runs_dry_with_the_greatest_payload() -> None:
     assert used.value == pytest.approx(used.limit, abs=0.01)
     # a kilogram more does not arrive
     more = mission.model_copy(update={"payload_kg": found.payload_kg + 1.0})
-    beyond = solve(more)
+    beyond = solve(more, "auto")
     assert beyond.status is Status.INFEASIBLE
     assert "propellant of the last stage" in beyond.reason
 

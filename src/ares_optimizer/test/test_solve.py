@@ -39,7 +39,9 @@ def test_json_has_the_published_keys(ares_v):
     summary = json.loads(text)
     assert list(summary) == [
         "method",
+        "status",
         "converged",
+        "search",
         "reason",
         "t_plf_s",
         "t_meco_s",

@@ -95,7 +95,7 @@ def command(*argv: str) -> str:
     said = "".join(line for line in lines if not line.startswith(WARNING))
     if status == EXIT_BAD_INPUT:
         return f"{REFUSED}: {_one_line(said)}"
-    if said or status not in (0, 1):
+    if said or status not in (0, 1, 3, 4):
         raise Broken(f"exit status {status}: {said!r}")
     json.loads(out.getvalue(), parse_constant=_no_number)
     return DONE

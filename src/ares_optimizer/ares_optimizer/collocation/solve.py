@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BarycentricInterpolator, CubicHermiteSpline
-from scipy.linalg import null_space
+from scipy.linalg import qr
 
 from ares_models.arrays import (
     BURN,
@@ -22,7 +22,7 @@ from ares_models.kernels.environment import altitude, heating_rate
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.arrays import COASTING, GUIDED
 from ares_optimizer.collocation.costates import Adjoint, adjoint_of, costates_of, spread_of
-from ares_optimizer.collocation.guess import Trial, guess_of, node_times, trials
+from ares_optimizer.collocation.guess import COASTS, Trial, guess_of, node_times, trials
 from ares_optimizer.collocation.solver import LOCALLY_INFEASIBLE, Point, solve_program
 from ares_optimizer.collocation.transcription import Times, Transcription, Turning
 from ares_optimizer.floors import Floor, floors_of
@@ -139,7 +139,8 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
     # where a coast is free there is more than one valley: each start is tried
     several = any(arrays.arcs[k]["kind"] == COAST for k in free_arcs(arrays, start[0]))
     for trial in trials(arrays, start, floors):
-        if request.deadline.passed or (search.enough and not several):
+        tried = search.starts >= len(COASTS) if several else search.enough
+        if request.deadline.passed or (tried and search.best is not None):
             break
         search.take(trial)
     best = search.best
@@ -548,7 +549,8 @@ def bends_down(found: Found) -> bool:
     hessian = np.tril(hessian) + np.tril(hessian, -1).T
     loose = (point.x - program.lower > _AT_BOUND) & (program.upper - point.x > _AT_BOUND)
     holds = (program.row_lower == program.row_upper) | (np.abs(point.multipliers) > _PRICED)
-    free = null_space(rows[holds][:, loose])
+    held = rows[holds][:, loose].T
+    free = qr(held)[0][:, held.shape[1] :]
     if not free.size:
         return False
     bends = np.linalg.eigvalsh(free.T @ hessian[np.ix_(loose, loose)] @ free)
@@ -765,7 +767,7 @@ def _solution(
     nodes = _nodes(program, point)
     solution = Solution(
         METHOD,
-        *_verdict(proven, checks, spread),
+        *_verdict(search, proven, checks, spread),
         jettison_times(program, times),
         times.cutoff,
         proven.found.m_f_kg,
@@ -787,7 +789,7 @@ def _solution(
     checks = (*checks, *directions)
     return replace(
         solution,
-        **_verdict(proven, checks, spread)._asdict(),
+        **_verdict(search, proven, checks, spread)._asdict(),
         m_f_kg=float(flight.final[6]),
         constraints=checks,
         verification=verification(planned, flight, nodes[program.first]),
@@ -867,7 +869,9 @@ def _nodes(program: Transcription, point: Point) -> Array:
     )
 
 
-def _verdict(proven: _Proven, checks: tuple[ConstraintCheck, ...], spread: float) -> Cause:
+def _verdict(
+    search: _Search, proven: _Proven, checks: tuple[ConstraintCheck, ...], spread: float
+) -> Cause:
     """Optimal, or feasible and why."""
     broken = next((check for check in checks if not check.satisfied), None)
     if broken is not None:
@@ -876,7 +880,8 @@ def _verdict(proven: _Proven, checks: tuple[ConstraintCheck, ...], spread: float
             f"{broken.name} {broken.value:,.7g} {broken.unit} instead of {broken.limit:,.7g} "
             f"{broken.unit} when flown by another integrator",
         )
-    if proven.found.point.regularized and bends_down(proven.found):
+    # on the coarse intervals that it was found with: the test is one of dense matrices
+    if proven.found.point.regularized and search.best is not None and bends_down(search.best):
         return Cause(Status.FEASIBLE, "the second-order conditions are not met")
     taken = _taken(proven.found)
     if taken < _NOTHING_KG:
@@ -909,6 +914,8 @@ def _taken(found: Found) -> float:
 def _floor_check(found: Found, floor: Floor) -> ConstraintCheck:
     """A floor, and what a metre of it costs."""
     rows = found.program.floor_rows[floor.arc]
+    if not math.isfinite(floor.altitude_m):
+        return _perigee_check(found, floor)
     price = float(found.point.multipliers[rows].sum()) * found.program.mass / found.program.radius
     low = lowest_in(found, floor.arc)
     return ConstraintCheck(
@@ -920,6 +927,32 @@ def _floor_check(found: Found, floor: Floor) -> ConstraintCheck:
         "m",
         low >= floor.altitude_m - 0.1 * _SAG,
         price,
+    )
+
+
+def _perigee_check(found: Found, floor: Floor) -> ConstraintCheck:
+    """The perigee of the orbit that a coast is flown on, and what a metre of it costs."""
+    program, x = found.program, found.point.x
+    node = int(program.first[program.arc_phases[floor.arc][0]])
+    r = x[6 * node : 6 * node + 3] * program.radius
+    v = x[6 * node + 3 : 6 * node + 6] * program.speed
+    mu = float(program.arrays.environment[0]["mu"])
+    h = float(np.linalg.norm(np.cross(r, v)))
+    energy = 0.5 * float(v @ v) - mu / float(np.linalg.norm(r))
+    e = math.sqrt(max(0.0, 1.0 + 2.0 * energy * h * h / mu**2))
+    perigee = h * h / mu / (1.0 + e)
+    row = program.floor_rows[floor.arc][-1]
+    # the row is h^2 - p^2 (v^2 - 2 mu / r) - 2 mu p over 2 mu p
+    slope = (2.0 * floor.perigee_m * energy + mu) / (mu * floor.perigee_m)
+    return ConstraintCheck(
+        Check.LOWEST_ALTITUDE,
+        f"perigee radius in arc {floor.arc}",
+        perigee,
+        floor.perigee_m,
+        perigee < floor.perigee_m + _ACTIVE,
+        "m",
+        perigee >= floor.perigee_m - _SAG,
+        float(found.point.multipliers[row]) * program.mass * slope,
     )
 
 
