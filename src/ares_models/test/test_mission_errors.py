@@ -831,7 +831,7 @@ def test_unknown_name():
         "space_shuttle_sts121, vulcan_gto, or give a "
         "file's path; did you mean ares_v?"
     )
-    assert "did you mean" not in message("soyuz")
+    assert "did you mean" not in message("quetzal")
     assert message("").startswith("mission ''")
 
 

@@ -66,7 +66,7 @@ def test_iterations_used_up_are_no_obstacle(ares_v):
 def test_no_flight_to_lay_out_is_an_illegal_start(ares_v):
     _, arrays, start = ares_v
     late = arrays.arcs.copy()
-    late["duration"][0] = 1e6
+    late["duration"][0] = 3e6
     late["propellant"][0] = 1e12
     solution = solve_indirect(arrays._replace(arcs=late), start)
     assert solution.status is Status.ILLEGAL_START

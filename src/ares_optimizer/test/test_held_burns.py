@@ -329,7 +329,7 @@ def test_what_a_second_of_coast_is_worth(solved):
 class TestRefusals:
     @pytest.mark.parametrize("method", [m for m in METHODS if m not in HELD_METHODS])
     def test_by_other_methods(self, method):
-        with pytest.raises(UnfitMethod, match=r"arc 2: its attitude is held, .* by indirect or"):
+        with pytest.raises(UnfitMethod, match=r"arc 2: its attitude is held, .* by auto or"):
             solve(mission(MIDDLE), method)
 
     def test_within_the_burn(self):

@@ -58,6 +58,7 @@ def test_json_has_the_published_keys(ares_v):
         "flight_path_angle_deg",
         "inclination_deg",
         "fmhr_w_m2",
+        "end",
     ]
     assert summary["converged"] is True
     assert summary["reason"] == "optimal"
@@ -111,7 +112,7 @@ def test_without_verification_there_is_the_flight_plan_only(ares_v):
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        ({"method": "direct12"}, "method is 'direct12'; expected one of direct11, direct14"),
+        ({"method": "direct12"}, "method is 'direct12'; expected one of auto, collocation"),
         ({"heating": "never"}, "heating is 'never'; expected at_jettison"),
         ({"guess": 3}, "guess is a int; expected a Guess or a Solution for direct11"),
         ({"jettison_times": {1: 400.0}}, "jettison 1 does not exist; the mission has 1"),

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
+import ipyopt
 import numpy as np
 from numpy.typing import NDArray
 
@@ -84,8 +85,6 @@ def solve_program(
         mu: barrier to begin with, for a guess that is near; None: the solver's.
         most: iterations.
     """
-    import ipyopt
-
     seen = {"iterations": 0, "regularization": 0.0}
 
     def watch(*iterate: float) -> bool:
