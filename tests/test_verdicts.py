@@ -230,7 +230,7 @@ CAUSES = {
     ),
     "a missed target": Cause(
         1,
-        ("target missed: radius_m off by ",),
+        ("target missed: flight_path_angle_deg off by ",),
         # a climb that takes all there is, and more
         mission=short_burn(119.4, **{"target.flight_path_angle_deg": 1.0}),
     ),

@@ -40,6 +40,7 @@ CHAPTERS = {
         "montecarlo",
         "aborts",
         "aborts_map",
+        "launchers",
         "optimization",
         "contributing",
     ),

@@ -29,7 +29,7 @@ DISPERSIONS = "dispersions"
 DISPERSED_MISSION = "ares_v"
 
 #: Of a search that is not to end by itself, s.
-TIME_LIMIT = ("--time-limit", "5")
+TIME_LIMIT = ("--time-limit", "3")
 
 #: Navigation states of a flight are so far apart, s, and so many at most.
 NAVIGATION_PERIOD_S = 0.1
