@@ -25,7 +25,7 @@ from ares_optimizer.collocation.costates import Adjoint, adjoint_of, costates_of
 from ares_optimizer.collocation.guess import COASTS, Trial, guess_of, node_times, trials
 from ares_optimizer.collocation.solver import LOCALLY_INFEASIBLE, Point, solve_program
 from ares_optimizer.collocation.transcription import Times, Transcription, Turning
-from ares_optimizer.floors import Floor, floors_of
+from ares_optimizer.floors import Floor, edge_of_air, floors_of
 from ares_optimizer.kernels import timetable
 from ares_optimizer.pieces import first_ignitions
 from ares_optimizer.plan import SHORTEST, free_arcs, length_bounds, with_lengths
@@ -70,6 +70,8 @@ SPREAD = 1e-4
 _SAG = 0.5
 #: Below the ground by so much, m, an arc without a floor is asked to keep above it.
 _DEEP_M = 1.0
+#: And no more than so far below its start, m, where it is asked.
+_BELOW_START_M = 1e3
 #: Solutions that bring it there, at most.
 _MOST_LEVELS = 3
 #: Altitude above a floor within which it is active, m.
@@ -205,8 +207,9 @@ class _Search:
         self.starts += 1
         found = self._solved(trial)
         if found is not None and (deep := self._underground(found)):
-            # asked for where it is needed: it takes a row for each state
-            self.floors += tuple(Floor(k, 0.0, math.nan, said=True) for k in deep)
+            # asked for where it is needed: no deeper into the air than the flight began
+            level = max(0.0, min(self._start_m - _BELOW_START_M, edge_of_air(self.arrays)))
+            self.floors += tuple(Floor(k, level, math.nan, said=True) for k in deep)
             found = self._solved(trial)
         if found is not None and not self._underground(found):
             self.consider(found)
