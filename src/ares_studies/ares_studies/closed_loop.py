@@ -11,7 +11,7 @@ from ares_guidance.law import Law, LawKind, LawSettings, needs_plan, why_no_plan
 from ares_guidance.laws import make_law
 from ares_models.failures import Failure
 from ares_models.mission import Mission
-from ares_optimizer.solution import Solution, Status
+from ares_optimizer.solution import Solution
 from ares_studies.arrays import closed_loop
 from ares_studies.loops import flight_loop
 from ares_vehicle_sim.dispersions import Dispersions
@@ -72,7 +72,10 @@ def offline_trajectory(solution: Solution) -> OfflineTrajectory:
 
 
 def arc_plan(
-    mission: Mission, law: LawKind, state: NDArray[np.void] | None = None
+    mission: Mission,
+    law: LawKind,
+    state: NDArray[np.void] | None = None,
+    time_limit_s: float | None = None,
 ) -> ArcPlan | None:
     """The optimizer's plan of what a mission leaves free, for a law that needs one; else None.
 
@@ -80,6 +83,7 @@ def arc_plan(
         mission: what is flown.
         law: by which law.
         state: where the plan begins, shape (1,), dtype NAVIGATION; None: at the mission's start.
+        time_limit_s: wall time of the search; None: no limit.
 
     Raises:
         ValueError: the optimizer finds none, or one through the ground; one line.
@@ -89,8 +93,8 @@ def arc_plan(
         return None
     from ares_optimizer.solve import solve  # slow to import
 
-    solution = solve(mission, "auto", state=state, verify=False)
-    if solution.status is not Status.CONVERGED:
+    solution = solve(mission, "auto", state=state, verify=False, time_limit_s=time_limit_s)
+    if not solution.flyable:
         raise ValueError(why_no_plan(law.name, arrays, solution.reason))
     try:
         return offline_trajectory(solution).arc_plan(arrays)
@@ -104,6 +108,7 @@ def ready_law(
     settings: LawSettings | None = None,
     guess: Solution | None = None,
     state: NDArray[np.void] | None = None,
+    time_limit_s: float | None = None,
 ) -> Law:
     """A guidance law before its first navigation state.
 
@@ -115,6 +120,7 @@ def ready_law(
             the analytic solution; with a plan of the mission's free arcs, if it needs one.
         state: where that solution begins, shape (1,), dtype NAVIGATION; None: at the mission's
             start.
+        time_limit_s: wall time of the search for a plan; None: no limit.
 
     Raises:
         ValueError: the law cannot fly the mission, or the guess is no start.
@@ -126,7 +132,7 @@ def ready_law(
         guess = solve(mission, "analytic", state=state)
     if guess is not None:
         law.start_from(offline_trajectory(guess))
-    elif (plan := arc_plan(mission, law.kind, state)) is not None:
+    elif (plan := arc_plan(mission, law.kind, state, time_limit_s)) is not None:
         law.follow_arcs(plan)
     return law
 

@@ -30,6 +30,8 @@ DISPERSED_MISSION = "ares_v"
 
 #: Of a search that is not to end by itself, s.
 TIME_LIMIT = ("--time-limit", "3")
+#: Of a plan, s.
+PLAN_LIMIT_S = 3.0
 
 #: Navigation states of a flight are so far apart, s, and so many at most.
 NAVIGATION_PERIOD_S = 0.1
@@ -72,7 +74,7 @@ def fly(law_name: str, path: Path) -> str:
     """Fly a mission in one compiled loop."""
     mission = load_mission(path)
     try:
-        law = ready_law(mission, law_name)
+        law = ready_law(mission, law_name, time_limit_s=PLAN_LIMIT_S)
     except (InputError, OptimizerError, ValueError) as error:
         return f"{REFUSED}: {_one_line(str(error))}"
     # seldom in a flight of days: what is tried is whether it ends

@@ -58,6 +58,8 @@ METHOD = "collocation"
 SAME_MASS = 3e-4
 #: The best is believed when it was met so often.
 _ENOUGH = 3
+#: And called the optimum where it was met so often at least.
+_MET = 2
 #: Of a stage's mass, what may be propellant at most where a flight is sought that lacks some.
 _MOST_PROPELLANT = 0.97
 #: Iterations from a first guess; what takes more leads nowhere, or comes again.
@@ -889,6 +891,11 @@ def _verdict(
     taken = _taken(proven.found)
     if taken < _NOTHING_KG:
         return Cause(Status.CONVERGED, next_to_nothing(taken))
+    if search.starts > 1 and search.again < _MET:
+        return Cause(
+            Status.FEASIBLE,
+            f"only one of {search.starts} starts led here: there may be a better one",
+        )
     if spread > SPREAD:
         return Cause(
             Status.FEASIBLE, f"the Hamiltonian wanders by {spread:.1e}; at most {SPREAD:g} counts"
