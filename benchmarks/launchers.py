@@ -22,7 +22,7 @@ from ares_studies.closed_loop import fly_compiled
 
 HERE = Path(__file__).parent
 FILES = HERE / "launchers"
-KEPT = HERE / "results" / "launchers.json"
+KEPT = FILES / "results.json"
 LAWS = ("peg", "igm", "optimal")
 #: Of the mass: less than the other program's by more is worse.
 SAME = 1e-5
