@@ -17,7 +17,7 @@ from pathlib import Path
 from ares_bringup.sweep.attempts import BROKEN, REFUSED, attempt
 
 #: CPU time in s that one attempt may take; more is a hang, however busy the machine is.
-CPU_LIMIT_S = 10
+CPU_LIMIT_S = 60
 #: Wall time in s after which an attempt that takes no CPU time is given up.
 WALL_LIMIT_S = 300.0
 #: Without its parent, a worker ends at once (Linux).
