@@ -4,11 +4,10 @@ import math
 from typing import NamedTuple
 
 from ares_models.mission import Mission
+from ares_optimizer.collocation.solve import with_more_propellant
 from ares_optimizer.solution import OptimizerError, Solution
 from ares_optimizer.solve import solve
 
-#: Of the last stage with all above it, what may be propellant while the payload is sought.
-_MOST_PROPELLANT = 0.97
 _TRIALS = 20
 #: Propellant that may be left where the payload is the greatest, kg, and as a part of it.
 _LEFT_KG = 1e-3
@@ -88,13 +87,11 @@ def _propellant_left(mission: Mission, time_limit_s: float | None) -> float:
         OptimizerError: no flight is found, whatever the propellant.
     """
     arrays = mission.arrays()
-    arcs = arrays.arcs.copy()
-    last = arcs["stage"] == arcs[-1]["stage"]
+    arcs = arrays.arcs
     usable = float(arcs[-1]["propellant"])
-    stack = float(arcs["stack_mass"][last][0])
-    arcs["propellant"][last] = max(usable, _MOST_PROPELLANT * stack)
+    stack = float(arcs["stack_mass"][arcs["stage"] == arcs[-1]["stage"]][0])
     found = solve(
-        arrays._replace(arcs=arcs),
+        with_more_propellant(arrays),
         "auto",
         state=mission.start().navigation(),
         heating=mission.heating_limit_holds,

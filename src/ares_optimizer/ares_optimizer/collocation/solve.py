@@ -276,16 +276,24 @@ class _Search:
         return Cause(Status.STALLED, f"no flight to the target found from {self.starts} starts")
 
 
+def with_more_propellant(arrays: MissionArrays) -> MissionArrays:
+    """Return the mission with a last stage that is nearly all propellant, to see what it lacks."""
+    arcs = arrays.arcs.copy()
+    last = arcs["stage"] == arcs[-1]["stage"]
+    most = _MOST_PROPELLANT * float(arcs["stack_mass"][last][0])
+    arcs["propellant"][last] = max(float(arcs[-1]["propellant"]), most)
+    return arrays._replace(arcs=arcs)
+
+
 def _short_of_propellant(search: _Search, cause: Cause) -> Cause:
     """Why nothing was found, by a flight whose last stage burns more than it has."""
-    arcs = search.arrays.arcs.copy()
+    arrays = with_more_propellant(search.arrays)
+    arcs = arrays.arcs
     last = arcs["stage"] == arcs[-1]["stage"]
-    usable = float(arcs[-1]["propellant"])
-    stack = float(arcs["stack_mass"][last][0])
-    if not np.isinf(arcs["duration"][last]).any() or usable >= _MOST_PROPELLANT * stack:
+    usable = float(search.arrays.arcs[-1]["propellant"])
+    if not np.isinf(arcs["duration"][last]).any() or usable >= arcs[-1]["propellant"]:
         return cause
-    arcs["propellant"][last] = _MOST_PROPELLANT * stack
-    more = _Search(search.arrays._replace(arcs=arcs), search.start, search.floors, search.request)
+    more = _Search(arrays, search.start, search.floors, search.request)
     for trial in trials(more.arrays, search.start, search.floors):
         if search.request.deadline.passed or more.enough:
             break
