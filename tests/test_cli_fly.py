@@ -331,7 +331,9 @@ def test_a_flight_shows_itself_on_a_terminal_and_nowhere_else(domain, tmp_path, 
         out = process.communicate(timeout=TIMEOUT)[0].decode()
     assert process.returncode == 0, shown
     if option == "--json":
-        assert own_words(shown.decode()) == ""
+        # a busy machine may fall behind, which is said
+        said = own_words(shown.decode()).splitlines()
+        assert [line for line in said if "behind its pace" not in line] == []
         assert json.loads(out)["mission"] == "short_burn"
     else:
         assert b"altitude, km" in shown and b"kick stage" in shown
