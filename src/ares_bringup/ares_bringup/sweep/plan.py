@@ -89,6 +89,8 @@ _STARTS: Mapping[str, Mapping[str, object]] = {
         "earth_fixed_velocity_m_s": [1480.021, -24.597, 202.55],
     },
 }
+#: One in so many is flown or solved where not everything is done.
+SAMPLE = 4
 _MODELS: Mapping[str, type[Part]] = {MISSION: Mission, DISPERSIONS: Dispersions}
 _KINDS: Mapping[str, InputKind] = {MISSION: MISSION_FILE, DISPERSIONS: DISPERSIONS_FILE}
 
@@ -132,18 +134,22 @@ def each_once(found: list[Input]) -> list[Input]:
 
 
 def tasks(kind: str, chosen: list[Input], everything: bool) -> list[Task]:
-    """What is done with inputs: everything with each choice of a word, else one thing in turn.
+    """Return what is done with inputs: each is read, and everything or a sample is done with it.
 
     Args:
         kind: of the inputs.
         chosen: the inputs.
-        everything: all actions on each.
+        everything: all actions on each. Else one action in turn on one input of SAMPLE, and one
+            action of SAMPLE on each choice of a word.
     """
     actions = ACTIONS[kind]
 
     def turn(k: int, one: Input) -> tuple[str, ...]:
-        word = one.fit and isinstance(one.value, str)
-        return actions if everything or word else (actions[k % len(actions)],)
+        if everything:
+            return actions
+        if one.fit and isinstance(one.value, str):
+            return actions[k % SAMPLE :: SAMPLE]
+        return () if k % SAMPLE else (actions[k // SAMPLE % len(actions)],)
 
     return [Task(str(one), kind, to_yaml(one.data), turn(k, one)) for k, one in enumerate(chosen)]
 
