@@ -46,6 +46,16 @@ def test_a_coast_of_any_length_is_answered(method, seconds):
     assert "\n" not in solution.reason
 
 
+def test_a_flight_through_the_centre_is_answered():
+    """The proof had no states beyond the centre: an IndexError."""
+    mission = load_mission("falcon9_gto")
+    state = mission.start().navigation()
+    state["velocity"][0] *= 285.7393 / np.linalg.norm(state["velocity"][0])
+    solution = solve(mission, "direct20", state=state, time_limit_s=60.0)
+    assert not solution.converged
+    assert solution.reason and "\n" not in solution.reason
+
+
 def test_an_overlong_flight_has_few_cuts():
     arrays, start = with_long_coast(4e4)
     transcription = transcribe(arrays, start[0], "direct11")

@@ -39,6 +39,23 @@ def test_a_coast_is_a_conic(ares_v):
     assert flight.final[3:6] == pytest.approx(np.array(v), abs=1e-6)
 
 
+def test_a_flight_to_the_centre_ends_there(ares_v):
+    arrays = ares_v.arrays()
+    arrays.arcs["thrust"] = 0.0
+    arrays.arcs["mass_flow"] = 0.0
+    start = ares_v.start().navigation()
+    start["velocity"][0] *= 1e-9
+    flight = fly(arrays, start[0], along_velocity, [math.nan], 5_000.0)
+    assert not flight.whole
+    # it falls freely: pi / sqrt(8) sqrt(r^3 / mu)
+    radius = float(np.linalg.norm(start["position"][0]))
+    falls = math.pi / math.sqrt(8.0) * math.sqrt(radius**3 / 3.986e14)
+    assert flight.trajectory.time_s[-1] == pytest.approx(155.9 + falls, abs=1.0)
+    assert flight.pieces[-1].end == flight.trajectory.time_s[-1]
+    checks = constraint_table(arrays, start[0], flight, Heating.AT_JETTISON)
+    assert not all(check.satisfied for check in checks)
+
+
 def test_masses_follow_the_sequence(ares_v):
     # Table 2.2: 450,600 kg at burnout, then the second stage's own stack
     arrays = ares_v.arrays()

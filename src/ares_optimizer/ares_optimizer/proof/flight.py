@@ -87,6 +87,11 @@ class Flight:
     pieces: tuple[Piece, ...]
     used_kg: float
 
+    @property
+    def whole(self) -> bool:
+        """Whether it lasts to the end of its plan."""
+        return self.pieces[-1].end >= self.plan.end - _SAME_TIME
+
     def defects(self, nodes: Array) -> tuple[float, float, float]:
         """Greatest distance of a solver's nodes from this flight.
 
@@ -149,7 +154,8 @@ def _integrate(
     """Eq. 2.1 over one smooth piece.
 
     Returns:
-        the piece, and the state at its end, shape (7,).
+        the piece, shorter than asked where the flight falls to the centre of the attraction, and
+        the state at its end, shape (7,).
     """
     environment = arrays.environment[0]
     engines = running(plan.engines, *span)
@@ -176,7 +182,7 @@ def _integrate(
     state = result.sol
     if state is None:
         raise AssertionError("asked for dense output")
-    return Piece(*span, state, engine), result.y[:, -1].copy()
+    return Piece(span[0], float(result.t[-1]), state, engine), result.y[:, -1].copy()
 
 
 def _sampled(
@@ -227,7 +233,7 @@ def fly(
     t_meco: float,
     boundaries: Sequence[float] = (),
 ) -> Flight:
-    """Integrate a flight.
+    """Integrate a flight, as far as it goes where it falls to the centre of the attraction.
 
     Args:
         arrays: the mission.
@@ -281,10 +287,12 @@ def fly(
             if level > peak:
                 peak, peak_time = level, at
         spared += spared_by_throttle(
-            arrays.arcs, running(plan.engines, t, end), y[6] - after[6], t, end
+            arrays.arcs, running(plan.engines, t, end), y[6] - after[6], t, piece.end
         )
         y = after
         t = end
+        if piece.end < end:
+            break
     return Flight(
         plan,
         joined(tracks),
