@@ -17,6 +17,8 @@ _BURNS = (0.5, 0.8, 0.25)
 #: How far a coast may dip below the ground, of the radius there, to be shown and refused by
 #: name; what goes deeper is no flight.
 DEEPEST = 0.01
+#: A throttle is taken to go no lower, where a mission names no least one.
+_LEAST_THROTTLE = 1e-2
 #: Least length of an arc that may vanish, s.
 SHORTEST = 1e-3
 
@@ -75,9 +77,26 @@ def with_lengths(arrays: MissionArrays, start: Record, lengths: Array) -> Missio
 
 
 def longest_burn(arrays: MissionArrays, k: int) -> float:
-    """Length of burn ``k`` if it took all propellant of its stage, s."""
+    """Length of burn ``k`` if it took all propellant of its stage, s.
+
+    A burn with a limit of acceleration is throttled as the vehicle lightens: thrust and flow are
+    in proportion to the mass there, from its limit on to where the throttle is at its least.
+    """
     arc = arrays.arcs[k]
-    return float(arc["propellant"] / arc["mass_flow"] + arc["start_loss"] - arc["tail_gain"])
+    flow, propellant = float(arc["mass_flow"]), float(arc["propellant"])
+    if math.isfinite(arc["max_acceleration"]):
+        # the lightest that it can be: what drops on the way may have dropped before
+        end = float(arc["stack_mass"]) - propellant - float(arrays.jettisons["mass"].sum())
+        limit = float(arc["thrust"] / arc["max_acceleration"])
+        least = max(float(arc["min_throttle"]), _LEAST_THROTTLE)
+        knee = least * limit
+        begin = end + propellant
+        full = max(begin - max(end, limit), 0.0)
+        faded = min(begin, limit) / min(max(end, knee, 1.0), limit)
+        low = max(min(begin, knee) - end, 0.0)
+        fading = limit * math.log(faded) if faded > 1.0 else 0.0
+        return (full + fading + low / least) / flow
+    return float(propellant / flow + arc["start_loss"] - arc["tail_gain"])
 
 
 def length_bounds(arrays: MissionArrays, start: Record) -> tuple[Array, Array]:

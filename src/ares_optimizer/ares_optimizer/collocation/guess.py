@@ -17,6 +17,9 @@ from ares_models.arrays import (
     BURN,
     COAST,
     HEATING_LIMIT,
+    NAMES_FLIGHT_PATH_ANGLE,
+    NAMES_INCLINATION,
+    NAMES_RADIUS,
     TARGET_ELEMENTS,
     TARGET_KEPLERIAN,
     TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
@@ -27,7 +30,7 @@ from ares_optimizer.collocation.transcription import Times, Transcription
 from ares_optimizer.floors import Floor
 from ares_optimizer.kernels import timetable
 from ares_optimizer.kernels.terminal import MAX_ROWS, terminal_rows
-from ares_optimizer.plan import free_arcs, longest_burn
+from ares_optimizer.plan import free_arcs, last_begin, longest_burn
 
 Array = NDArray[np.float64]
 
@@ -51,8 +54,14 @@ _BURNS = (
     (0.0, 80.0, 0.0, -80.0),
     (0.0, -80.0, 0.0, 80.0),
 )
-#: Parts of a revolution that a coast may last.
-COASTS = (0.12, 0.03, 0.3, 0.5, 0.8)
+#: Parts of a revolution that a coast may last, the likeliest first: they cover it.
+COASTS = (0.12, 0.03, 0.3, 0.5, 0.8, 0.2, 0.65, 0.4, 0.93)
+#: And of those after it, if it may be longer.
+_LATER_COASTS = (1.12, 1.5, 1.8, 1.3)
+#: Part of a revolution, from perigee, to which a coast after the first lasts: the apogee.
+_TO_APOGEE = 0.5
+#: And what else it may be.
+_SOON = 0.12
 #: Altitude of a first parking orbit, m.
 _PARKING_M = 185e3
 #: And above the floor of a coast, m.
@@ -62,6 +71,17 @@ _CLEAR_M = 2e4
 _KEEP = 3e-3
 _DEEP = 3.0
 _MOST_ANGLE = 3.0  # rad
+#: Evaluations of the Jacobian, at most.
+_EFFORT = 25
+#: Beyond that miss the coasts of a flight are moved too.
+_FAR = 1e-2
+_LONGEST_S = 1e5
+#: Of the longest length, a burn as short is not needed.
+_NEEDLESS = 0.01
+#: Of the apogee that is aimed at, where a burn ends that leads there.
+_APOGEE = 0.98
+#: An apogee is a place of its own where it is so many times as far as the perigee.
+_HIGH = 1.05
 
 
 @dataclass(frozen=True)
@@ -120,6 +140,11 @@ class Pilot:
         h = np.cross(r, v)
         energy = 0.5 * float(v @ v) - mu / float(np.linalg.norm(r))
         e = math.sqrt(max(0.0, 1.0 + 2.0 * energy * float(h @ h) / mu**2))
+        #: Radius and period of a first parking orbit, m and s.
+        highest = max((f.altitude_m for f in floors if math.isfinite(f.altitude_m)), default=0.0)
+        self.parking_m = float(arrays.environment[0]["equatorial_radius"])
+        self.parking_m += max(_PARKING_M, highest + _CLEAR_M)
+        self.period = math.tau * math.sqrt(self.parking_m**3 / mu)
         self.ascends = float(h @ h) / mu / (1.0 + e) < float(arrays.environment[0]["polar_radius"])
         self._segments = np.zeros(timetable.MAX_SEGMENTS, timetable.SEGMENT)
         self._layout = np.zeros(1, timetable.LAYOUT)
@@ -242,34 +267,39 @@ class Pilot:
             return math.inf
         return float(there.min(initial=math.inf))
 
-    def aim(self, times: Times, constants: Array, effort: int = 25) -> tuple[Trial, Array]:
+    def aim(self, times: Times, constants: Array, coasts: bool = False) -> tuple[Trial, Array]:
         """Bring a flight near the target.
 
         Args:
-            times: to begin with; coasts keep their lengths.
+            times: to begin with.
             constants: to begin with, shape (4 groups,).
-            effort: evaluations of the Jacobian, at most.
+            coasts: move the lengths of coasts too.
 
         Returns:
             the flight, and its constants.
         """
         arcs = self.arrays.arcs
-        burns = [f for f, k in enumerate(self.free) if arcs[k]["kind"] == BURN]
+        moved = [f for f, k in enumerate(self.free) if coasts or arcs[k]["kind"] == BURN]
         last_free = math.isinf(arcs[-1]["duration"])
         begins = self.begins(times.lengths, 0.0)
         last = times.cutoff - float(begins[-1])
-        sizes = [self.longest(self.free[f]) for f in burns]
+        sizes = [min(self.longest(self.free[f]), _LONGEST_S) for f in moved]
         sizes += [longest_burn(self.arrays, len(arcs) - 1)] if last_free else []
-        shares = [times.lengths[f] for f in burns] + ([last] if last_free else [])
+        shares = [times.lengths[f] for f in moved] + ([last] if last_free else [])
+        least = [float(arcs[self.free[f]]["shortest"]) for f in moved] + [0.0] * last_free
         n = constants.size
         x0 = np.concatenate((constants, np.array(shares) / np.array(sizes) if sizes else []))
-        low = np.concatenate((np.full(n, -_MOST_ANGLE), np.full(len(sizes), 1e-3)))
+        low = np.full(x0.size, -_MOST_ANGLE)
+        low[n:] = [
+            min(max(1e-3, shortest / size), 1.0 - 1e-5)
+            for shortest, size in zip(least, sizes, strict=True)
+        ]
         high = np.concatenate((np.full(n, _MOST_ANGLE), np.ones(len(sizes))))
         x0 = np.clip(x0, low + 1e-6, high - 1e-6)
 
         def times_of(x: Array) -> Times:
             lengths = times.lengths.copy()
-            lengths[burns] = x[n : n + len(burns)] * sizes[: len(burns)]
+            lengths[moved] = x[n : n + len(moved)] * sizes[: len(moved)]
             end = x[-1] * sizes[-1] if last_free else last
             return times._replace(
                 lengths=lengths, cutoff=float(self.begins(lengths, 0.0)[-1] + end)
@@ -289,7 +319,7 @@ class Pilot:
             residual,
             x0,
             bounds=(low, high),
-            max_nfev=effort,
+            max_nfev=_EFFORT,
             x_scale=0.3,
             diff_step=np.full(x0.size, 1e-6),
         )
@@ -316,8 +346,17 @@ def target_energy(arrays: MissionArrays) -> float:
     return 0.5 * float(target["speed"]) ** 2 - mu / float(target["radius"])
 
 
-def _first_where(track: Array, reached: NDArray[np.bool_], default: float) -> float:
-    return float(track[np.argmax(reached), rollout.TIME]) if reached.any() else default
+def _first_crossing(track: Array, above: Array, default: float) -> float:
+    """When what rises along a track passes zero, s; the default where it does not."""
+    reached = above >= 0.0
+    if not reached.any():
+        return default
+    i = int(np.argmax(reached))
+    times = track[:, rollout.TIME]
+    if i == 0:
+        return float(times[0])
+    part = above[i - 1] / (above[i - 1] - above[i])
+    return float(times[i - 1] + part * (times[i] - times[i - 1]))
 
 
 def trials(
@@ -332,18 +371,19 @@ def trials(
     """
     pilot = Pilot(arrays, start, floors)
     coasts = [k for k in pilot.free if arrays.arcs[k]["kind"] == COAST]
-    ascent = _ascent_alone(pilot)
-    begins = [ascent] if ascent is not None else list(_start_constants(pilot))
     tried: set[tuple[float, ...]] = set()
-    for lengths in _coast_choices(coasts):
+    for begins, parts in _choices(pilot, coasts):
         found = []
         for constants, known in begins:
-            times = _first_times(pilot, constants, known, dict(zip(coasts, lengths, strict=True)))
+            times = _first_times(pilot, constants, known, dict(zip(coasts, parts, strict=True)))
             key = () if times is None else (*constants, *np.round(times.lengths, 0))
             if times is None or key in tried:
                 continue
             tried.add(key)
-            trial, _ = pilot.aim(times, constants)
+            trial, there = pilot.aim(times, constants)
+            if coasts and trial.miss > _FAR:
+                again, _ = pilot.aim(times, constants, coasts=True)
+                trial = min(trial, again, key=lambda one: one.miss)
             if math.isfinite(trial.miss):
                 found.append(trial)
         found.sort(key=lambda trial: trial.miss)
@@ -351,17 +391,34 @@ def trials(
         yield from found[: 1 if coasts else None]
 
 
-def _coast_choices(coasts: list[int]) -> Iterator[tuple[float, ...]]:
-    """Lengths of the free coasts, as parts of a revolution."""
+#: Steering constants to begin with, and the lengths of free arcs that go with them, s.
+_Begin = tuple[Array, dict[int, float]]
+
+
+def _choices(
+    pilot: Pilot, coasts: list[int]
+) -> Iterator[tuple[list[_Begin], tuple[float, ...]]]:
+    """What flights begin with, and the lengths of their free coasts as parts of a revolution."""
     if not coasts:
-        yield ()
+        yield list(_start_constants(pilot)), ()
         return
-    for part in COASTS:
-        # after the first, half a revolution leads to the apogee
-        yield (part, *([0.5] * (len(coasts) - 1)))
-    if len(coasts) > 1:
+    parking = _ascent_alone(pilot, pilot.parking_m)
+    ascents = [parking] if parking is not None else list(_start_constants(pilot))
+    longest = pilot.longest(coasts[0]) / pilot.period
+    firsts = [*COASTS, *(part for part in _LATER_COASTS if part < longest)]
+    later = len(coasts) - 1
+    yield ascents, (firsts[0], *([_TO_APOGEE] * later))
+    apogee = _target_apogee(pilot.arrays)
+    if parking is not None and apogee >= _HIGH * pilot.parking_m:
+        # the first burn goes on to the apogee that is aimed at, or escapes
+        transfer = _ascent_alone(pilot, apogee)
+        if transfer is not None:
+            yield [transfer], (_TO_APOGEE, *([_TO_APOGEE] * later))
+    for part in firsts[1:]:
+        yield ascents, (part, *([_TO_APOGEE] * later))
+    if later:
         for part in COASTS:
-            yield (part, *([0.12] * (len(coasts) - 1)))
+            yield ascents, (part, *([_SOON] * later))
 
 
 def _start_constants(pilot: Pilot) -> Iterator[tuple[Array, dict[int, float]]]:
@@ -372,8 +429,13 @@ def _start_constants(pilot: Pilot) -> Iterator[tuple[Array, dict[int, float]]]:
         yield constants, {}
 
 
-def _ascent_alone(pilot: Pilot) -> tuple[Array, dict[int, float]] | None:
-    """The first group flown to a low circle, where a free burn ends it and another follows."""
+def _ascent_alone(pilot: Pilot, apogee: float) -> _Begin | None:
+    """The first group flown to a low orbit, where a free burn ends it and another follows.
+
+    Args:
+        pilot: of the mission.
+        apogee: radius to which that orbit rises, m; inf: as fast as the target's.
+    """
     arrays, start = pilot.arrays, pilot.start
     arcs = arrays.arcs
     first = int(start["arc"][0])
@@ -382,38 +444,64 @@ def _ascent_alone(pilot: Pilot) -> tuple[Array, dict[int, float]] | None:
     if pilot.count == 1 or not pilot.ascends or not math.isinf(arcs[last]["duration"]):
         return None
     environment = arrays.environment[0]
-    radius = float(environment["equatorial_radius"]) + _PARKING_M
-    highest = max((f.altitude_m for f in pilot.floors if math.isfinite(f.altitude_m)), default=0.0)
-    radius = max(radius, float(environment["equatorial_radius"]) + highest + _CLEAR_M)
+    radius, mu = pilot.parking_m, float(environment["mu"])
     r, v = start["position"][0], start["velocity"][0]
     h = np.cross(r, v)
     target = arrays.target.copy()
     target["kind"] = TARGET_RADIUS_SPEED_ANGLE_INCLINATION
     target["radius"] = radius
-    target["speed"] = math.sqrt(float(environment["mu"]) / radius)
+    energy = -mu / (radius + apogee) if apogee < math.inf else target_energy(arrays)
+    target["speed"] = math.sqrt(max(2.0 * (energy + mu / radius), mu / radius))
     target["flight_path_angle"] = 0.0
     target["inclination"] = math.acos(float(h[2] / np.linalg.norm(h)))
     alone = arrays._replace(arcs=arcs[: last + 1].copy(), target=target)
+    best = _aimed(alone, start)
+    needless = _NEEDLESS * pilot.longest(last)
+    if best is not None and best[0].times.cutoff < needless + _last_begin(alone, start, best[0]):
+        # the burns of fixed length are enough, and are not to be wasted
+        target["kind"] = TARGET_ELEMENTS
+        target["named"] = NAMES_RADIUS | NAMES_FLIGHT_PATH_ANGLE | NAMES_INCLINATION
+        best = _aimed(alone, start, needless) or best
+    if best is None:
+        return None
+    trial, constants = best
+    whole = np.zeros(_CONSTANTS * pilot.count)
+    whole[: constants.size] = constants
+    lengths = dict(zip(free_arcs(alone, start[0]), trial.times.lengths, strict=True))
+    lengths[last] = trial.times.cutoff - _last_begin(alone, start, trial)
+    return whole, lengths
+
+
+def _last_begin(arrays: MissionArrays, start: NDArray[np.void], trial: Trial) -> float:
+    """When the last arc of a flight begins, s."""
+    return last_begin(arrays, start[0], trial.times.lengths)
+
+
+def _aimed(
+    alone: MissionArrays, start: NDArray[np.void], last: float | None = None
+) -> tuple[Trial, Array] | None:
+    """The flight that misses a mission of one group least, and its constants.
+
+    Args:
+        alone: the mission.
+        start: shape (1,), dtype NAVIGATION.
+        last: length of its last burn to begin with, s; None: until the energy is reached.
+    """
     part = Pilot(alone, start, ())
     best: tuple[Trial, Array] | None = None
     for constants, lengths in _start_constants(part):
         times = _first_times(part, constants, lengths, {})
         if times is None:
             continue
+        if last is not None:
+            begin = float(part.begins(times.lengths, 0.0)[-1])
+            times = part.with_drops(times._replace(cutoff=begin + last), part.fly(times, constants))
         found = part.aim(times, constants)
         if best is None or found[0].miss < best[0].miss:
             best = found
         if best[0].miss < 1e-2:
             break
-    if best is None or not math.isfinite(best[0].miss):
-        return None
-    trial, constants = best
-    whole = np.zeros(_CONSTANTS * pilot.count)
-    whole[: constants.size] = constants
-    begins = part.begins(trial.times.lengths, 0.0)
-    lengths = dict(zip(part.free, trial.times.lengths, strict=True))
-    lengths[last] = trial.times.cutoff - float(begins[-1])
-    return whole, lengths
+    return best if best is not None and math.isfinite(best[0].miss) else None
 
 
 def _first_times(
@@ -423,8 +511,6 @@ def _first_times(
     arrays = pilot.arrays
     arcs = arrays.arcs
     mu = float(arrays.environment[0]["mu"])
-    radius = float(arrays.environment[0]["equatorial_radius"])
-    period = math.tau * math.sqrt((radius + _PARKING_M) ** 3 / mu)
     lengths = np.array(
         [
             0.5 * pilot.longest(k) if arcs[k]["kind"] == BURN else float(arcs[k]["shortest"])
@@ -440,8 +526,7 @@ def _first_times(
         if k in known:
             lengths[f] = known[k]
         elif arcs[k]["kind"] == COAST:
-            part = coasts.get(k, 0.1)
-            lengths[f] = part * _period_there(pilot, lengths, f, constants, period)
+            lengths[f] = _coast_for(pilot, lengths, f, constants, coasts[k])
         else:
             lengths[f] = _burn_until(pilot, lengths, f, constants, apogee)
         lengths[f] = min(max(lengths[f], low), pilot.longest(k))
@@ -456,7 +541,7 @@ def _first_times(
     r = track[:, rollout.POSITION : rollout.POSITION + 3]
     energy = 0.5 * (v * v).sum(axis=1) - mu / np.linalg.norm(r, axis=1)
     begin = float(pilot.begins(lengths, 0.0)[-1])
-    end = _first_where(track, burning & (energy >= wanted), begin + 0.95 * last)
+    end = _first_crossing(track[burning], energy[burning] - wanted, begin + 0.95 * last)
     end = min(max(end, begin + 0.01 * last), begin + 0.98 * last)
     times = times._replace(cutoff=end)
     return pilot.with_drops(times, track)
@@ -494,21 +579,30 @@ def _track_to(pilot: Pilot, lengths: Array, f: int, length: float, constants: Ar
     else:
         length = float(arcs[end]["duration"])
     times = Times(known, float(part.begins(known, length)[-1]), _late(part, known, length))
-    return part.fly(times, constants).copy()
+    track = part.fly(times, constants)
+    if len(track):
+        track = part.fly(part.with_drops(times, track), constants)
+    return track.copy()
 
 
-def _period_there(pilot: Pilot, lengths: Array, f: int, constants: Array, default: float) -> float:
-    """Period of the orbit in which a coast is flown, s; that of a low circle where it is none."""
+def _coast_for(pilot: Pilot, lengths: Array, f: int, constants: Array, part: float) -> float:
+    """Length of a coast that lasts a part of a revolution, from perigee after the first, s."""
     track = _track_to(pilot, lengths, f, 0.0, constants)
     mu = float(pilot.arrays.environment[0]["mu"])
     end = track[-1] if len(track) else None
     r = pilot.start["position"][0] if end is None else end[rollout.POSITION : rollout.VELOCITY]
     v = pilot.start["velocity"][0] if end is None else end[rollout.VELOCITY : rollout.DIRECTION]
-    energy = 0.5 * float(v @ v) - mu / float(np.linalg.norm(r))
-    if energy >= 0.0:
-        return default
-    period = math.tau * mu / math.sqrt((-2.0 * energy) ** 3)
-    return max(period, default) if math.isfinite(period) else default
+    distance = float(np.linalg.norm(r))
+    energy = 0.5 * float(v @ v) - mu / distance
+    a = -0.5 * mu / energy if energy != 0.0 else math.inf
+    if not 0.5 * pilot.parking_m < a < math.inf:
+        return part * pilot.period
+    period = math.tau * math.sqrt(a**3 / mu)
+    if part != _TO_APOGEE or a < _HIGH * pilot.parking_m:
+        return part * max(period, pilot.period)
+    along = float(r @ v) / math.sqrt(mu * a)
+    anomaly = math.atan2(along, 1.0 - distance / a)
+    return (_TO_APOGEE - (anomaly - along) / math.tau) * period
 
 
 def _burn_until(pilot: Pilot, lengths: Array, f: int, constants: Array, apogee: float) -> float:
@@ -524,15 +618,15 @@ def _burn_until(pilot: Pilot, lengths: Array, f: int, constants: Array, apogee: 
     v = burning[:, rollout.VELOCITY : rollout.VELOCITY + 3]
     distance, square = np.linalg.norm(r, axis=1), (v * v).sum(axis=1)
     if pilot.groups[k] == 0 and pilot.ascends:
-        reached = square >= mu / distance
+        above = square * distance / mu - 1.0
     else:
         energy = 0.5 * square - mu / distance
         h = np.linalg.norm(np.cross(r, v), axis=1)
         e = np.sqrt(np.maximum(0.0, 1.0 + 2.0 * energy * h * h / mu**2))
-        top = np.where(energy < 0.0, -0.5 * mu / np.minimum(energy, -1e-9) * (1.0 + e), math.inf)
-        reached = top >= 0.98 * apogee
+        # the inverse of the apogee goes through zero as the flight escapes
+        above = 1.0 / (_APOGEE * apogee) + 2.0 * energy / (mu * (1.0 + e))
     begin = float(burning[0, rollout.TIME])
-    return _first_where(burning, reached, begin + 0.7 * most) - begin
+    return _first_crossing(burning, above, begin + 0.7 * most) - begin
 
 
 def guess_of(program: Transcription, trial: Trial) -> Array:

@@ -2,8 +2,9 @@
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,7 @@ from ares_models.kernels.environment import altitude, heating_rate
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.arrays import COASTING, GUIDED
 from ares_optimizer.collocation.costates import Adjoint, adjoint_of, costates_of, spread_of
-from ares_optimizer.collocation.guess import COASTS, Trial, guess_of, node_times, trials
+from ares_optimizer.collocation.guess import Trial, guess_of, node_times, trials
 from ares_optimizer.collocation.solver import LOCALLY_INFEASIBLE, Point, solve_program
 from ares_optimizer.collocation.transcription import Times, Transcription, Turning
 from ares_optimizer.floors import Floor, edge_of_air, floors_of
@@ -56,10 +57,24 @@ METHOD = "collocation"
 #: Two flights are one where they bring the same mass, as a part of it: a floor is kept at the
 #: states of coarse intervals alone.
 SAME_MASS = 3e-4
-#: The best is believed when it was met so often.
+#: Flights whose free arcs differ by more, as a part of their length and in s, are not one.
+_SAME_ARCS = 0.02
+_SAME_ARC_S = 1.0
+#: The best is believed when it was met so often, and nothing else was,
 _ENOUGH = 3
+#: from so many starts, where coasts are free,
+_LEAST_STARTS = 5
+#: which all led somewhere but for so many.
+_LED_NOWHERE = 1
 #: And called the optimum where it was met so often at least.
 _MET = 2
+#: A search may take so many of the starts that there are.
+_MOST_STARTS = 12
+#: By how much an event is moved to the other side of another, s.
+_ASIDES_S = (1.0, 0.1)
+#: And how often in a row, as long as so much is gained, as a part of the mass.
+_MOST_MOVES = 3
+_GAINED = 1e-7
 #: Of a stage's mass, what may be propellant at most where a flight is sought that lacks some.
 _MOST_PROPELLANT = 0.97
 #: Iterations from a first guess; what takes more leads nowhere, or comes again.
@@ -94,6 +109,7 @@ _END_M_S = 1e-2
 _SAMPLES = 8
 #: Barrier that a solver begins with near a solution.
 _NEAR = 1e-4
+_CORNER = 1e-6
 #: Angle between thrust and primer from which the primer is not steered by, rad.
 _ASIDE = 1e-2
 #: Of a phase's thrust, so little that its direction is of no account.
@@ -140,11 +156,8 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
         arrays = _dropped_at_ignition(arrays)
     floors = floors_of(arrays, start)
     search = _Search(arrays, start, floors, request)
-    # where a coast is free there is more than one valley: each start is tried
-    several = any(arrays.arcs[k]["kind"] == COAST for k in free_arcs(arrays, start[0]))
-    for trial in trials(arrays, start, floors):
-        tried = search.starts >= len(COASTS) if several else search.enough
-        if request.deadline.passed or (tried and search.best is not None):
+    for trial in islice(trials(arrays, start, floors), _MOST_STARTS):
+        if request.deadline.passed or search.enough:
             break
         search.take(trial)
     best = search.best
@@ -169,12 +182,34 @@ def _dropped_at_ignition(arrays: MissionArrays) -> MissionArrays:
     return arrays._replace(jettisons=jettisons)
 
 
+@dataclass
+class Valley:
+    """A local optimum and how often starts led to it.
+
+    Attributes:
+        found: the best of it.
+        lengths: of its free arcs, s.
+        met: how often.
+    """
+
+    found: Found
+    lengths: Array
+    met: int = 1
+
+    def holds(self, found: Found, lengths: Array) -> bool:
+        """Whether a solution is this one."""
+        near = SAME_MASS * self.found.m_f_kg
+        if abs(found.m_f_kg - self.found.m_f_kg) > near:
+            return False
+        allowed = _SAME_ARCS * np.maximum(self.lengths, lengths) + _SAME_ARC_S
+        return bool((np.abs(self.lengths - lengths) <= allowed).all())
+
+
 class _Search:
     """All starts of one mission.
 
     Attributes:
-        best: the local optimum with the greatest mass.
-        again: how often it was met.
+        valleys: the local optima, the best first.
         starts: tried.
         iterations: of all.
         idle: in the best, no direction of the thrust saves any propellant.
@@ -189,8 +224,7 @@ class _Search:
     ) -> None:
         self.arrays, self.start, self.floors = arrays, start, floors
         self.request = request
-        self.best: Found | None = None
-        self.again = 0
+        self.valleys: list[Valley] = []
         self.starts = 0
         self.iterations = 0
         self.idle = False
@@ -200,9 +234,37 @@ class _Search:
         self._start_m = float(altitude(tuple(r), arrays.environment[0]))
 
     @property
+    def best(self) -> Found | None:
+        """The local optimum with the greatest mass."""
+        return self.valleys[0].found if self.valleys else None
+
+    @property
+    def again(self) -> int:
+        """How often a start led to as much mass as the best."""
+        if not self.valleys:
+            return 0
+        least = (1.0 - SAME_MASS) * self.valleys[0].found.m_f_kg
+        return sum(valley.met for valley in self.valleys if valley.found.m_f_kg >= least)
+
+    @property
     def enough(self) -> bool:
-        """Whether the best was met often enough to be believed."""
-        return self.best is not None and self.again >= _ENOUGH
+        """Whether the best was met often enough to be believed.
+
+        Where a coast is free there is more than one valley: all starts are tried but where the
+        first, which cover the lengths, lead to one alone.
+        """
+        if self.again < _ENOUGH:
+            return False
+        free = free_arcs(self.arrays, self.start[0])
+        coasts = [k for k in free if self.arrays.arcs[k]["kind"] == COAST]
+        if not coasts:
+            return True
+        led = sum(valley.met for valley in self.valleys)
+        return (
+            len(coasts) == 1
+            and self.starts >= _LEAST_STARTS
+            and led == self.again >= self.starts - _LED_NOWHERE
+        )
 
     def take(self, trial: Trial) -> None:
         """Solve from a flight."""
@@ -242,18 +304,46 @@ class _Search:
             else:
                 self._unproven = True
             return None
-        return Found(program, point, float(point.x[program.ends[-1]] * program.mass))
+        found = Found(program, point, mass_of(program, point))
+        for _ in range(_MOST_MOVES):
+            better = self._beyond_corner(found, floors)
+            if better is None:
+                break
+            found = better
+        return found
+
+    def _beyond_corner(self, found: Found, floors: tuple[Floor, ...]) -> Found | None:
+        """Solve with another order of events, where one waits to pass another; None: it is worse.
+
+        A fairing may drop in another arc, and a throttle's limit may be met in another burn or in
+        none, than in the flight that a program was laid out by.
+        """
+        for times in moved_events(found):
+            try:
+                program = Transcription(self.arrays, self.start, times, floors)
+            except ValueError:
+                continue
+            guess = finer_guess(program, found.program, found.point.x)
+            point = solve_program(
+                program, guess, self.request.deadline, mu=_CORNER, most=_MOST_FIRST
+            )
+            self.iterations += point.iterations
+            if point.solved and mass_of(program, point) > found.m_f_kg * (1.0 + _GAINED):
+                return Found(program, point, mass_of(program, point))
+        return None
 
     def consider(self, found: Found) -> None:
-        """Keep a local optimum if it is the best."""
-        if self.best is not None:
-            near = SAME_MASS * found.m_f_kg
-            if abs(found.m_f_kg - self.best.m_f_kg) <= near:
-                self.again += 1
-                return
-            if found.m_f_kg < self.best.m_f_kg:
-                return
-        self.best, self.again = found, 1
+        """Keep a local optimum among those that are known."""
+        lengths = times_of(found.program, found.point.x).lengths
+        for valley in self.valleys:
+            if valley.holds(found, lengths):
+                valley.met += 1
+                if found.m_f_kg > valley.found.m_f_kg:
+                    valley.found, valley.lengths = found, lengths
+                break
+        else:
+            self.valleys.append(Valley(found, lengths))
+        self.valleys.sort(key=lambda valley: -valley.found.m_f_kg)
 
     def failure(self) -> Cause:
         """Say why nothing was found, and no more than is known."""
@@ -318,6 +408,63 @@ def worst_row(program: Transcription, point: Point) -> str:
     program.rows(point.x, rows)
     off = np.maximum(program.row_lower - rows, rows - program.row_upper)
     return program.names[int(np.argmax(off))]
+
+
+def mass_of(program: Transcription, point: Point) -> float:
+    """Return the mass at the end, kg."""
+    return float(point.x[program.ends[-1]] * program.mass)
+
+
+def moved_events(found: Found) -> Iterator[Times]:
+    """Yield the times of a flight with an event beyond another one that it has run into."""
+    program, x = found.program, found.point.x
+    lengths = x[program.lengths] * program.time
+    for aside in _ASIDES_S:
+        for phases in program.arc_phases.values():
+            for p in phases:
+                if len(phases) > 1 and lengths[p] <= _SAME_LENGTH:
+                    times = _beside(program, times_of(program, x), phases, p, aside)
+                    if times is not None:
+                        yield times
+
+
+def _beside(
+    program: Transcription, times: Times, phases: list[int], p: int, aside: float
+) -> Times | None:
+    """The times with what ends or begins a vanished phase of an arc moved out of the arc.
+
+    Args:
+        program: that was solved.
+        times: of its solution.
+        phases: of the arc.
+        p: the one that has vanished.
+        aside: how far to move, s.
+    """
+    drops = times.drops.copy()
+    for number, at in program.drop_ends.items():
+        if at == p and p == phases[0]:
+            drops[number] -= aside
+        if at == p - 1 and p == phases[-1]:
+            drops[number] += aside
+    if (drops != times.drops).any():
+        return times._replace(drops=drops)
+    # a throttle's limit: the burn ends before it, or the one before ends after it
+    k = int(program.segments[p]["arc"])
+    burn, step = (k, -aside) if p == phases[-1] else (_burn_before(program, k), aside)
+    free = free_arcs(program.arrays, program.start[0])
+    if burn == len(program.arrays.arcs) - 1:
+        return times._replace(cutoff=times.cutoff + step)
+    if burn not in free:
+        return None
+    moved = times.lengths.copy()
+    moved[free.index(burn)] += step
+    return times._replace(lengths=moved)
+
+
+def _burn_before(program: Transcription, k: int) -> int:
+    """The burn before an arc; -1: none."""
+    burns = [b for b in program.arc_phases if b < k and program.arrays.arcs[b]["kind"] == BURN]
+    return max(burns, default=-1)
 
 
 def floors_on(floors: tuple[Floor, ...], start_m: float, trial: Trial) -> tuple[Floor, ...]:
@@ -475,12 +622,16 @@ def _again(search: _Search, found: Found, floors: tuple[Floor, ...], finer: floa
     guess = finer_guess(program, found.program, found.point.x)
     if search.idle:
         pull_together(program, guess)
+    known: Found | None = None
     for mu in (_NEAR, None):
         point = solve_program(program, guess, search.request.deadline, mu=mu)
         search.iterations += point.iterations
-        if point.solved:
-            return Found(program, point, float(point.x[program.ends[-1]] * program.mass))
-    return None
+        if point.solved and (known is None or mass_of(program, point) > known.m_f_kg):
+            known = Found(program, point, mass_of(program, point))
+        # from near a solution a barrier may lead far away
+        if known is not None and known.m_f_kg > found.m_f_kg * (1.0 - SAME_MASS):
+            break
+    return known
 
 
 def is_idle(found: Found) -> bool:
@@ -523,7 +674,7 @@ def _with_levels(search: _Search, found: Found, levels: dict[int, float]) -> Fou
     search.iterations += point.iterations
     if not point.solved:
         return None
-    return Found(program, point, float(point.x[program.ends[-1]] * program.mass))
+    return Found(program, point, mass_of(program, point))
 
 
 def _moved(found: Found, floors: dict[int, Floor], levels: dict[int, float]) -> bool:
