@@ -52,8 +52,9 @@ class CasadiCollocation:
         for phase in program.phases:
             length, mass = x[int(phase["length"])], x[int(phase["mass"])]
             rows[phase["link"]] = x[int(phase["end"])] - mass + length * float(phase["flow"])
-        for row, column, factor in program._rows.linear:
-            rows[row] += factor * x[column]
+        places = (part[program.moving :] for part in program.jacobian_pattern)
+        for row, column, factor in zip(*places, program.linear, strict=True):
+            rows[row] += float(factor) * x[int(column)]
         self._rules(x, rows)
         g = ca.vertcat(*rows)
         self.rows = ca.Function("rows", [x], [g])

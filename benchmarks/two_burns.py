@@ -1,10 +1,10 @@
 """Time to a plan of transfers in two burns: `auto` from the file alone beside CasADi in one run.
 
-CasADi has the same collocation: variables, rows, intervals, and the flown guesses of as many starts
-as `auto` takes; its derivatives are its own, by SX, and IPOPT comes with its wheel. Building its
-functions is given apart, since a graph that is kept could be solved again. It is told the best of its
-starts and no more: no finer intervals, no proof, no exact root, all of which are in the time of
-`auto`. All times are of the processor, in a warm process.
+CasADi has the same collocation: variables, rows, intervals, and the flown guesses of as many
+starts as `auto` takes at least; its derivatives are its own, by SX, and IPOPT comes with its wheel.
+Building its functions is given apart, since a graph that is kept could be solved again. It stops at
+the best of its starts: no finer intervals and no exact root, which are in the time of `auto`. All
+times are of the processor, in a warm process.
 """
 
 import argparse

@@ -75,6 +75,8 @@ _MOST_ANGLE = 3.0  # rad
 _EFFORT = 25
 #: Beyond that miss the coasts of a flight are moved too.
 _FAR = 1e-2
+#: Of several steering constants, so many are gone on with.
+_LIKELY = 2
 _LONGEST_S = 1e5
 #: Of the longest length, a burn as short is not needed.
 _NEEDLESS = 0.01
@@ -372,32 +374,38 @@ def trials(
     pilot = Pilot(arrays, start, floors)
     coasts = [k for k in pilot.free if arrays.arcs[k]["kind"] == COAST]
     tried: set[tuple[float, ...]] = set()
+    likely: list[_Begin] = []
     for begins, parts in _choices(pilot, coasts):
         found = []
-        for constants, known in begins:
+        for begin in likely if coasts and len(begins) > _LIKELY and likely else begins:
+            constants, known = begin
             times = _first_times(pilot, constants, known, dict(zip(coasts, parts, strict=True)))
             key = () if times is None else (*constants, *np.round(times.lengths, 0))
             if times is None or key in tried:
                 continue
             tried.add(key)
             trial, there = pilot.aim(times, constants)
-            if coasts and trial.miss > _FAR:
-                again, _ = pilot.aim(times, constants, coasts=True)
-                trial = min(trial, again, key=lambda one: one.miss)
             if math.isfinite(trial.miss):
-                found.append(trial)
-        found.sort(key=lambda trial: trial.miss)
-        # a coast is a choice of its own; without one the steering is
-        yield from found[: 1 if coasts else None]
+                found.append((trial, there, begin))
+        found.sort(key=lambda one: one[0].miss)
+        if len(found) > _LIKELY:
+            likely = [begin for _, _, begin in found[:_LIKELY]]
+        if not coasts:
+            yield from (trial for trial, _, _ in found)
+        elif found:
+            # a coast is a choice of its own; without one the steering is
+            trial, constants, _ = found[0]
+            if trial.miss > _FAR:
+                again, _ = pilot.aim(trial.times, constants, coasts=True)
+                trial = min(trial, again, key=lambda one: one.miss)
+            yield trial
 
 
 #: Steering constants to begin with, and the lengths of free arcs that go with them, s.
 _Begin = tuple[Array, dict[int, float]]
 
 
-def _choices(
-    pilot: Pilot, coasts: list[int]
-) -> Iterator[tuple[list[_Begin], tuple[float, ...]]]:
+def _choices(pilot: Pilot, coasts: list[int]) -> Iterator[tuple[list[_Begin], tuple[float, ...]]]:
     """What flights begin with, and the lengths of their free coasts as parts of a revolution."""
     if not coasts:
         yield list(_start_constants(pilot)), ()

@@ -68,6 +68,8 @@ _LEAST_STARTS = 5
 _LED_NOWHERE = 1
 #: And called the optimum where it was met so often at least.
 _MET = 2
+#: Miss of a flight that mostly leads nowhere, and takes long.
+_ASTRAY = 0.3
 #: A search may take so many of the starts that there are.
 _MOST_STARTS = 12
 #: By how much an event is moved to the other side of another, s.
@@ -91,6 +93,8 @@ _DEEP_M = 1.0
 _BELOW_START_M = 1e3
 #: Solutions that bring it there, at most.
 _MOST_LEVELS = 3
+#: Below a floor by so much, m, between the states of a search, its intervals are too long.
+_SAGS = 1e3
 #: Altitude above a floor within which it is active, m.
 _ACTIVE = 10.0
 #: Distance from a bound at which a variable is held by it.
@@ -209,6 +213,7 @@ class _Search:
     """All starts of one mission.
 
     Attributes:
+        added: floors that the mission does not ask for, of arcs that went through the ground.
         valleys: the local optima, the best first.
         starts: tried.
         iterations: of all.
@@ -224,6 +229,7 @@ class _Search:
     ) -> None:
         self.arrays, self.start, self.floors = arrays, start, floors
         self.request = request
+        self.added: tuple[Floor, ...] = ()
         self.valleys: list[Valley] = []
         self.starts = 0
         self.iterations = 0
@@ -267,16 +273,22 @@ class _Search:
         )
 
     def take(self, trial: Trial) -> None:
-        """Solve from a flight."""
+        """Solve from a flight; where something is known, from one that comes near its target."""
+        if self.best is not None and trial.miss > _ASTRAY:
+            return
         self.starts += 1
         found = self._solved(trial)
         if found is not None and (deep := self._underground(found)):
             # asked for where it is needed: no deeper into the air than the flight began
             level = max(0.0, min(self._start_m - _BELOW_START_M, edge_of_air(self.arrays)))
-            self.floors += tuple(Floor(k, level, math.nan, said=True) for k in deep)
+            added = tuple(Floor(k, level, math.nan, said=True) for k in deep)
+            self.floors += added
+            self.added += added
             found = self._solved(trial)
         if found is not None and not self._underground(found):
             self.consider(found)
+        elif found is not None:
+            self._unproven = True
 
     def _underground(self, found: Found) -> list[int]:
         """Arcs that a flight flies below the ground, of those that nothing keeps above it."""
@@ -293,6 +305,7 @@ class _Search:
         try:
             program = Transcription(self.arrays, self.start, trial.times, floors)
         except ValueError:
+            self._unproven = True
             return None
         point = solve_program(
             program, guess_of(program, trial), self.request.deadline, most=_MOST_FIRST
@@ -304,13 +317,30 @@ class _Search:
             else:
                 self._unproven = True
             return None
-        found = Found(program, point, mass_of(program, point))
+        known = Found(program, point, mass_of(program, point))
+        found = known if not self._sags(known) else self._laid_out_again(known, floors)
+        if found is None:
+            self._unproven = True
+            return None
         for _ in range(_MOST_MOVES):
             better = self._beyond_corner(found, floors)
             if better is None:
                 break
             found = better
         return found
+
+    def _sags(self, found: Found) -> bool:
+        """Whether a coast that has become long dips between its few states below a floor."""
+        return any(
+            lowest_in(found, floor.arc) < floor.altitude_m - _SAGS
+            for floor in self.floors
+            if found.program.floor_rows.get(floor.arc)
+        )
+
+    def _laid_out_again(self, found: Found, floors: tuple[Floor, ...]) -> Found | None:
+        """Solve on intervals that suit the lengths of a solution; None where that fails."""
+        again = _again(self, found, floors, 1.0)
+        return again if again is None or not self._sags(again) else None
 
     def _beyond_corner(self, found: Found, floors: tuple[Floor, ...]) -> Found | None:
         """Solve with another order of events, where one waits to pass another; None: it is worse.
@@ -1059,7 +1089,24 @@ def _verdict(
         return Cause(
             Status.FEASIBLE, f"the Hamiltonian wanders by {spread:.1e}; at most {SPREAD:g} counts"
         )
+    touched = [
+        floor.arc
+        for floor in search.added
+        for check in checks
+        if check.active and check.name == _floor_name(floor.arc)
+    ]
+    if touched:
+        return Cause(
+            Status.FEASIBLE,
+            f"arc {touched[0]} would go through the ground and is kept above "
+            f"{search.added[0].altitude_m:,.0f} m, near where the flight begins; the file does not "
+            "say how low it may be (min_altitude_m)",
+        )
     return OPTIMAL
+
+
+def _floor_name(arc: int) -> str:
+    return f"lowest altitude in arc {arc}"
 
 
 def _taken(found: Found) -> float:
@@ -1089,7 +1136,7 @@ def _floor_check(found: Found, floor: Floor) -> ConstraintCheck:
     low = lowest_in(found, floor.arc)
     return ConstraintCheck(
         Check.LOWEST_ALTITUDE,
-        f"lowest altitude in arc {floor.arc}",
+        _floor_name(floor.arc),
         low,
         floor.altitude_m,
         low < floor.altitude_m + _ACTIVE,

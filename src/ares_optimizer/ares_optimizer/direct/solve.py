@@ -154,8 +154,8 @@ def _prove_direct(request: Request, found: Found, solution: Solution) -> Solutio
     proof = verification(arrays, flight, solver_nodes(found))
     solution = replace(solution, verification=proof, trajectory=flight.trajectory)
     if not flight.whole:
-        cause = Cause(Status.NOT_OPTIMAL, "the flight falls to the centre of the attraction")
-        return replace(solution, **cause._asdict(), constraints=checks)
+        lost = Cause(Status.NOT_OPTIMAL, "the flight falls to the centre of the attraction")
+        return replace(solution, **lost._asdict(), constraints=checks)
     if found.converged:
         checks = _with_prices(checks, prices(found, flight))
         curvature = least_curvature(found)
