@@ -255,6 +255,21 @@ def test_burns_of_fixed_length_that_reach_an_orbit_are_not_wasted() -> None:
     assert energy > -0.5 * 3.986004418e14 / (6_378e3 + 300e3)
 
 
+def test_a_burn_that_would_go_through_the_ground_is_no_optimum_till_its_floor_is_named() -> None:
+    mission = load_mission(LAUNCHERS / "soyuz_gto.yaml")
+    arrays, start = mission.arrays(), start_of(mission)
+    kept = solve(arrays, "collocation", state=start)
+    assert kept.status is Status.FEASIBLE
+    assert "arc 3 would go through the ground and is kept above 59,000 m" in kept.reason
+    arcs = arrays.arcs.copy()
+    arcs["min_altitude"][[3, 5]] = 0.0
+    named = solve(arrays._replace(arcs=arcs), "collocation", state=start)
+    assert named.status is Status.CONVERGED, named.reason
+    assert named.m_f_kg > kept.m_f_kg + 50.0
+    lowest = next(c for c in named.constraints if c.name == "lowest altitude in arc 3")
+    assert lowest.active and lowest.satisfied and lowest.limit == 0.0
+
+
 def test_solutions_are_one_where_mass_and_arcs_are() -> None:
     program, guess = first_program("falcon9_gto")
     point = Point(guess, 0, np.zeros(0), np.zeros(0), np.zeros(0), 0.0, 0, regularized=False)
