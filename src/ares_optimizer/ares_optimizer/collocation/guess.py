@@ -349,7 +349,7 @@ def target_energy(arrays: MissionArrays) -> float:
 
 
 def _first_crossing(track: Array, above: Array, default: float) -> float:
-    """When what rises along a track passes zero, s; the default where it does not."""
+    """Return when a rising value passes zero along a track, s; the default where it does not."""
     reached = above >= 0.0
     if not reached.any():
         return default
@@ -406,7 +406,7 @@ _Begin = tuple[Array, dict[int, float]]
 
 
 def _choices(pilot: Pilot, coasts: list[int]) -> Iterator[tuple[list[_Begin], tuple[float, ...]]]:
-    """What flights begin with, and the lengths of their free coasts as parts of a revolution."""
+    """Yield starts of steering, with lengths of the free coasts as parts of a revolution."""
     if not coasts:
         yield list(_start_constants(pilot)), ()
         return
@@ -481,7 +481,7 @@ def _ascent_alone(pilot: Pilot, apogee: float) -> _Begin | None:
 
 
 def _last_begin(arrays: MissionArrays, start: NDArray[np.void], trial: Trial) -> float:
-    """When the last arc of a flight begins, s."""
+    """Return when the last arc of a flight begins, s."""
     return last_begin(arrays, start[0], trial.times.lengths)
 
 

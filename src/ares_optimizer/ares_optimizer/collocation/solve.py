@@ -201,7 +201,7 @@ class Valley:
     met: int = 1
 
     def holds(self, found: Found, lengths: Array) -> bool:
-        """Whether a solution is this one."""
+        """Tell if a solution is this one."""
         near = SAME_MASS * self.found.m_f_kg
         if abs(found.m_f_kg - self.found.m_f_kg) > near:
             return False
@@ -246,7 +246,7 @@ class _Search:
 
     @property
     def again(self) -> int:
-        """How often a start led to as much mass as the best."""
+        """Count the starts that led to as much mass as the best."""
         if not self.valleys:
             return 0
         least = (1.0 - SAME_MASS) * self.valleys[0].found.m_f_kg
@@ -254,7 +254,7 @@ class _Search:
 
     @property
     def enough(self) -> bool:
-        """Whether the best was met often enough to be believed.
+        """Tell if the best was met often enough to be believed.
 
         Where a coast is free there is more than one valley: all starts are tried but where the
         first, which cover the lengths, lead to one alone.
@@ -330,7 +330,7 @@ class _Search:
         return found
 
     def _sags(self, found: Found) -> bool:
-        """Whether a coast that has become long dips between its few states below a floor."""
+        """Tell if a coast that has become long dips below a floor between its few states."""
         return any(
             lowest_in(found, floor.arc) < floor.altitude_m - _SAGS
             for floor in self.floors

@@ -89,7 +89,7 @@ class Flight:
 
     @property
     def whole(self) -> bool:
-        """Whether it lasts to the end of its plan."""
+        """Tell if the flight lasts to the end of its plan."""
         return self.pieces[-1].end >= self.plan.end - _SAME_TIME
 
     def defects(self, nodes: Array) -> tuple[float, float, float]:
