@@ -8,7 +8,13 @@ from numpy.typing import NDArray
 
 from ares_guidance.arrays import PLAN
 from ares_guidance.floor import check_floor
-from ares_models.arrays import BURN, TARGET_RADIUS_SPEED_ANGLE_PLANE, MissionArrays
+from ares_models.arrays import (
+    BURN,
+    NAMES_ARGUMENT_OF_PERIGEE,
+    TARGET_KEPLERIAN,
+    TARGET_RADIUS_SPEED_ANGLE_PLANE,
+    MissionArrays,
+)
 from ares_models.mission_target import leaves_end_free
 from ares_models.orbits import Insertion
 
@@ -21,6 +27,9 @@ SAME_MASS = 1e-3
 #: How far the length of a direction may be from 1, and how fast it may turn, 1/s.
 ABOUT_UNIT = 1e-3
 FASTEST_TURN = 1.0
+#: Eccentricity from which a leg holds its perigee's direction: what comes after turns that of a
+#: rounder orbit at little cost.
+ELONGATED = 0.5
 #: What staging drops at least, as a part of the mass. Rounding is less, a stage is more.
 LEAST_DROP = 1e-6
 
@@ -36,6 +45,21 @@ def true_anomaly_of(state: Insertion, mu: float) -> float:
     towards = momentum**2 / (mu * state.radius) - 1.0
     ahead = momentum * state.speed * math.sin(state.flight_path_angle) / mu
     return math.atan2(ahead, towards)
+
+
+def turns_orbit(target: np.void) -> bool:
+    """Return whether a target names where its perigee lies."""
+    named = bool(int(target["named"]) & NAMES_ARGUMENT_OF_PERIGEE)
+    return named or bool(target["kind"] == TARGET_KEPLERIAN)
+
+
+def argument_of_perigee_of(state: Insertion, position: Array, mu: float) -> float:
+    """Return the angle from the node to perigee, rad, of a state at a position, m; mu in m3/s2."""
+    node = np.array([math.cos(state.ascending_node), math.sin(state.ascending_node), 0.0])
+    up = np.array([0.0, 0.0, math.sin(state.inclination)])
+    ahead = math.cos(state.inclination) * np.cross([0.0, 0.0, 1.0], node) + up
+    from_node = math.atan2(float(position @ ahead), float(position @ node))
+    return from_node - true_anomaly_of(state, mu)
 
 
 def _expect(sound: NDArray[np.bool_], name: str, expected: str) -> None:
@@ -127,6 +151,7 @@ class ArcPlan:
             ValueError: something of it is missing or cannot be flown.
         """
         arcs = arrays.arcs
+        mu = float(arrays.environment["mu"][0])
         record = np.zeros(1, PLAN)
         record["made"] = leaves_arcs_free(arrays)
         record["by_legs"] = self.by_legs
@@ -135,9 +160,7 @@ class ArcPlan:
             last = len(arcs) - 1
             end = self._end(last)
             record["target"][0, last] = arrays.target[0]
-            record["target"]["true_anomaly"][0, last] = true_anomaly_of(
-                end, float(arrays.environment["mu"][0])
-            )
+            record["target"]["true_anomaly"][0, last] = true_anomaly_of(end, mu)
         for k in np.flatnonzero(np.isinf(arcs["duration"])):
             if k < self.first_arc:
                 continue
@@ -156,6 +179,8 @@ class ArcPlan:
             target["inclination"] = end.inclination
             # of an equatorial plane any
             target["ascending_node"] = np.nan_to_num(end.ascending_node)
+            if self.by_legs and turns_orbit(arrays.target[0]):
+                self._hold_perigee(target, int(k), mu)
         for index, directions in self.directions.items():
             record["direction"][0, index] = directions
         for index, position in self.positions.items():
@@ -166,6 +191,29 @@ class ArcPlan:
             record["ignition"][0, index] = self.ignitions[index]
         record["jettison_time"] = self.jettison_time_s
         return record
+
+    def _hold_perigee(self, target: np.void, k: int, mu: float) -> None:
+        """Aim a leg at its plan's orbit, any place on it, where that is bound and elongated.
+
+        A short burn after it turns no orbit back.
+
+        Args:
+            target: record TARGET, with the plane. Changed.
+            k: index of the burn that ends the leg.
+            mu: m3/s2.
+        """
+        if k not in self.positions:
+            return
+        end = self._end(k)
+        axis = 1.0 / (2.0 / end.radius - end.speed**2 / mu)
+        momentum = end.radius * end.speed * math.cos(end.flight_path_angle)
+        eccentricity = math.sqrt(max(0.0, 1.0 - momentum**2 / (mu * axis)))
+        if not ELONGATED < eccentricity < 1.0:
+            return
+        target["kind"] = TARGET_KEPLERIAN
+        target["semi_major_axis"] = axis
+        target["eccentricity"] = eccentricity
+        target["argument_of_perigee"] = argument_of_perigee_of(end, self.positions[k], mu)
 
     def _end(self, k: int) -> Insertion:
         """The state at the end of a burn, by its index.
