@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ares_guidance.floor import lowest_coast
 from ares_guidance.guess import OfflineTrajectory
 from ares_guidance.law import Law, LawSettings, needs_plan
-from ares_guidance.laws import make_law
+from ares_guidance.laws import check_law, make_law
 from ares_models.arrays import HEATING_LIMIT, NAVIGATION
 from ares_models.mission import Mission
 from ares_models.software import software
@@ -73,6 +73,7 @@ class Answers:
         self._heating_jettisons = int(np.sum(self.arrays.jettisons["criterion"] == HEATING_LIMIT))
         self._state_message = StateMessage(NavState)
         self._nav = np.zeros(1, NAVIGATION)
+        self._start = np.zeros(1, NAVIGATION)
         self._measured = self._nav[list(self._state_message.fields)]
         self._stamp = stamp_from_ns(0)
 
@@ -102,6 +103,9 @@ class Answers:
     def request(self, state: NavState) -> SolveTrajectory.Request:
         """What the optimizer is asked from a navigation state."""
         self._asked = ns_from_stamp(state.stamp) / NANOSECONDS, float(state.mass)
+        self._start["time"] = self._asked[0]
+        for name in self._state_message.fields:
+            self._start[name] = getattr(state, name)
         analytic = not self.law.lacks_plan and self._values["initial_guess"] != "optimizer"
         return SolveTrajectory.Request(
             mission=self._values["mission"],
@@ -110,6 +114,17 @@ class Answers:
             nav_state=state,
             time_limit=self.time_limit,
         )
+
+    def check_start(self, answer: SolveTrajectory.Response) -> None:
+        """Ask the law for a way by the optimizer's answer to the last `request`.
+
+        Raises:
+            FindsNoWay: it finds none; one line, which names the laws that do.
+            ValueError: the answer is no plan of this mission.
+        """
+        if needs_plan(self.arrays):
+            plan = _trajectory(answer).arc_plan(self.arrays)
+            check_law(self.law.kind.name, self.arrays, self._start, plan)
 
     def start_from(self, answer: SolveTrajectory.Response) -> dict[str, float]:
         """Start from the optimizer's answer to the last `request`.

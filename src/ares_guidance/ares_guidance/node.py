@@ -33,7 +33,7 @@ from ares_guidance.findings import (
     describe_avoiding,
 )
 from ares_guidance.law import HEATING_SOURCES, LawSettings, why_no_plan
-from ares_guidance.laws import check_law, rehearse
+from ares_guidance.laws import FindsNoWay, check_law, rehearse
 from ares_guidance.messages import ANALYTIC, ANSWER_TAKEN, ASKED_AT_NS, Answers
 from ares_guidance.registry import law_names
 from ares_models.mission import load_mission
@@ -360,7 +360,12 @@ class GuidanceNode(FlightNode):
             self._without_guess(reason or f"error {answer.error_code}", now)
             return
         try:
+            if not self._flies:
+                self._answers.check_start(answer)
             told = self._answers.start_from(answer)
+        except FindsNoWay as error:
+            self._refuse(str(error), now)
+            return
         except ValueError as error:
             self._without_guess(f"unusable answer: {error}", now)
             return
@@ -368,6 +373,19 @@ class GuidanceNode(FlightNode):
         about = {"method": answer.method, ASKED_AT_NS: self._asked, **told}
         self.diagnostics.report(Level.OK, ANSWER_TAKEN, now, about)
         self._end_planning()
+
+    @property
+    def _flies(self) -> bool:
+        """An engine may be lit already."""
+        simulator = self._membership.simulator
+        return simulator is not None and simulator.state == State.FLYING
+
+    def _refuse(self, text: str, now: int) -> None:
+        """Say why this flight is not begun: no engine is lit yet, and none will be."""
+        self._guess = None
+        self._looked_since = None
+        self.diagnostics.report(Level.ERROR, text, now)
+        self._membership.say(State.FAILED, reason=text)
 
     def _end_planning(self) -> None:
         """Say that answers follow, or that it is not worth waiting for them."""
@@ -377,15 +395,11 @@ class GuidanceNode(FlightNode):
 
     def _without_guess(self, reason: str, now: int) -> None:
         if self._law.lacks_plan:
+            if not self._flies:
+                self._refuse(why_no_plan(self._law.kind.name, self._answers.arrays, reason), now)
+                return
             self._guess = None
             self._looked_since = None
-            simulator = self._membership.simulator
-            if simulator is None or simulator.state != State.FLYING:
-                # no engine is lit yet, and none will be
-                text = why_no_plan(self._law.kind.name, self._answers.arrays, reason)
-                self.diagnostics.report(Level.ERROR, text, now)
-                self._membership.say(State.FAILED, reason=text)
-                return
             text = f"optimizer: {reason}; law {self._law.kind.name} needs its plan: asking again"
             self.diagnostics.report(Level.ERROR, text, now)
             self._ask_from = time.monotonic() + self.values["optimizer_timeout_s"]

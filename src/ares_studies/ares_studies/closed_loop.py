@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ares_guidance.guess import ArcPlan, OfflineTrajectory
 from ares_guidance.law import Law, LawKind, LawSettings, needs_plan, why_no_plan
-from ares_guidance.laws import make_law
+from ares_guidance.laws import check_law, make_law
 from ares_models.failures import Failure
 from ares_models.mission import Mission
 from ares_optimizer.solution import Solution
@@ -123,7 +123,8 @@ def ready_law(
         time_limit_s: wall time of the search for a plan; None: no limit.
 
     Raises:
-        ValueError: the law cannot fly the mission, or the guess is no start.
+        ValueError: the law cannot fly the mission, the guess is no start, or the law finds no way
+            by the plan.
     """
     law = make_law(name, mission.arrays(foreseen=True), settings)
     if guess is None and law.kind.needs_trajectory:
@@ -134,6 +135,8 @@ def ready_law(
         law.start_from(offline_trajectory(guess))
     elif (plan := arc_plan(mission, law.kind, state, time_limit_s)) is not None:
         law.follow_arcs(plan)
+        begin = mission.start().navigation() if state is None else state
+        check_law(name, mission.arrays(foreseen=True), begin, plan)
     return law
 
 

@@ -2,17 +2,20 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from ares_guidance import laws
 from ares_guidance.arrays import ERROR_TIME_TO_GO_JUMP
-from ares_guidance.guess import ArcPlan
+from ares_guidance.guess import ArcPlan, argument_of_perigee_of
 from ares_guidance.law import LawSettings
-from ares_guidance.laws import check_law, find_law, make_law
+from ares_guidance.laws import FindsNoWay, check_law, find_law, make_law
 from ares_guidance.testing import RESTART
 from ares_models.arrays import COAST as KIND_COAST
+from ares_models.arrays import TARGET_KEPLERIAN
 from ares_models.mission import load_mission
 from ares_models.orbits import Elements, Insertion
 from ares_optimizer.solution import Cause, Status, failed
@@ -24,6 +27,8 @@ from ares_vehicle_sim.arrays import ARC_ENDED, CUTOFF, IGNITION
 from ares_vehicle_sim.dispersions import STANDARD, Dispersions, load_dispersions
 from ares_vehicle_sim.simulator import CAMPAIGN, Simulator, SimulatorOptions
 
+LAUNCHERS = Path(__file__).parents[3] / "benchmarks" / "launchers"
+MU = 3.986004418e14
 BURN, COAST = 153.252950, 450.0
 #: Velocity of the optimum, m/s: what MechJeb2's tests have.
 OPTIMUM = 8101.8936
@@ -502,3 +507,49 @@ def test_where_no_optimum_is_found_the_plan_is_flown(flight):
     assert orbit.semi_major_axis == pytest.approx(float(target["semi_major_axis"]), rel=5e-3)
     assert orbit.eccentricity == pytest.approx(float(target["eccentricity"]), abs=2e-3)
     assert orbit.inclination == pytest.approx(float(target["inclination"]), abs=1e-3)
+
+
+def test_a_short_last_burn_finds_perigee_where_the_plan_has_it():
+    """It turns no orbit of an eccentricity of 0.73: the burn before it has to hold perigee."""
+    mission = load_mission(LAUNCHERS / "ariane64_gto.yaml")
+    plan = solve(mission, "auto", verify=False)
+    assert plan.by_legs
+    law = ready(mission, offline_trajectory(plan))
+    held = law.state["plan"]["target"][2]
+    assert held["kind"] == TARGET_KEPLERIAN
+    plant = fly_compiled(mission, law=law).plant
+    assert plant["inserted"] == 1
+    assert plant["mass"] > 0.999 * plan.m_f_kg
+    orbit = Elements.from_state(plant["position"], plant["velocity"], mission.environment.mu_m3_s2)
+    target = mission.arrays().target[0]
+    assert orbit.argument_of_perigee == pytest.approx(target["argument_of_perigee"], abs=2e-4)
+    assert orbit.semi_major_axis == pytest.approx(float(target["semi_major_axis"]), rel=1e-4)
+
+
+def test_the_plan_of_an_orbit_is_told_by_its_perigee():
+    """The angle from node to perigee, of a state anywhere on an orbit."""
+    orbit = Elements(2.4e7, 0.72, 0.4, 1.1, 2.3, true_anomaly=0.8)
+    position, velocity = orbit.state(MU)
+    found = argument_of_perigee_of(Insertion.from_state(position, velocity), position, MU)
+    assert math.remainder(found - 2.3, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_law_is_asked_with_the_plan_before_ignition(restart):
+    """The leg to an end within the planet finds none; what plans the whole anew does."""
+    mission, trajectory = restart
+    arrays = mission.arrays(foreseen=True)
+    start = mission.start().navigation()
+    plan = trajectory.arc_plan(arrays)
+    check_law("peg", arrays, start, plan)
+    below = replace(plan, ends=plan.ends | {1: replace(plan.ends[1], radius=1e6)})
+    with pytest.raises(FindsNoWay, match="this one finds none; try law optimal"):
+        check_law("peg", arrays, start, below)
+
+
+def test_the_laws_that_find_a_way_are_named(restart, monkeypatch):
+    mission, trajectory = restart
+    arrays = mission.arrays(foreseen=True)
+    finding = ("igm", "optimal")
+    monkeypatch.setattr(laws, "finds_way", lambda name, *_: name in finding)
+    with pytest.raises(FindsNoWay, match=r"law is 'peg'.*; try law igm or optimal"):
+        check_law("peg", arrays, mission.start().navigation(), trajectory.arc_plan(arrays))

@@ -18,6 +18,10 @@ from ares_models.orbits import Insertion
 _PLACE = NAMES_ARGUMENT_OF_PERIGEE | NAMES_TRUE_ANOMALY
 
 
+class FindsNoWay(ValueError):
+    """A law finds no way from where the flight begins to its target."""
+
+
 @cache
 def find_law(name: str) -> LawKind:
     """A law by its name.
@@ -74,8 +78,42 @@ def check_law(
         plan: of the free arcs before the last.
 
     Raises:
-        ValueError: the target is none for it, it needs a plan that is not there, or it finds no
-            way there.
+        FindsNoWay: it finds no way there; one line, which names the laws that do.
+        ValueError: the target is none for it, or it needs a plan that is not there.
+    """
+    if finds_way(name, arrays, start, plan):
+        return
+    others = [
+        other
+        for other in self_starting_laws()
+        if other != name and _may_fly(other, arrays, start, plan)
+    ]
+    advice = f"; try law {' or '.join(others)}" if others else ", nor does any other law"
+    raise FindsNoWay(
+        f"law is {name!r}; expected one that finds a way from the mission's start to its "
+        f"target: this one finds none{advice}"
+    )
+
+
+def _may_fly(
+    name: str, arrays: MissionArrays, start: NDArray[np.void], plan: ArcPlan | None
+) -> bool:
+    """As :func:`finds_way`; False too where the mission is none for the law."""
+    try:
+        return finds_way(name, arrays, start, plan)
+    except ValueError:
+        return False
+
+
+def finds_way(
+    name: str, arrays: MissionArrays, start: NDArray[np.void], plan: ArcPlan | None
+) -> bool:
+    """Return whether a law, asked once where a mission starts, finds a way to its target.
+
+    Args: as of :func:`check_law`.
+
+    Raises:
+        ValueError: the target is none for it, or it needs a plan that is not there.
     """
     law = make_law(name, arrays)
     if names(arrays.target[0], _PLACE) and not law.kind.meets_place:
@@ -89,11 +127,7 @@ def check_law(
     solution = law.state["solution"]
     lost = law.state["error"] == ERROR_NOT_CONVERGED
     past = solution["primer"]["gradient"] == 0.0 and solution["turn"] > STEEPEST
-    if (lost or past) and not law.kind.needs_trajectory:
-        raise ValueError(
-            f"law is {name!r}; expected one that finds a way from the mission's start to its "
-            "target: this one finds none"
-        )
+    return bool(law.kind.needs_trajectory or not (lost or past))
 
 
 def rehearse(name: str, arrays: MissionArrays, start: NDArray[np.void]) -> None:
