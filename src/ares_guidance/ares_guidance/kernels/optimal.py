@@ -401,10 +401,21 @@ def search(
 
 
 @kernel
-def tell_lengths(arcs: NDArray[Any], state: Record) -> None:
-    """Write the lengths of the free arcs ahead into the plan, and into the arcs of the leg."""
+def tell_lengths(mission: MissionRecords, onboard: Onboard) -> None:
+    """Write the lengths of the free arcs ahead into the plan, and into the arcs of the leg.
+
+    The search may have solved without a drop that is due at once: where the ends stand follows
+    from the mission, not from its last problem.
+
+    Args:
+        mission: as in :func:`solve_optimal`; so the next.
+        onboard: what is on board, with the solution. Its plan is changed.
+    """
+    state = onboard.state
     memory = state.optimal
     work = memory.work
+    arcs = mission.arcs
+    first = free_column(onboard.navigation, mission.jettisons, memory.options)
     for k in range(memory.solved_in, arcs.shape[0]):
         if not math.isinf(memory.duration[k]):
             continue
@@ -413,7 +424,7 @@ def tell_lengths(arcs: NDArray[Any], state: Record) -> None:
             f = 0
             while work.switches[f].arc < k:
                 f += 1
-            end = memory.unknowns[work.first_free + f]
+            end = memory.unknowns[first + f]
         state.plan.length[k] = end - work.layout.begins[k].time
 
 
@@ -434,7 +445,7 @@ def tell(mission: MissionRecords, onboard: Onboard) -> None:
     note_tail_off(mission.arcs[mission.arcs.shape[0] - 1], state)
     solution.time_to_go = u[COLUMN_CUTOFF] - nav.time + solution.tail_gain
     if plans_whole(state):
-        tell_lengths(mission.arcs, state)
+        tell_lengths(mission, onboard)
     index = COLUMN_JETTISON
     for j in range(mission.jettisons.shape[0]):
         if awaits_heating(mission.jettisons, nav.jettisoned, j):
