@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ares_guidance.arrays import ERROR_NOT_CONVERGED, STEEPEST
+from ares_guidance.arrays import ERROR_NOT_CONVERGED, ERROR_TARGET_UNREACHABLE, STEEPEST
 from ares_guidance.guess import ArcPlan
 from ares_guidance.kernels.floor import lowest_altitude
 from ares_guidance.law import Law, LawKind, LawSettings
@@ -125,7 +125,10 @@ def finds_way(
         law.follow_arcs(plan)
     law.step(start[0])
     solution = law.state["solution"]
-    lost = law.state["error"] == ERROR_NOT_CONVERGED
+    # by a plan it can be reached
+    lost = law.state["error"] == ERROR_NOT_CONVERGED or (
+        plan is not None and law.state["error"] == ERROR_TARGET_UNREACHABLE
+    )
     past = solution["primer"]["gradient"] == 0.0 and solution["turn"] > STEEPEST
     return bool(law.kind.needs_trajectory or not (lost or past))
 
