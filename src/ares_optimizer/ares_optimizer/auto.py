@@ -9,14 +9,12 @@ holds. What was done stands in ``Solution.steps``.
 import math
 from dataclasses import replace
 
-import numpy as np
-
-from ares_optimizer.collocation.solve import lowest_altitude, solve_collocation
+from ares_optimizer.collocation.solve import VALLEYS, solve_collocation
 from ares_optimizer.direct.solve import solve_direct
-from ares_optimizer.floors import floors_of
-from ares_optimizer.indirect.solve import polished
-from ares_optimizer.plan import plans_arcs, throttled_ahead, with_lengths
-from ares_optimizer.proof.flight import flown_arcs
+from ares_optimizer.floors import below_floor, floors_of
+from ares_optimizer.indirect.solve import polished, solve_indirect
+from ares_optimizer.indirect.solver import TwoPointOptions
+from ares_optimizer.plan import plans_arcs, throttled_ahead
 from ares_optimizer.request import Heating, Request
 from ares_optimizer.rival import solve_beside_rival
 from ares_optimizer.solution import (
@@ -33,6 +31,8 @@ from ares_optimizer.solution import (
 _BETTER = 1e-4
 #: And what indirect makes of it must not be worse by more.
 _SAME = 1e-5
+#: So many local optima, and another method may know of one more.
+_SEVERAL = 2
 #: Propellant of the last burn that is next to nothing, kg.
 _NOTHING_KG = 1.0
 #: Length of a free arc that vanishes, s: no cycle can hold its end.
@@ -64,6 +64,10 @@ def solve_auto(request: Request) -> Solution:
         return replace(fast, steps=tuple(steps))
     steps.append(step("collocation", found))
     if found.flyable:
+        other = _beside_valleys(request, found)
+        if other is not None:
+            steps.append(step("indirect by its own search", other))
+            return replace(other, steps=tuple(steps))
         exact = _polished(request, found)
         if exact is not None:
             steps.append(step("indirect from there", exact))
@@ -94,6 +98,43 @@ def _fast(request: Request) -> Solution | None:
 def _is_floor(check: ConstraintCheck) -> bool:
     """Whether a check is about the floor of one arc."""
     return check.key is Check.LOWEST_ALTITUDE and " in arc " in check.name
+
+
+def _beside_valleys(request: Request, found: Solution) -> Solution | None:
+    """Search by ``indirect`` where collocation knows of several valleys, or is not sure.
+
+    Args:
+        request: see :class:`ares_optimizer.request.Request`.
+        found: by collocation.
+
+    Returns:
+        what is proven to be better and keeps its floors; None: there is no such flight.
+    """
+    if request.deadline.passed or (found.converged and found.notes[VALLEYS] < _SEVERAL):
+        return None
+    least = found.m_f_kg * (1.0 + _BETTER)
+    arrays, start = request.arrays, request.state
+    try:
+        other = solve_indirect(
+            arrays,
+            start,
+            TwoPointOptions(heating=request.heating),
+            deadline=request.deadline,
+            verify=False,
+        )
+        if not other.converged or other.parameters is None or other.m_f_kg <= least:
+            return None
+        exact = polished(request, other.parameters)
+    except OptimizerError:
+        return None
+    if not exact.converged or exact.m_f_kg <= least or below_floor(arrays, start, exact):
+        return None
+    return replace(
+        exact,
+        iterations=found.iterations + other.iterations + exact.iterations,
+        restarts=found.restarts + other.restarts + 1,
+        solve_ms=found.solve_ms + other.solve_ms + exact.solve_ms,
+    )
 
 
 def _polished(request: Request, found: Solution) -> Solution | None:
@@ -139,7 +180,8 @@ def _last_resort(request: Request, found: Solution, steps: list[str]) -> Solutio
     if not planned and other.converged:
         other = _as_good_as(other)
     steps.append(step(method, other))
-    best = other if other.flyable and _keeps_floors(request, other) else found
+    kept = other.trajectory is not None and not below_floor(request.arrays, request.state, other)
+    best = other if other.flyable and kept else found
     return replace(best, steps=tuple(steps))
 
 
@@ -150,22 +192,3 @@ def _as_good_as(solution: Solution) -> Solution:
         return replace(solution, reason=next_to_nothing(taken))
     reason = "linear-tangent steering; no other method proves it to be the best"
     return replace(solution, status=Status.FEASIBLE, reason=reason)
-
-
-def _keeps_floors(request: Request, solution: Solution) -> bool:
-    """Whether a flight keeps the floors of the mission."""
-    track = solution.trajectory
-    if track is None:
-        return False
-    start = request.state[0]
-    planned = with_lengths(request.arrays, start, np.array(solution.lengths_s))
-    times = {
-        arc.arc: (arc.start_s, arc.end_s) for arc in flown_arcs(planned, start, solution.t_meco_s)
-    }
-    for floor in floors_of(request.arrays, request.state):
-        if floor.arc not in times or not math.isfinite(floor.altitude_m):
-            continue
-        begin, end = times[floor.arc]
-        if lowest_altitude(request.arrays, track, begin, end) < floor.altitude_m - 1.0:
-            return False
-    return True

@@ -16,6 +16,7 @@ from ares_optimizer.collocation.solve import solve_collocation
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.free_arcs import solve_direct_planned
 from ares_optimizer.direct.solve import solve_direct
+from ares_optimizer.floors import below_floor
 from ares_optimizer.kernels.timetable import MAX_HELD, last_tail
 from ares_optimizer.plan import (
     free_arcs,
@@ -38,7 +39,14 @@ from ares_optimizer.request import (
     hold_jettisons,
 )
 from ares_optimizer.rival import solve_beside_rival
-from ares_optimizer.solution import OUT_OF_TIME, OptimizerError, Solution, UnfitMethod, failed
+from ares_optimizer.solution import (
+    OUT_OF_TIME,
+    OptimizerError,
+    Solution,
+    Status,
+    UnfitMethod,
+    failed,
+)
 
 #: PASSIVE is no optimum: it is there to set one beside.
 CHOICES = (Heating.AT_JETTISON, Heating.FROM_JETTISON, Heating.IGNORED)
@@ -98,7 +106,7 @@ def solve(
     with Deadline(time_limit_s) as deadline:
         request = Request(arrays, state, method, Heating(heating), deadline, guess, verify)
         _check_arcs(request)
-        return _with_arcs(request, _solve(request))
+        return _with_arcs(request, _above_floors(request, _solve(request)))
 
 
 def _solve(request: Request) -> Solution:
@@ -151,6 +159,14 @@ def _check_held(request: Request) -> None:
     ahead = arrays.arcs[present:]
     if held and not ((ahead["kind"] == BURN) & (ahead["held"] == 0)).any():
         raise UnfitMethod(f"arc {held[0]}: its attitude is held, and no burn ahead is guided")
+
+
+def _above_floors(request: Request, solution: Solution) -> Solution:
+    """The solution, or why it is none: a flight below the floor of an arc."""
+    if not solution.flyable:
+        return solution
+    low = below_floor(request.arrays, request.state, solution)
+    return replace(solution, status=Status.NOT_OPTIMAL, reason=low) if low else solution
 
 
 def _with_arcs(request: Request, solution: Solution) -> Solution:

@@ -1,6 +1,7 @@
 """Planning by collocation: derivatives, published answers, floors, words."""
 
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +16,10 @@ from ares_optimizer.collocation.radau import radau
 from ares_optimizer.collocation.solve import Found, Valley, floors_on, moved_events, times_of
 from ares_optimizer.collocation.solver import Point
 from ares_optimizer.collocation.transcription import Times, Transcription
+from ares_optimizer.deadline import Deadline
+from ares_optimizer.direct.free_arcs import _Search as DirectSearch
 from ares_optimizer.floors import edge_of_air, floors_of
+from ares_optimizer.request import Heating, Request, arrays_and_state
 from ares_optimizer.solution import Check, Solution, Status
 from ares_optimizer.solve import solve
 
@@ -43,6 +47,7 @@ MISSED = {
     "nearly_round": 14_486.31,
     "nearly_there": 56_554.34,
     "target_below": 16_483.81,
+    "two_waits": 3_453.6458,
 }
 #: Of launchers: a throttle that is at its least earlier, and later, than in any start.
 THROTTLED = {"f9_escape": 8_600.816, "shuttle_oms": 125_847.1014}
@@ -175,6 +180,31 @@ def test_a_parking_orbit_keeps_its_perigee() -> None:
     assert found.status is Status.CONVERGED, found.reason
     # 21,419.17 kg by the independent program
     assert found.m_f_kg == pytest.approx(21_419.17, rel=2e-5)
+
+
+def test_short_coasts_between_the_burns_of_an_ascent_are_tried() -> None:
+    # 6,775.508 kg by the independent program
+    found = solve(load_mission(MISSIONS / "soon_again.yaml"), "collocation")
+    assert found.flyable, found.reason
+    assert found.m_f_kg == pytest.approx(6_775.508, rel=SAME)
+
+
+def test_no_method_calls_a_flight_below_the_default_floor_optimal() -> None:
+    mission = load_mission(MISSIONS / "low_coast.yaml")
+    found = solve(mission, "indirect")
+    assert found.status is Status.NOT_OPTIMAL
+    assert re.fullmatch(r"lowest altitude in arc 6 5,\d+ m; at least 100,000 m", found.reason)
+
+
+def test_a_flight_that_misses_its_target_does_not_stay_up() -> None:
+    mission = load_mission(MISSIONS / "titan2_coast.yaml")
+    arrays, start = arrays_and_state(mission, None)
+    with Deadline() as deadline:
+        request = Request(arrays, start, "direct11", Heating.AT_JETTISON, deadline, verify=False)
+        search = DirectSearch(request)
+        lost = search.fly(np.array([1e5]))
+        assert not lost.converged
+        assert not search.stays_up(lost)
 
 
 def test_costates_are_those_of_the_two_point_problem() -> None:

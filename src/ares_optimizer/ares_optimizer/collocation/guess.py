@@ -422,10 +422,11 @@ def _choices(pilot: Pilot, coasts: list[int]) -> Iterator[tuple[list[_Begin], tu
         transfer = _ascent_alone(pilot, apogee)
         if transfer is not None:
             yield [transfer], (_TO_APOGEE, *([_TO_APOGEE] * later))
+    if later:
+        yield ascents, (firsts[0], *([_SOON] * later))
     for part in firsts[1:]:
         yield ascents, (part, *([_TO_APOGEE] * later))
-    if later:
-        for part in COASTS:
+        if later:
             yield ascents, (part, *([_SOON] * later))
 
 

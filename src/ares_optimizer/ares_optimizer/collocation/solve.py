@@ -54,6 +54,8 @@ from ares_optimizer.targets import target_rows
 Array = NDArray[np.float64]
 
 METHOD = "collocation"
+#: Note of a solution: how many local optima its starts led to.
+VALLEYS = "collocation_valleys"
 #: Two flights are one where they bring the same mass, as a part of it: a floor is kept at the
 #: states of coarse intervals alone.
 SAME_MASS = 3e-4
@@ -164,12 +166,12 @@ def solve_collocation(request: Request, beat_kg: float | None = None) -> Solutio
         if request.deadline.passed or search.enough:
             break
         search.take(trial)
+    cause = search.failure()
+    if search.best is None and beat_kg is None and not request.deadline.passed:
+        cause = _short_of_propellant(search, cause)
     best = search.best
     elapsed = 1e3 * (time.perf_counter() - began)
     if best is None or (beat_kg is not None and best.m_f_kg < beat_kg):
-        cause = search.failure()
-        if best is None and beat_kg is None and not request.deadline.passed:
-            cause = _short_of_propellant(search, cause)
         return replace(
             failed(METHOD, cause, iterations=search.iterations, solve_ms=elapsed),
             restarts=max(0, search.starts - 1),
@@ -406,7 +408,10 @@ def with_more_propellant(arrays: MissionArrays) -> MissionArrays:
 
 
 def _short_of_propellant(search: _Search, cause: Cause) -> Cause:
-    """Why nothing was found, by a flight whose last stage burns more than it has."""
+    """Why nothing was found, by a flight whose last stage burns more than it has.
+
+    One that burns no more is a flight of the mission, and goes to its search.
+    """
     arrays = with_more_propellant(search.arrays)
     arcs = arrays.arcs
     last = arcs["stage"] == arcs[-1]["stage"]
@@ -425,6 +430,10 @@ def _short_of_propellant(search: _Search, cause: Cause) -> Cause:
     stages = arcs["stage"][program.segments["arc"]]
     members = np.flatnonzero(stages == arcs[-1]["stage"])
     burnt = program.mass * float((x[program.masses[members]] - x[program.ends[members]]).sum())
+    if burnt <= usable:
+        search.starts += more.starts
+        search.consider(more.best)
+        return cause
     return Cause(
         Status.INFEASIBLE,
         f"propellant of the last stage: {burnt - usable:,.0f} kg short, the best flight takes "
@@ -791,13 +800,6 @@ def lowest_in(found: Found, arc: int) -> float:
     return float(min(altitude(tuple(r), environment) for r in grid))
 
 
-def lowest_altitude(arrays: MissionArrays, track: Trajectory, begin: float, end: float) -> float:
-    """Return the least altitude of a trajectory between two times, m."""
-    inside = (track.time_s >= begin - _SAME_LENGTH) & (track.time_s <= end + _SAME_LENGTH)
-    environment = arrays.environment[0]
-    return float(min(altitude(tuple(r), environment) for r in track.position[inside]))
-
-
 def _flown(search: _Search, found: Found, adjoint: Adjoint) -> _Proven:
     """Fly a point of a program by another integrator, if that is asked for."""
     program, point, request = found.program, found.point, search.request
@@ -975,6 +977,7 @@ def _solution(
         parameters=_unknowns(program, proven, times),
         restarts=max(0, search.starts - 1),
         by_legs=True,
+        notes={VALLEYS: float(len(search.valleys))},
     )
     if flight is None:
         return solution

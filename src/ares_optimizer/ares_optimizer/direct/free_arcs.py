@@ -68,7 +68,9 @@ class _Search:
         return self.last
 
     def stays_up(self, solution: Solution) -> bool:
-        """Whether a flight is one, and does not go deep through the ground."""
+        """Tell if a flight reaches its target, and does not go deep through the ground."""
+        if not solution.converged:
+            return False
         request = self.request
         planned = with_lengths(request.arrays, request.state[0], np.array(solution.lengths_s))
         steering = steering_of(solution.arcs)
