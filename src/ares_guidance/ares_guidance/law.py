@@ -22,6 +22,7 @@ from ares_guidance.arrays import (
 )
 from ares_guidance.guess import ArcPlan, OfflineTrajectory, leaves_arcs_free
 from ares_guidance.kernels.legs import step_by_legs
+from ares_guidance.kernels.segments import TABLE_PIECES
 from ares_models.arrays import BURN, HEATING_LIMIT, MissionArrays
 from ares_models.jit import specialised
 from ares_models.mission_target import leaves_end_free
@@ -328,10 +329,11 @@ class Law:
         arcs = arrays.arcs
         throttled = (arcs["kind"] == BURN) & np.isfinite(arcs["max_acceleration"])
         parts = len(arcs) + 2 * int(np.sum(throttled)) + len(arrays.jettisons)
+        parts += (TABLE_PIECES - 1) * int(np.sum(arcs["tabled"]))
         if parts > MAX_SEGMENTS:
             raise ValueError(
-                f"mission has {parts} arcs and jettisons, throttled burns counted thrice; guidance "
-                f"has room for {MAX_SEGMENTS}"
+                f"mission has {parts} arcs and jettisons, throttled burns counted thrice, "
+                f"solid motors {TABLE_PIECES} times; guidance has room for {MAX_SEGMENTS}"
             )
         if np.any(arcs["held"]) and not kind.holds_attitude:
             raise ValueError(

@@ -15,7 +15,7 @@ Record = Any
 
 MAX_ARCS = 24
 MAX_JETTISONS = 8
-MAX_KNOTS = 8
+MAX_KNOTS = 64
 #: Areas that impacts are kept out of, and corners of one.
 MAX_AREAS = 12
 MAX_VERTICES = 24
@@ -105,9 +105,11 @@ ARC = np.dtype(
         ("stack_mass", np.float64),  # kg, the stage and all above it, at the arc that begins it
         ("propellant", np.float64),  # kg usable by the whole stage
         # thrust-time curve: fraction of full thrust, linear between knots
+        ("tabled", np.int64),  # 1: a solid motor, whose start is all of its burn
         ("start_knots", np.int64),  # 0: full thrust at once
         ("start_time", np.float64, (MAX_KNOTS,)),  # s after the ignition command
         ("start_fraction", np.float64, (MAX_KNOTS,)),
+        ("start_flow", np.float64, (MAX_KNOTS,)),  # the same of the mass flow
         ("tail_knots", np.int64),  # 0: no thrust after the cut-off command
         ("tail_time", np.float64, (MAX_KNOTS,)),  # s after the cut-off command
         ("tail_fraction", np.float64, (MAX_KNOTS,)),

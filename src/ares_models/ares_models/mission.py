@@ -229,6 +229,9 @@ class Mission(Part):
         """
         part = self.stages[stage]
         if part.propellant_kg is not None:
+            if any(burn.thrust_table is not None for burn in part.burns):
+                # rounded, it must not end the table
+                return max(part.propellant_kg, self.fixed_propellant(stage))
             return part.propellant_kg
         if any(arc.free for arc in part.burns):
             own = self.ignition_mass(stage) - self.jettison_mass(stage)
@@ -359,8 +362,8 @@ class Mission(Part):
     def _write_burn(self, arc: BurnArc, row: NDArray[np.void]) -> None:
         g0 = self.environment.g0_m_s2
         row["kind"] = layout.BURN
-        row["thrust"] = arc.thrust_n
-        row["exhaust_velocity"] = g0 * arc.isp_s
+        row["thrust"] = arc.full_thrust_n
+        row["exhaust_velocity"] = arc.exhaust_velocity(g0)
         row["mass_flow"] = arc.mass_flow(g0)
         row["engines"] = arc.engines
         row["held"] = int(arc.attitude == "held")
@@ -373,8 +376,20 @@ class Mission(Part):
             row[f"{key}_knots"] = knots
             row[f"{key}_time"][0, :knots] = [t for t, _ in curve]
             row[f"{key}_fraction"][0, :knots] = [fraction for _, fraction in curve]
+        row["start_flow"] = row["start_fraction"]
         row["start_loss"] = arc.start_loss_s
         row["tail_gain"] = arc.tail_gain_s
+        if arc.thrust_table is not None:
+            self._write_table(arc.table(g0), row)
+
+    def _write_table(self, table: parts.Table, row: NDArray[np.void]) -> None:
+        knots = len(table.time_s)
+        row["tabled"] = 1
+        row["start_knots"] = knots
+        row["start_time"][0, :knots] = table.time_s
+        row["start_fraction"][0, :knots] = np.array(table.thrust_n) / row["thrust"]
+        row["start_flow"][0, :knots] = np.array(table.flow_kg_s) / row["mass_flow"]
+        row["start_loss"] = table.time_s[-1] - table.impulse / row["thrust"]
 
     def _jettison_array(self) -> NDArray[np.void]:
         records = np.zeros(len(self.jettisons), layout.JETTISON)

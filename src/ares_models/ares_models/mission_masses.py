@@ -112,8 +112,9 @@ def check_masses(mission: "Mission") -> None:
                 key=lambda k: -1 if stage.flight_arcs[k].free else k,
             )
             arc = stage.flight_arcs[k]
+            key = "thrust_table" if getattr(arc, "thrust_table", None) else "burn_time_s"
             fail(
-                ("stages", i, *stage.arc_path(k, "burn_time_s")),
+                ("stages", i, *stage.arc_path(k, key)),
                 arc.duration_s,
                 f"burns that take at most {usable:,.9g} kg; the fixed burns of stage "
                 f"{stage.name} take {used:,.9g} kg",

@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from itertools import pairwise
-from typing import Annotated, Any, Literal, NoReturn
+from typing import Annotated, Any, Literal, NamedTuple, NoReturn
 
 from pydantic import (
     AfterValidator,
@@ -98,9 +98,13 @@ HeatingRate = Annotated[float, Range(1e-6, 1e12)]
 Name = Annotated[str, Field(strict=True, min_length=1, max_length=80), AfterValidator(_printable)]
 Text = Annotated[str, Field(strict=True, min_length=1)]
 Knot = tuple[KnotTime, Fraction]
+ThrustKnot = tuple[KnotTime, Annotated[float, Range(0.0, 1e10)]]
+FlowKnot = tuple[KnotTime, Annotated[float, Range(0.0, 1e9)]]
 Vertex = tuple[Latitude, Turn]
 Vertices = Annotated[tuple[Vertex, ...], Field(min_length=3, max_length=MAX_VERTICES)]
 Curve = Annotated[tuple[Knot, ...], Field(min_length=2, max_length=MAX_KNOTS)]
+ThrustTable = Annotated[tuple[ThrustKnot, ...], Field(min_length=2, max_length=MAX_KNOTS)]
+FlowTable = Annotated[tuple[FlowKnot, ...], Field(min_length=2, max_length=MAX_KNOTS)]
 
 
 def _moment(value: object) -> object:
@@ -251,7 +255,9 @@ class EnvironmentPart(Part):
     )
 
 
-def _check_curve(key: str, curve: tuple[tuple[float, float], ...] | None, end: float) -> None:
+def _check_curve(
+    key: str, curve: tuple[tuple[float, float], ...] | None, end: float | None = None
+) -> None:
     if curve is None:
         return
     if curve[0][0] != 0.0:
@@ -262,15 +268,62 @@ def _check_curve(key: str, curve: tuple[tuple[float, float], ...] | None, end: f
             fail((key, k), list(curve[k]), f"a time of at least {before} s, as before it")
         if before < now < before + MIN_TIME_S:
             fail((key, k), list(curve[k]), f"the time of the knot before it, or {MIN_TIME_S} s on")
-    if curve[-1][1] != end:
+    if end is not None and curve[-1][1] != end:
         fail((key, len(curve) - 1), list(curve[-1]), f"a last thrust fraction of {end:g}")
     if not curve[-1][0] > 0.0:
         fail((key, len(curve) - 1), list(curve[-1]), "a last time greater than 0 s")
 
 
 def curve_area(curve: tuple[tuple[float, float], ...]) -> float:
-    """Integral of a thrust-fraction curve over its knots, s of full thrust."""
+    """Integral of a curve over its knots: of thrust fractions s of full thrust, of thrusts N s."""
     return sum(0.5 * (t1 - t0) * (f0 + f1) for (t0, f0), (t1, f1) in pairwise(curve))
+
+
+class Table(NamedTuple):
+    """Thrust and mass flow of a solid motor over its burn, linear between common knots.
+
+    Attributes:
+        time_s: since ignition, shape (n,).
+        thrust_n, flow_kg_s: shape (n,).
+    """
+
+    time_s: tuple[float, ...]
+    thrust_n: tuple[float, ...]
+    flow_kg_s: tuple[float, ...]
+
+    @property
+    def impulse(self) -> float:
+        """Integral of the thrust, N s."""
+        return curve_area(tuple(zip(self.time_s, self.thrust_n, strict=True)))
+
+    @property
+    def propellant_kg(self) -> float:
+        """Integral of the mass flow."""
+        return curve_area(tuple(zip(self.time_s, self.flow_kg_s, strict=True)))
+
+
+def _common_knots(*curves: tuple[tuple[float, float], ...]) -> list[tuple[float, ...]]:
+    """Return the curves on the knots of all, as (time, value of each); a jump is two knots."""
+    times = sorted({t for curve in curves for t, _ in curve})
+    sides = [[_sides(curve, t) for curve in curves] for t in times]
+    knots = []
+    for t, values in zip(times, sides, strict=True):
+        knots.append((t, *(before for before, _ in values)))
+        if any(before != after for before, after in values):
+            knots.append((t, *(after for _, after in values)))
+    return knots
+
+
+def _sides(curve: tuple[tuple[float, float], ...], t: float) -> tuple[float, float]:
+    """Return the values of a curve just before and just after a time within it."""
+    at = [value for time, value in curve if time == t]
+    if at:
+        return at[0], at[-1]
+    for (t0, f0), (t1, f1) in pairwise(curve):
+        if t0 < t < t1:
+            value = f0 + (f1 - f0) * (t - t0) / (t1 - t0)
+            return value, value
+    return curve[-1][1], curve[-1][1]
 
 
 class EngineOut(Part):
@@ -347,14 +400,45 @@ def check_bounds(key: str, time_s: object, min_s: float | None, max_s: float | N
         fail(("min_s",), min_s, f"at most max_s, {max_s} s")
 
 
+#: Keys of a burn that a table leaves nothing to say.
+_NO_TABLE = (
+    *("thrust_n", "burn_time_s", "min_s", "max_s", "max_acceleration_m_s2", "min_throttle"),
+    *("start", "tail_off", "engine_out"),
+)
+#: What makes a burn: one of these.
+BURN_FORMS = (
+    ("thrust_n", "isp_s", "burn_time_s"),
+    ("thrust_table", "isp_s"),
+    ("thrust_table", "mass_flow_table"),
+)
+
+
 class BurnArc(Part):
-    """A stretch of constant full thrust; of less once engines are lost, or throttled."""
+    """A stretch of constant full thrust, of less once engines are lost, or throttled; or a solid.
+
+    A solid motor burns by its table.
+    """
+
+    model_config = ConfigDict(json_schema_extra=one_of(*BURN_FORMS))
 
     name: Name | None = Field(default=None, description="shown in events; default: the stage's")
-    thrust_n: Thrust = Field(description="full thrust, vacuum")
-    isp_s: SpecificImpulse = Field(description="mass flow is T / (g0 Isp)")
+    thrust_n: Thrust | None = Field(default=None, description="full thrust, vacuum")
+    isp_s: SpecificImpulse | None = Field(default=None, description="mass flow is T / (g0 Isp)")
     engines: EngineCount = Field(default=1, description="that share the thrust")
-    burn_time_s: FreeTime = Field(description="from ignition command to cut-off command, or free")
+    burn_time_s: FreeTime | None = Field(
+        default=None, description="from ignition command to cut-off command, or free"
+    )
+    thrust_table: ThrustTable | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="of a solid motor, in place of thrust_n and burn_time_s: vacuum thrust after "
+        "ignition, knots [seconds, newtons]; the burn ends with it",
+    )
+    mass_flow_table: FlowTable | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="beside thrust_table, in place of isp_s: knots [seconds, kilograms per second]",
+    )
     min_s: Delay | None = Field(default=None, description="least length, if it is free")
     max_s: Duration | None = Field(default=None, description="greatest length, if it is free")
     min_altitude_m: FloorAltitude | None = Field(
@@ -387,11 +471,77 @@ class BurnArc(Part):
         self.check_whole()
         return self
 
-    def check_whole(self) -> None:
-        """Report keys that do not fit each other."""
+    def check_whole(self, beside: str = "a value") -> None:
+        """Report keys that do not fit each other.
+
+        Args:
+            beside: what is expected in place of a key that is missing.
+        """
+        if self.thrust_table is not None:
+            self._check_table(self.thrust_table)
+            return
+        if self.mass_flow_table is not None:
+            flow = list(self.mass_flow_table)
+            fail(("mass_flow_table",), flow, "no such key without thrust_table")
+        for key in BURN_FORMS[0]:
+            if getattr(self, key) is None:
+                fail((key,), None, beside)
         check_bounds("burn_time_s", self.burn_time_s, self.min_s, self.max_s)
         self._check_throttle()
         self._check_curves()
+
+    def _check_table(self, thrust: tuple[tuple[float, float], ...]) -> None:
+        """Report what does not fit a motor that burns by a table."""
+        for key in _NO_TABLE:
+            if getattr(self, key) is not None:
+                fail((key,), getattr(self, key), "no such key beside thrust_table")
+        if self.engines != 1:
+            fail(
+                ("engines",), self.engines, "1, the table being of all motors, beside thrust_table"
+            )
+        _check_curve("thrust_table", thrust)
+        _check_curve("mass_flow_table", self.mass_flow_table)
+        if self.mass_flow_table is None:
+            if self.isp_s is None:
+                fail(("isp_s",), None, "a number in s, or a mass_flow_table in its place")
+        else:
+            if self.isp_s is not None:
+                fail(("isp_s",), self.isp_s, "no such key beside mass_flow_table")
+            self._check_flow(thrust, self.mass_flow_table)
+        if thrust[-1][1] == 0.0 == thrust[-2][1]:
+            fail(("thrust_table", len(thrust) - 1), list(thrust[-1]), "thrust until the last knot")
+
+    def _check_flow(
+        self, thrust: tuple[tuple[float, float], ...], flow: tuple[tuple[float, float], ...]
+    ) -> None:
+        """Report a mass flow that does not go with the thrust."""
+        path = ("mass_flow_table",)
+        if flow[-1][0] != thrust[-1][0]:
+            expected = f"a last time of {thrust[-1][0]:g} s, as of thrust_table"
+            fail((*path, len(flow) - 1), list(flow[-1]), expected)
+        knots = _common_knots(thrust, flow)
+        if len(knots) > MAX_KNOTS:
+            fail(path, len(knots), f"at most {MAX_KNOTS} knots in both tables together")
+        for (t, f0, m0), (_, f1, m1) in pairwise(knots):
+            if (f0 + f1 > 0.0) != (m0 + m1 > 0.0):
+                fail(
+                    path,
+                    list(flow),
+                    f"a mass flow where there is thrust, and only there; at {t:g} s",
+                )
+
+    def table(self, g0: float) -> Table:
+        """Return thrust and mass flow of a solid motor on common knots.
+
+        Args:
+            g0: m/s2.
+        """
+        thrust = self.thrust_table or ()
+        if self.mass_flow_table is not None:
+            return Table(*zip(*_common_knots(thrust, self.mass_flow_table), strict=True))
+        exhaust = g0 * (self.isp_s or math.nan)
+        times, newtons = zip(*thrust, strict=True)
+        return Table(times, newtons, tuple(force / exhaust for force in newtons))
 
     def _check_throttle(self) -> None:
         if self.max_acceleration_m_s2 is None:
@@ -409,28 +559,28 @@ class BurnArc(Part):
     def _check_curves(self) -> None:
         _check_curve("start", self.start, 1.0)
         _check_curve("tail_off", self.tail_off, 0.0)
-        if self.start and self.burn_time_s != "free" and self.burn_time_s < self.start[-1][0]:
+        if self.start and self.duration_s < self.start[-1][0]:
             fail(
                 ("burn_time_s",),
-                self.burn_time_s,
+                self.duration_s,
                 f"at least the {self.start[-1][0]} s that the start takes",
             )
         if self.engine_out:
             self._check_engine_out(self.engine_out)
 
     def _check_engine_out(self, failure: EngineOut) -> None:
-        if self.burn_time_s == "free":
+        if self.free:
             fail(
                 ("engine_out", "time_after_ignition_s"),
                 failure.time_after_ignition_s,
                 "no engine_out in a burn with burn_time_s: free",
             )
         earliest = 0.0 if self.start is None else self.start[-1][0]
-        if not earliest <= failure.time_after_ignition_s < self.burn_time_s:
+        if not earliest <= failure.time_after_ignition_s < self.duration_s:
             fail(
                 ("engine_out", "time_after_ignition_s"),
                 failure.time_after_ignition_s,
-                f"a time from {earliest:g} s to the end of the burn at {self.burn_time_s:g} s",
+                f"a time from {earliest:g} s to the end of the burn at {self.duration_s:g} s",
             )
 
     @property
@@ -441,7 +591,25 @@ class BurnArc(Part):
     @property
     def duration_s(self) -> float:
         """From ignition command to cut-off command; inf if free."""
-        return math.inf if self.burn_time_s == "free" else self.burn_time_s
+        if self.thrust_table is not None:
+            return self.thrust_table[-1][0]
+        if self.burn_time_s is None or self.burn_time_s == "free":
+            return math.inf
+        return self.burn_time_s
+
+    @property
+    def full_thrust_n(self) -> float:
+        """Full thrust; of a table the largest."""
+        if self.thrust_table is not None:
+            return max(force for _, force in self.thrust_table)
+        return self.thrust_n or math.nan
+
+    def exhaust_velocity(self, g0: float) -> float:
+        """m/s: g0 Isp; of a table of its own the mean over the burn."""
+        if self.mass_flow_table is not None:
+            table = self.table(g0)
+            return table.impulse / table.propellant_kg
+        return g0 * (self.isp_s or math.nan)
 
     @property
     def start_loss_s(self) -> float:
@@ -460,7 +628,7 @@ class BurnArc(Part):
 
     def mass_flow(self, g0: float) -> float:
         """kg/s at full thrust: T / (g0 Isp), Eq. 2.1."""
-        return self.thrust_n / (g0 * self.isp_s)
+        return self.full_thrust_n / self.exhaust_velocity(g0)
 
     def propellant(self, g0: float, mass_kg: float) -> float:
         """kg that a burn of fixed time takes, start and tail-off counted; inf if free.
@@ -469,6 +637,8 @@ class BurnArc(Part):
             g0: m/s2.
             mass_kg: at ignition; counts for a throttled burn only.
         """
+        if self.thrust_table is not None:
+            return self.table(g0).propellant_kg
         flow = self.mass_flow(g0)
         time = self.duration_s - self.start_loss_s + self.tail_gain_s
         limit = self.max_acceleration_m_s2
@@ -477,13 +647,13 @@ class BurnArc(Part):
         # full thrust down to the mass that meets the limit, then thrust in proportion to the
         # mass down to the least thrust
         least = self.least_throttle
-        upper = min(mass_kg, self.thrust_n / limit)
+        upper = min(mass_kg, self.full_thrust_n / limit)
         full = min(time, (mass_kg - upper) / flow)
         throttled = time - full
         if throttled <= 0.0:
             return flow * full
-        lower = min(upper, least * self.thrust_n / limit)
-        fade = g0 * self.isp_s / limit
+        lower = min(upper, least * self.full_thrust_n / limit)
+        fade = self.exhaust_velocity(g0) / limit
         if lower <= 0.0 or throttled <= fade * math.log(upper / lower):
             return flow * full + upper * -math.expm1(-throttled / fade)
         rest = throttled - fade * math.log(upper / lower)
@@ -551,7 +721,8 @@ _SHORTHAND = tuple(key for key in BurnArc.model_fields if key != "name")
 
 def _of_burn(key: str, default: Any) -> Any:
     """A key of a burn that a stage of one burn carries itself."""
-    return Field(default=default, description=BurnArc.model_fields[key].description)
+    of = BurnArc.model_fields[key]
+    return Field(default=default, exclude_if=of.exclude_if, description=of.description)
 
 
 class Stage(Part):
@@ -560,9 +731,7 @@ class Stage(Part):
     A stage of one burn may carry the keys of that burn itself, without ``arcs``.
     """
 
-    model_config = ConfigDict(
-        json_schema_extra=one_of(("arcs",), ("thrust_n", "isp_s", "burn_time_s"))
-    )
+    model_config = ConfigDict(json_schema_extra=one_of(("arcs",), *BURN_FORMS))
 
     name: Name = Field(description="unique; at most 80 characters")
     ignition_mass_kg: Mass | None = Field(
@@ -591,6 +760,8 @@ class Stage(Part):
     isp_s: SpecificImpulse | None = _of_burn("isp_s", None)
     engines: EngineCount = _of_burn("engines", 1)
     burn_time_s: FreeTime | None = _of_burn("burn_time_s", None)
+    thrust_table: ThrustTable | None = _of_burn("thrust_table", None)
+    mass_flow_table: FlowTable | None = _of_burn("mass_flow_table", None)
     min_s: Delay | None = _of_burn("min_s", None)
     max_s: Duration | None = _of_burn("max_s", None)
     min_altitude_m: FloorAltitude | None = _of_burn("min_altitude_m", None)
@@ -604,10 +775,7 @@ class Stage(Part):
     @model_validator(mode="after")
     def _one_form(self) -> "Stage":
         if self.arcs is None:
-            for key in ("thrust_n", "isp_s", "burn_time_s"):
-                if getattr(self, key) is None:
-                    fail((key,), None, "a value, or a list of arcs in its place")
-            self._single_arc().check_whole()
+            self._single_arc().check_whole("a value, or a list of arcs in its place")
         else:
             for key in _SHORTHAND:
                 if key in self.model_fields_set:

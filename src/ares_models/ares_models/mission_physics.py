@@ -64,19 +64,21 @@ def check_engines(mission: "Mission") -> None:
         for k, arc in enumerate(stage.flight_arcs):
             if not isinstance(arc, BurnArc):
                 continue
-            exhaust = g0 * arc.isp_s
+            exhaust = arc.exhaust_velocity(g0)
+            key = "isp_s" if arc.mass_flow_table is None else "mass_flow_table"
             if not EXHAUST_VELOCITY.low <= exhaust <= EXHAUST_VELOCITY.high:
                 fail(
-                    ("stages", i, *stage.arc_path(k, "isp_s")),
-                    arc.isp_s,
+                    ("stages", i, *stage.arc_path(k, key)),
+                    getattr(arc, key),
                     f"an exhaust velocity g0 Isp of {EXHAUST_VELOCITY} m/s; it is "
                     f"{exhaust:.3g} m/s",
                 )
             highest = MAX_ACCELERATION * mission.ignition_mass(i)
-            if arc.thrust_n > highest:
+            if arc.full_thrust_n > highest:
+                key = "thrust_n" if arc.thrust_table is None else "thrust_table"
                 fail(
-                    ("stages", i, *stage.arc_path(k, "thrust_n")),
-                    arc.thrust_n,
+                    ("stages", i, *stage.arc_path(k, key)),
+                    arc.full_thrust_n,
                     f"at most {highest:.6g} N, {MAX_ACCELERATION:,.0f} m/s2 at ignition",
                 )
     last = mission.stages[-1]
@@ -152,7 +154,7 @@ def _longest_free_burn(
         )
     length = full_thrust + burn.start_loss_s + burn.tail_s
     if begin + length > MAX_FLIGHT_S:
-        least = left * g0 * burn.isp_s / (MAX_FLIGHT_S - begin - length + full_thrust)
+        least = left * burn.exhaust_velocity(g0) / (MAX_FLIGHT_S - begin - length + full_thrust)
         expected = f"the {left:,.6g} kg of propellant to be gone within {MAX_FLIGHT_S:,.0f} s"
         if least > 0.0:
             expected += f" of flight, by at least {least:.4g} N"

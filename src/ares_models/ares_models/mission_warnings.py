@@ -121,24 +121,26 @@ def _stage(mission: "Mission", i: int) -> Iterator[Doubt]:
         if not isinstance(burn, BurnArc):
             continue
         path = ("stages", i)
-        acceleration = burn.thrust_n / mass
-        exhaust = g0 * burn.isp_s
+        acceleration = burn.full_thrust_n / mass
+        exhaust = burn.exhaust_velocity(g0)
+        thrust_key = "thrust_n" if burn.thrust_table is None else "thrust_table"
+        isp_key = "isp_s" if burn.mass_flow_table is None else "mass_flow_table"
         chemical = CHEMICAL[0] <= exhaust <= CHEMICAL[1]
         if not chemical and acceleration > CHEMICAL_ACCELERATION:
             low, high = (speed / g0 for speed in CHEMICAL)
             yield Doubt(
-                (*path, *stage.arc_path(k, "isp_s")),
-                f"is {burn.isp_s:g} s; chemical engines have {low:.0f} to {high:.0f} s",
+                (*path, *stage.arc_path(k, isp_key)),
+                f"is {exhaust / g0:g} s; chemical engines have {low:.0f} to {high:.0f} s",
             )
         if acceleration > FIERCEST:
             yield Doubt(
-                (*path, *stage.arc_path(k, "thrust_n")),
+                (*path, *stage.arc_path(k, thrust_key)),
                 f"makes {acceleration:,.0f} m/s2 at ignition; is it in N, the mass in kg?",
             )
         burning = mission.propellant(i) / burn.mass_flow(g0)
         if chemical and burn.free and burning > LONGEST_BURN:
             yield Doubt(
-                (*path, *stage.arc_path(k, "thrust_n")),
+                (*path, *stage.arc_path(k, thrust_key)),
                 f"burns the stage's propellant in {burning / 86_400.0:,.1f} days; is it in N?",
             )
     dry, propellant = stage.dry_mass_kg, stage.propellant_kg

@@ -55,7 +55,7 @@ calls = (
     lambda: read_within(values, 4),
     lambda: write(values, 4),
     lambda: write_field(arcs, 2, 0),
-    lambda: write_field(arcs, 1, 8),
+    lambda: write_field(arcs, 1, arcs["start_time"].shape[1]),
 )
 for call in calls:
     print(said(call), said_in_thread(call), sep="\\n")

@@ -216,6 +216,32 @@ def test_curves_and_their_areas(tmp_path):
     assert upper["tail_gain"] == pytest.approx(0.2555)
 
 
+def test_a_table_and_what_follows_from_it(tmp_path):
+    thrust = [[0, 0], [0.5, 1.4e7], [60, 1.6e7], [60, 1.2e7], [150, 2e6], [160, 0]]
+    flow = [[0, 0], [2.0, 5200], [60, 5600], [160, 0]]
+
+    def change(data):
+        for key in ("thrust_n", "isp_s", "engines", "burn_time_s"):
+            del data["stages"][0][key]
+        data["stages"][0] |= {"thrust_table": thrust, "mass_flow_table": flow}
+
+    mission = load_mission(variant(tmp_path, change))
+    core = mission.arrays().arcs[0]
+    knots = core["start_knots"]
+    assert (core["tabled"], core["duration"], knots) == (1, 160.0, 7)
+    assert core["thrust"] == 1.6e7
+    # the area of each table by itself, against the tables on their common knots
+    impulse = np.trapezoid([f for _, f in thrust], [t for t, _ in thrust])
+    taken = np.trapezoid([f for _, f in flow], [t for t, _ in flow])
+    times = core["start_time"][:knots]
+    area = np.trapezoid(core["start_fraction"][:knots], times)
+    assert core["thrust"] * area == pytest.approx(impulse, rel=1e-14)
+    burnt = core["mass_flow"] * np.trapezoid(core["start_flow"][:knots], times)
+    assert burnt == pytest.approx(taken, rel=1e-14)
+    assert core["exhaust_velocity"] == pytest.approx(impulse / taken, rel=1e-14)
+    assert core["propellant"] == mission.fixed_propellant(0) == pytest.approx(taken, rel=1e-14)
+
+
 def test_nrlmsis_mission(tmp_path, monkeypatch):
     def change(data):
         data["epoch"] = "2010-06-21T12:00:00+02:00"

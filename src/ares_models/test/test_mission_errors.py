@@ -525,11 +525,11 @@ BROKEN = {
         "stages[1].start[2]",
         "expected a time of at least 2.0 s, as before it",
     ),
-    "start of nine knots": (
+    "start of too many knots": (
         "burn_time_s: free",
-        "burn_time_s: free\n    start: [" + ", ".join(f"[{k}, 0]" for k in range(9)) + "]",
+        "burn_time_s: free\n    start: [" + ", ".join(f"[{k}, 0]" for k in range(65)) + "]",
         "stages[1].start",
-        "is a list of 9; expected a list of at most 8",
+        "is a list of 65; expected a list of at most 64",
     ),
     "thrust fraction above 1": (
         "burn_time_s: free",
@@ -644,6 +644,80 @@ BROKEN = {
     ),
     "list as a key": ("name: ares_v", "? [a, b]\n: 1", "the file", "a list or mapping as a key"),
 }
+
+
+_CORE = (
+    "    thrust_n: 17437041.0          # Table 2.2\n"
+    "    isp_s: 414.7                  # Table 2.2\n"
+    "    engines: 5                    "
+    "# derived: 3.49 MN each, an RS-68B; six would be far below one\n"
+    "    burn_time_s: 181.25           # Table 2.2: from 155.9 s to the staging point at 337.15 s\n"
+)
+_TABLE = "    thrust_table: [[0, 0], [1, 1.5e7], [180, 0]]\n"
+#: What takes the place of the core's burn, key path, rest of the message.
+TABLES = {
+    "table without an impulse": (
+        _TABLE,
+        "stages[0].isp_s",
+        "is missing; expected a number in s, or a mass_flow_table in its place",
+    ),
+    "two mass flows": (
+        _TABLE + "    isp_s: 280\n    mass_flow_table: [[0, 0], [1, 5e3], [180, 0]]\n",
+        "stages[0].isp_s",
+        "is 280.0; expected no such key beside mass_flow_table",
+    ),
+    "flow that ends early": (
+        _TABLE + "    mass_flow_table: [[0, 0], [1, 5e3], [170, 0]]\n",
+        "stages[0].mass_flow_table[2]",
+        "is a list of 2; expected a last time of 180 s, as of thrust_table",
+    ),
+    "thrust without flow": (
+        _TABLE + "    mass_flow_table: [[0, 0], [1, 5e3], [150, 0], [180, 0]]\n",
+        "stages[0].mass_flow_table",
+        "is a list of 4; expected a mass flow where there is thrust, and only there; at 150 s",
+    ),
+    "flow alone": (
+        (
+            "    thrust_n: 1e7\n    isp_s: 280\n    burn_time_s: 180\n"
+            "    mass_flow_table: [[0, 1], [1, 1]]\n"
+        ),
+        "stages[0].mass_flow_table",
+        "is a list of 2; expected no such key without thrust_table",
+    ),
+    "thrust beside a table": (
+        _TABLE + "    isp_s: 280\n    thrust_n: 1e7\n",
+        "stages[0].thrust_n",
+        "is 10000000.0; expected no such key beside thrust_table",
+    ),
+    "length beside a table": (
+        _TABLE + "    isp_s: 280\n    burn_time_s: free\n",
+        "stages[0].burn_time_s",
+        "is 'free'; expected no such key beside thrust_table",
+    ),
+    "engines of a table": (
+        _TABLE + "    isp_s: 280\n    engines: 2\n",
+        "stages[0].engines",
+        "is 2; expected 1, the table being of all motors, beside thrust_table",
+    ),
+    "table that ends without thrust": (
+        "    thrust_table: [[0, 1e7], [100, 0], [180, 0]]\n    isp_s: 280\n",
+        "stages[0].thrust_table[2]",
+        "is a list of 2; expected thrust until the last knot",
+    ),
+    "table that burns too much": (
+        "    thrust_table: [[0, 3e7], [180, 3e7]]\n    isp_s: 280\n",
+        "stages[0].thrust_table",
+        "expected burns that take at most",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", TABLES)
+def test_a_table_that_does_not_fit_is_named(tmp_path, case):
+    new, path, rest = TABLES[case]
+    text = message(edited(tmp_path, _CORE, new))
+    assert re.search(rf"broken\.yaml: (line \d+: )?{re.escape(path)} ", text), text
+    assert rest in text
 
 
 @pytest.mark.parametrize("case", BROKEN)

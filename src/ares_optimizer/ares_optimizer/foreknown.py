@@ -204,6 +204,7 @@ def _leave_rest_of_start(arc: NDArray[np.void], into: float) -> None:
     knots = int(row["start_knots"])
     times = row["start_time"].copy()
     fractions = row["start_fraction"].copy()
+    flows = row["start_flow"].copy()
     ahead = np.flatnonzero(times[:knots] > into)
     if not ahead.size:
         row["start_knots"] = 0
@@ -213,6 +214,7 @@ def _leave_rest_of_start(arc: NDArray[np.void], into: float) -> None:
     now = curve_value(times, fractions, knots, into)
     row["start_time"][:kept] = [0.0, *(times[ahead] - into)]
     row["start_fraction"][:kept] = [now, *fractions[ahead]]
+    row["start_flow"][:kept] = [curve_value(times, flows, knots, into), *flows[ahead]]
     row["start_knots"] = kept
     length = float(times[knots - 1])
     done = curve_area(times, fractions, knots, into)

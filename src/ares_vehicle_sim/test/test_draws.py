@@ -1,5 +1,7 @@
 """Draws: a stream for each quantity, a place in it for each flight, and what becomes of them."""
 
+from importlib import resources
+
 import numpy as np
 import pytest
 from scipy.stats import kstest, qmc
@@ -227,6 +229,29 @@ def test_a_late_and_slow_start(ares_v):
     assert late["start_time"][k, :knots] == pytest.approx(
         0.7 + 1.5 * nominal["start_time"][k, :knots]
     )
+
+
+def test_a_solid_motor_that_burns_late_and_slowly(tmp_path):
+    text = ares_v_text().replace("engines: 5 ", "#").replace("burn_time_s: 181.25", "#")
+    table = "thrust_table: [[0, 0], [1, 1.7e7], [100, 1.2e7], [180, 0]]  #"
+    path = tmp_path / "solid.yaml"
+    path.write_text(text.replace("thrust_n: 17437041.0", table))
+    mission = load_mission(path)
+    given = {"start_delay_s": {"mean": 0.7, "sigma": 0.0}, "start_scale": {"mean": 0.25}}
+    nominal, late = mission.arrays().arcs[0], true_mission(mission, **given).arcs[0]
+    assert late["duration"] == pytest.approx(0.7 + 1.25 * 180.0)
+    assert late["start_time"][:4] == pytest.approx(0.7 + 1.25 * nominal["start_time"][:4])
+    # less thrust for longer: the impulse and the propellant stay
+    for size, curve in (("thrust", "start_fraction"), ("mass_flow", "start_flow")):
+        areas = [
+            arc[size] * np.trapezoid(arc[curve][:4], arc["start_time"][:4])
+            for arc in (nominal, late)
+        ]
+        assert areas[1] == pytest.approx(areas[0], rel=1e-12)
+
+
+def ares_v_text():
+    return resources.files("ares_models").joinpath("missions", "ares_v.yaml").read_text()
 
 
 def test_the_true_limit_and_atmosphere(ares_v):

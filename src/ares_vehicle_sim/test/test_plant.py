@@ -67,7 +67,7 @@ def test_thrust_curves_have_their_exact_area():
     arc = vehicle.arcs
     arc["start_knots"][2] = 3
     arc["start_time"][2, :3] = [0.0, 1.03, 3.17]
-    arc["start_fraction"][2, :3] = [0.0, 0.1, 1.0]
+    arc["start_fraction"][2, :3] = arc["start_flow"][2, :3] = [0.0, 0.1, 1.0]
     arc["tail_knots"][3] = 3
     arc["tail_time"][3, :3] = [0.0, 0.256, 1.5]
     arc["tail_fraction"][3, :3] = [1.0, 0.17, 0.0]
@@ -84,6 +84,42 @@ def test_thrust_curves_have_their_exact_area():
     velocity = 4300.0 * math.log(110e3 / (110e3 - burnt))
     first = 4000.0 * math.log(300e3 / (300e3 - 125e3))
     assert plant["velocity"][1] == pytest.approx(2000.0 + first + velocity, abs=1e-3)
+
+
+@pytest.mark.parametrize("own_flow", [False, True])
+def test_a_solid_motor_burns_by_its_table(own_flow):
+    vehicle = Craft(mu=0.0)
+    arc = vehicle.arcs[2:3]
+    times = [0.0, 0.2, 9.0, 31.5, 31.5, 48.0, 60.0]
+    thrust = [0.0, 0.9, 1.0, 0.7, 0.65, 0.2, 0.0]
+    flow = [0.0, 0.95, 0.97, 0.75, 0.7, 0.25, 0.0] if own_flow else thrust
+    arc["tabled"] = 1
+    arc["start_knots"] = 7
+    arc["start_time"][0, :7] = times
+    arc["start_fraction"][0, :7] = thrust
+    arc["start_flow"][0, :7] = flow
+    # what the table takes, as a file gives it: rounded
+    arc["propellant"] = round(float(arc["mass_flow"][0]) * float(np.trapezoid(flow, times)), 6)
+    plant = vehicle.fly(220.0)
+    first = 4000.0 * math.log(300e3 / (300e3 - 125e3))
+    speed, mass = 2000.0 + first, 110e3
+    for k in range(6):
+        if times[k + 1] == times[k]:
+            continue
+
+        def rates(t, x, k=k):
+            w = (t - times[k]) / (times[k + 1] - times[k])
+            force = 9.0e5 * (thrust[k] + w * (thrust[k + 1] - thrust[k]))
+            taken = 9.0e5 / 4300.0 * (flow[k] + w * (flow[k + 1] - flow[k]))
+            return [force / x[1], -taken]
+
+        span = (times[k], times[k + 1])
+        found = solve_ivp(rates, span, [speed, mass], method="DOP853", rtol=1e-13, atol=1e-9)
+        speed, mass = found.y[:, -1]
+    assert plant["velocity"][1] == pytest.approx(speed, rel=1e-9)
+    assert plant["mass"] == pytest.approx(mass, rel=1e-9)
+    assert vehicle.events(names.ARC_ENDED)["time"] == pytest.approx([150.0, 160.0, 220.0])
+    assert len(vehicle.events(names.DEPLETION)) == 0
 
 
 def test_commanded_jettison_between_navigation_states():

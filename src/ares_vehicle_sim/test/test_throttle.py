@@ -82,7 +82,7 @@ def test_a_throttled_engine_that_starts_late():
     arcs = vehicle.arcs
     arcs["start_knots"][0] = 2
     arcs["start_time"][0, :2] = 1.5
-    arcs["start_fraction"][0, :2] = [0.0, 1.0]
+    arcs["start_fraction"][0, :2] = arcs["start_flow"][0, :2] = [0.0, 1.0]
     plant = vehicle.fly(60.0)
     assert plant["velocity"][1] == pytest.approx(2000.0 + 12.0 * 8.5, abs=1e-7)
 

@@ -16,7 +16,7 @@ from ares_vehicle_sim.dispersions import DISPERSIONS as DISPERSIONS_FILE
 from ares_vehicle_sim.dispersions import Dispersions
 
 #: Files beside the shipped ones, so that every key is used somewhere.
-_OWN = {MISSION: ("elements", "arcs"), DISPERSIONS: ("dispersions", "covariance")}
+_OWN = {MISSION: ("elements", "arcs", "solids"), DISPERSIONS: ("dispersions", "covariance")}
 #: And one of them with other targets.
 _TARGETS: Mapping[str, Mapping[str, object]] = {
     "apsides": {

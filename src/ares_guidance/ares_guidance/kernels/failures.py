@@ -240,7 +240,8 @@ def check_thrust(mission: MissionRecords, onboard: Onboard) -> None:
     arc = mission.arcs[nav.arc]
     span = nav.time - found.seen
     burnt = found.mass - nav.mass
-    if arc.kind != BURN or nav.jettisoned != found.jettisoned or not burnt > 0.0:
+    skipped = arc.kind != BURN or arc.tabled == 1
+    if skipped or nav.jettisoned != found.jettisoned or not burnt > 0.0:
         found.before = 0.0
         return
     gain = found.gain

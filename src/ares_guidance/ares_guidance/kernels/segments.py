@@ -22,8 +22,12 @@ from ares_models.kernels.sequence import (
     mass_at_staging,
 )
 from ares_models.kernels.throttle import LEAST, LIMITED, mass_after, stretch, time_to_burn
-from ares_models.kernels.thrust_curve import tail_length
+from ares_models.kernels.thrust_curve import curve_area, flow_area, start_length, tail_length
 
+#: Segments of constant thrust that stand for what is left of a solid motor's table.
+TABLE_PIECES = 4
+#: Mass flow below which a motor hardly burns, as a part of the full one.
+LEAST_FLOW = 1e-6
 #: s that a last burn lasts which the target would not need.
 SHORTEST_BURN = 0.05
 
@@ -139,11 +143,33 @@ def plan_stretches(
 
 
 @kernel
+def mean_engine(
+    arc: Record, engine: tuple[float, float], begin: float, end: float
+) -> tuple[float, float]:
+    """Exhaust velocity m/s and mass flow kg/s of a solid motor, as a mean over a part of its table.
+
+    Args:
+        arc: record ARC.
+        engine: of the whole table: exhaust velocity m/s, mass flow at full thrust kg/s.
+        begin: s since the ignition command.
+        end: the same, later.
+    """
+    flow = flow_area(arc, end) - flow_area(arc, begin)
+    times, fractions, knots = arc.start_time, arc.start_fraction, arc.start_knots
+    thrust = curve_area(times, fractions, knots, end) - curve_area(times, fractions, knots, begin)
+    # where the motor hardly burns
+    least = LEAST_FLOW * (end - begin)
+    if flow < least or thrust < least:
+        return engine[0], least * engine[1] / (end - begin)
+    return engine[0] * thrust / flow, engine[1] * flow / (end - begin)
+
+
+@kernel
 def plan_burn(
     mission: MissionRecords,
     onboard: Onboard,
     k: int,
-    span: tuple[float, float],
+    span: tuple[float, float, float],
     stack: tuple[float, int],
     lit: tuple[int, float],
 ) -> tuple[float, int]:
@@ -153,7 +179,7 @@ def plan_burn(
         mission: as guidance believes it.
         onboard: what is on board. Its plan is changed.
         k: the arc.
-        span: begin and end of the thrust, s; the end inf for the free burn.
+        span: ignition command, begin and end of the thrust, s; the end inf for the free burn.
         stack: mass at the begin, kg, and what has dropped.
         lit: stage that was lit last, and when, s.
 
@@ -165,17 +191,24 @@ def plan_burn(
     arc = mission.arcs[k]
     engine = present_engine(arc, mission.arcs[nav.arc].stage, state)
     first = state.segment_count
-    cursor, end = span
+    ignition, cursor, end = span
+    piece = (end - cursor) / TABLE_PIECES if arc.tabled == 1 else math.inf
     mass, dropped = stack
     while True:
         drop, drop_at = next_drop(mission, state, dropped, lit, cursor)
         if not drop_at < end:
             drop, drop_at = -1, end
         segment_end = max(cursor, drop_at)
-        if segment_end > cursor:
+        while segment_end > cursor:
             empty = empty_mass(arc, mission.arcs, mission.jettisons, dropped)
-            mass = plan_stretches(onboard, arc, engine, (cursor, segment_end), mass, empty)
-        cursor = segment_end
+            part = engine
+            part_end = segment_end
+            if arc.tabled == 1:
+                if segment_end - cursor > 1.5 * piece:
+                    part_end = cursor + piece
+                part = mean_engine(arc, engine, cursor - ignition, part_end - ignition)
+            mass = plan_stretches(onboard, arc, part, (cursor, part_end), mass, empty)
+            cursor = part_end
         if drop < 0:
             break
         mass -= mission.jettisons[drop].mass
@@ -183,8 +216,7 @@ def plan_burn(
     for i in range(first, state.segment_count):
         state.segments[i].arc = k
         if arc.held == 1:
-            begin = nav.arc_start_time if k == nav.arc else span[0] - arc.start_loss
-            state.segments[i].held_at = begin - nav.time
+            state.segments[i].held_at = ignition - nav.time
     return mass, dropped
 
 
@@ -217,8 +249,13 @@ def plan_segments(mission: MissionRecords, onboard: Onboard) -> None:
             continue
         if arc.stage > lit[0]:
             lit = arc.stage, begin
-        cursor = max(cursor, begin + arc.start_loss)
         end = begin + arc.duration + arc.tail_gain
+        if arc.tabled == 1:
+            end = begin + start_length(arc)
+            if k == arcs.shape[0] - 1:
+                end = max(end, cursor + SHORTEST_BURN)
+        else:
+            cursor = max(cursor, begin + arc.start_loss)
         ve, mass_flow = present_engine(arc, arcs[nav.arc].stage, state)
         unforeseen = k == nav.arc and arc.duration == 0.0
         if unforeseen or (mass_flow > arc.mass_flow and math.isfinite(end)):
@@ -227,7 +264,7 @@ def plan_segments(mission: MissionRecords, onboard: Onboard) -> None:
             if math.isfinite(arc.max_acceleration):
                 empty = cursor + time_to_burn(arc, (ve, mass_flow), mass, left)
             end = empty if unforeseen else min(end, empty)
-        mass, dropped = plan_burn(mission, onboard, k, (cursor, end), (mass, dropped), lit)
+        mass, dropped = plan_burn(mission, onboard, k, (begin, cursor, end), (mass, dropped), lit)
         # the tail runs on while the next arc begins at the cut-off command
         cursor = end - arc.tail_gain if math.isfinite(end) else end
 
@@ -400,8 +437,9 @@ def least_time_to_go(arcs: NDArray[Any], nav: Record, state: Record) -> float:
         return nav.arc_start_time + shortest - nav.time + arc.tail_gain
     for i in range(state.segment_count):
         if state.segments[i].arc == last:
-            begin = state.segments[i].start - arc.start_loss
-            return begin + max(shortest, arc.start_loss, SHORTEST_BURN) + arc.tail_gain
+            lost = 0.0 if arc.tabled == 1 else arc.start_loss
+            begin = state.segments[i].start - lost
+            return begin + max(shortest, lost, SHORTEST_BURN) + arc.tail_gain
     return 0.0
 
 

@@ -46,15 +46,13 @@ def curve_area(times: NDArray[Any], fractions: NDArray[Any], knots: int, t: floa
         if times[i] <= at:
             level = fractions[i]
             continue
-        end = min(t, times[i])
-        value = curve_value(times, fractions, knots, end)
-        if end == times[i]:
-            value = fractions[i]
-        area += 0.5 * (level + value) * (end - at)
-        at = end
-        level = value
+        length = min(t, times[i]) - at
+        value = level + (fractions[i] - level) * length / (times[i] - at)
+        area += 0.5 * (level + value) * length
         if t <= times[i]:
             return area
+        at = times[i]
+        level = fractions[i]
     return area + level * max(0.0, t - at)
 
 
@@ -64,6 +62,22 @@ def start_value(arc: Record, t: float) -> float:
     if arc.start_knots == 0:
         return 1.0
     return curve_value(arc.start_time, arc.start_fraction, arc.start_knots, t)
+
+
+@kernel
+def flow_value(arc: Record, t: float) -> float:
+    """Fraction of the full mass flow of a burn ``t`` seconds after its ignition command."""
+    if arc.start_knots == 0:
+        return 1.0
+    return curve_value(arc.start_time, arc.start_flow, arc.start_knots, t)
+
+
+@kernel
+def flow_area(arc: Record, t: float) -> float:
+    """Seconds of full mass flow that a burn has taken ``t`` seconds after its ignition command."""
+    if arc.start_knots == 0:
+        return t
+    return curve_area(arc.start_time, arc.start_flow, arc.start_knots, t)
 
 
 @kernel

@@ -10,16 +10,13 @@ from numpy.typing import NDArray
 
 from ares_models.arrays import BURN, Record
 from ares_models.jit import kernel
-from ares_models.kernels.thrust_curve import curve_area
+from ares_models.kernels.thrust_curve import flow_area
 
 
 @kernel
 def area_left(arc: Record, into: float) -> float:
-    """Seconds of full thrust that a burn of fixed length has left ``into`` s after its begin."""
-    if arc.start_knots == 0:
-        return arc.duration - into
-    whole = curve_area(arc.start_time, arc.start_fraction, arc.start_knots, arc.duration)
-    return whole - curve_area(arc.start_time, arc.start_fraction, arc.start_knots, into)
+    """Seconds of full mass flow that a burn of fixed length has left ``into`` s after its begin."""
+    return flow_area(arc, arc.duration) - flow_area(arc, into)
 
 
 @kernel
@@ -33,7 +30,8 @@ def weaken_stage(
         k: the present one.
         into: s since its begin.
         ratios: thrust and mass flow after over before.
-        lasts: a burn of fixed length goes on until it has burnt what it should have.
+        lasts: a burn of fixed length goes on until it has burnt what it should have, but for
+            that of a solid motor, which ends with its table.
     """
     thrust, flow = ratios
     for i in range(k, arcs.shape[0]):
@@ -42,7 +40,7 @@ def weaken_stage(
             break
         if arc.kind != BURN:
             continue
-        if lasts and math.isfinite(arc.duration):
+        if lasts and math.isfinite(arc.duration) and arc.tabled == 0:
             left = area_left(arc, into if i == k else 0.0)
             arc.duration += left * (1.0 / flow - 1.0)
         arc.thrust *= thrust

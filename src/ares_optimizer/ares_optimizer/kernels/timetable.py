@@ -44,7 +44,7 @@ from ares_models.kernels.thrust_curve import (
     tail_knot_after,
 )
 
-MAX_SEGMENTS = 64
+MAX_SEGMENTS = 256
 
 #: Masses closer than this part of them are one: on which side of a throttle's limit.
 SAME_MASS = 1e-12
@@ -509,15 +509,17 @@ def write_thrust(sequence: Record, arcs: NDArray[Any], segment: Record) -> None:
     arc = arcs[sequence.arc]
     if arc.kind == BURN and sequence.inserted == 0:
         fraction, segment.fading = throttle(arc, sequence.mass)
-        slope = 0.0
+        flow = fraction
         if arc.start_knots > 0:
             into = sequence.time - sequence.arc_start_time + SAME_TIME
-            fraction = curve_value(arc.start_time, arc.start_fraction, arc.start_knots, into)
-            slope = curve_slope(arc.start_time, arc.start_fraction, arc.start_knots, into)
+            times, knots = arc.start_time, arc.start_knots
+            fraction = curve_value(times, arc.start_fraction, knots, into)
+            flow = curve_value(times, arc.start_flow, knots, into)
+            slope = curve_slope(times, arc.start_fraction, knots, into)
+            segment.thrust_slope += slope * arc.thrust
+            segment.flow_slope += curve_slope(times, arc.start_flow, knots, into) * arc.mass_flow
         segment.thrust += fraction * arc.thrust
-        segment.thrust_slope += slope * arc.thrust
-        segment.flow += fraction * arc.mass_flow
-        segment.flow_slope += slope * arc.mass_flow
+        segment.flow += flow * arc.mass_flow
     if sequence.tail_arc >= 0:
         tail = arcs[sequence.tail_arc]
         into = sequence.time - sequence.tail_start_time + SAME_TIME

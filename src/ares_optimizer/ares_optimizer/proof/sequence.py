@@ -61,6 +61,15 @@ def thrust_fraction(arcs: NDArray[np.void], engine: Engine, t: float) -> float:
     return float(np.interp(t - engine.begin, times, fractions))
 
 
+def flow_fraction(arcs: NDArray[np.void], engine: Engine, t: float) -> float:
+    """Fraction of the full mass flow at a time: that of the thrust, but where a table says it."""
+    arc = arcs[engine.arc]
+    if engine.tail or not arc["tabled"]:
+        return thrust_fraction(arcs, engine, t)
+    knots = int(arc["start_knots"])
+    return float(np.interp(t - engine.begin, arc["start_time"][:knots], arc["start_flow"][:knots]))
+
+
 def _burnt(arcs: NDArray[np.void], engines: Sequence[Engine], begin: float, end: float) -> float:
     """Propellant that the given curves take between two times, kg."""
     total = 0.0
@@ -70,7 +79,7 @@ def _burnt(arcs: NDArray[np.void], engines: Sequence[Engine], begin: float, end:
             continue
         times, _ = _curve(arcs[engine.arc], "tail" if engine.tail else "start")
         knots = [low, *(t for t in engine.begin + times if low < t < high), high]
-        fractions = [thrust_fraction(arcs, engine, t) for t in knots]
+        fractions = [flow_fraction(arcs, engine, t) for t in knots]
         area = float(np.trapezoid(fractions, knots))
         total += float(arcs[engine.arc]["mass_flow"]) * area
     return total
@@ -196,9 +205,9 @@ def thrust_and_flow(
     thrust = 0.0
     flow = 0.0
     for engine in engines:
-        fraction = thrust_fraction(arcs, engine, t) * throttle(arcs[engine.arc], mass)
-        thrust += fraction * float(arcs[engine.arc]["thrust"])
-        flow += fraction * float(arcs[engine.arc]["mass_flow"])
+        part = throttle(arcs[engine.arc], mass)
+        thrust += part * thrust_fraction(arcs, engine, t) * float(arcs[engine.arc]["thrust"])
+        flow += part * flow_fraction(arcs, engine, t) * float(arcs[engine.arc]["mass_flow"])
     return thrust, flow
 
 

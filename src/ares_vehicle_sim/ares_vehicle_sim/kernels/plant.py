@@ -41,7 +41,8 @@ from ares_models.kernels.states import insertion_quantities
 from ares_models.kernels.steering import copy_decision
 from ares_models.kernels.throttle import LIMITED, mass_after, stretch, throttle, time_to_burn
 from ares_models.kernels.thrust_curve import (
-    curve_area,
+    flow_area,
+    flow_value,
     start_length,
     start_value,
     tail_value,
@@ -97,9 +98,10 @@ def thrust_now(plant: Record, arcs: NDArray[Any], t: float) -> tuple[float, floa
     flow = 0.0
     arc = arcs[plant.arc]
     if plant.complete == 0 and arc.kind == BURN and plant.inserted == 0:
-        fraction = start_value(arc, t - plant.arc_start_time) * throttle(arc, plant.mass)
-        thrust += fraction * arc.thrust
-        flow += fraction * arc.mass_flow
+        into = t - plant.arc_start_time
+        part = throttle(arc, plant.mass)
+        thrust += start_value(arc, into) * part * arc.thrust
+        flow += flow_value(arc, into) * part * arc.mass_flow
     if plant.tail_arc >= 0:
         tail = arcs[plant.tail_arc]
         fraction = tail_value(tail, t - plant.tail_start_time)
@@ -228,14 +230,20 @@ def burnout_time(plant: Record, arcs: NDArray[Any]) -> float:
         engine = (arc.exhaust_velocity, arc.mass_flow)
         left = time_to_burn(arc, engine, plant.mass, left * arc.mass_flow)
         return plant.time + max(0.0, start_length(arc) - into) + left
+    if (
+        arc.tabled == 1
+        and left >= flow_area(arc, arc.duration) - flow_area(arc, into) - SAME_BURNOUT
+    ):
+        # its table ends it
+        return math.inf
     if into >= start_length(arc):
         return plant.time + left
-    wanted = left + curve_area(arc.start_time, arc.start_fraction, arc.start_knots, into)
+    wanted = left + flow_area(arc, into)
     low = into
     high = into + left + start_length(arc)
     for _ in range(60):
         middle = 0.5 * (low + high)
-        if curve_area(arc.start_time, arc.start_fraction, arc.start_knots, middle) < wanted:
+        if flow_area(arc, middle) < wanted:
             low = middle
         else:
             high = middle

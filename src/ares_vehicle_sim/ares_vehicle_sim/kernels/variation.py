@@ -31,15 +31,21 @@ def vary_start(arc: Record, delay: float, scale: float) -> None:
     knots = arc.start_knots
     for i in range(knots):
         arc.start_time[i] *= scale
+    if arc.tabled == 1:
+        # a motor that burns more slowly gives less thrust for longer
+        arc.thrust /= scale
+        arc.mass_flow /= scale
+        arc.duration = arc.duration * scale + delay
     if delay > 0.0:
         if knots == 0:
-            arc.start_fraction[0] = 1.0
+            arc.start_fraction[0] = arc.start_flow[0] = 1.0
             knots = 1
         if arc.start_fraction[0] > 0.0:
             for i in range(knots, 0, -1):
                 arc.start_time[i] = arc.start_time[i - 1]
                 arc.start_fraction[i] = arc.start_fraction[i - 1]
-            arc.start_fraction[0] = 0.0
+                arc.start_flow[i] = arc.start_flow[i - 1]
+            arc.start_fraction[0] = arc.start_flow[0] = 0.0
             knots += 1
         for i in range(knots):
             arc.start_time[i] += delay
