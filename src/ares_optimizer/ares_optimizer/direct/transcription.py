@@ -45,7 +45,7 @@ from ares_optimizer.kernels.timetable import (
 )
 from ares_optimizer.pieces import first_ignitions
 from ares_optimizer.request import Heating
-from ares_optimizer.solution import OptimizerError
+from ares_optimizer.solution import OptimizerError, UnfitMethod
 
 Array = NDArray[np.float64]
 
@@ -260,6 +260,7 @@ def transcribe(
 
     Raises:
         OptimizerError: no flight can be laid out from this start.
+        UnfitMethod: the last burn is a solid motor.
     """
     arcs = arrays.arcs
     main, after = _sequence(arrays, start, heating)
@@ -283,6 +284,8 @@ def transcribe(
     boundaries = _guiding(now, _boundaries(now, wanted, spare), main)
     laws, law_times, columns = _laws(method, now, boundaries, len(free))
     held, held_times = _held(main, columns)
+    if arcs[-1]["tabled"]:
+        raise UnfitMethod("the last burn is a solid motor, which is planned by collocation")
     last_piece = main[-1]
     left = float(last_piece["mass"]) - float(drops[:, 0].sum())
     last_arc = main[main["arc"] == len(arcs) - 1][0]

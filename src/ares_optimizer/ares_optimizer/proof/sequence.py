@@ -16,6 +16,8 @@ from ares_models.arrays import (
 
 Array = NDArray[np.float64]
 
+_SAME_TIME = 1e-9  # s
+
 
 @dataclass(frozen=True)
 class Engine:
@@ -159,7 +161,9 @@ def plan_flight(arrays: MissionArrays, start: Record, t_meco: float) -> Plan:
                     engine = Engine(k, begin, end, False)
             running.append(engine)
             plan.engines.append(engine)
-            plan.breaks.update(begin + _curve(arc, "start")[0])
+            # a table ends with its burn, but for rounding
+            knots = begin + _curve(arc, "start")[0]
+            plan.breaks.update(knots[knots < end - _SAME_TIME])
             tail_times, _ = _curve(arc, "tail")
             if len(tail_times) and not spent:
                 tail = Engine(k, end, end + float(tail_times[-1]), True)
