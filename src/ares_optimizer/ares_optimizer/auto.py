@@ -14,7 +14,7 @@ from ares_optimizer.direct.solve import solve_direct
 from ares_optimizer.floors import below_floor, floors_of
 from ares_optimizer.indirect.solve import polished, solve_indirect
 from ares_optimizer.indirect.solver import TwoPointOptions
-from ares_optimizer.plan import plans_arcs, throttled_ahead
+from ares_optimizer.plan import plans_arcs, saving_stage, throttled_ahead
 from ares_optimizer.request import Heating, Request
 from ares_optimizer.rival import solve_beside_rival
 from ares_optimizer.solution import (
@@ -146,7 +146,10 @@ def _polished(request: Request, found: Solution) -> Solution | None:
         exact = polished(request, found.parameters)
     except OptimizerError:
         return None
-    if exact.converged and exact.m_f_kg >= found.m_f_kg * (1.0 - _SAME):
+    worse = exact.m_f_kg < found.m_f_kg * (1.0 - _SAME)
+    if saving_stage(request.arrays, request.state[0]) < request.arrays.arcs[-1]["stage"]:
+        worse = exact.delta_v_m_s > found.delta_v_m_s * (1.0 + _SAME)
+    if exact.converged and not worse:
         lows = tuple(check for check in found.constraints if _is_floor(check))
         return replace(
             exact,
@@ -165,6 +168,8 @@ def _last_resort(request: Request, found: Solution, steps: list[str]) -> Solutio
     Where the burns of fixed length are all but enough, any steering that wastes what is too much
     will do; ``direct11`` has few enough unknowns to find one that is smooth.
     """
+    if saving_stage(request.arrays, request.state[0]) < 0:
+        return replace(found, steps=tuple(steps))
     planned = plans_arcs(request.arrays, request.state[0])
     method = "indirect" if planned else "direct11"
     throttled = throttled_ahead(request.arrays, request.state[0]).any()

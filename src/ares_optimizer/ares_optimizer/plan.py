@@ -39,6 +39,21 @@ def plans_arcs(arrays: MissionArrays, start: Record) -> bool:
     return bool(free_arcs(arrays, start)) or math.isfinite(arrays.arcs[-1]["duration"])
 
 
+def saving_stage(arrays: MissionArrays, start: Record) -> int:
+    """Return the last stage with a free burn, whose propellant is to be saved; -1: none has one.
+
+    What a stage leaves is dropped with it: where no burn of the last stage is free, the mass at
+    cut-off is given.
+
+    Args:
+        arrays: the mission.
+        start: record NAVIGATION.
+    """
+    arcs = arrays.arcs[int(start["arc"]) :]
+    free = arcs["stage"][(arcs["kind"] == BURN) & np.isinf(arcs["duration"])]
+    return int(free.max(initial=-1))
+
+
 def throttled_ahead(arrays: MissionArrays, start: Record) -> NDArray[np.bool_]:
     """Whether each arc from the start on is a throttled burn.
 

@@ -46,6 +46,8 @@ class Cause(NamedTuple):
 
 
 OPTIMAL = Cause(Status.CONVERGED, "optimal")
+#: Why a flight is no optimum where no burn can be shortened.
+NOTHING_SAVED = "no burn is free, so the mass at cut-off is given and nothing is left to optimize"
 OUT_OF_TIME = Cause(Status.TIME_LIMIT, "the time limit passed before the search ended")
 
 

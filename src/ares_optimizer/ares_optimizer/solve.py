@@ -22,6 +22,7 @@ from ares_optimizer.plan import (
     free_arcs,
     held_ahead,
     plans_arcs,
+    saving_stage,
     throttled_ahead,
     with_lengths,
 )
@@ -130,6 +131,9 @@ def _check_arcs(request: Request) -> None:
         arc = int(request.state[0]["arc"]) + int(np.argmax(throttled))
         raise UnfitMethod(f"arc {arc}: its thrust is throttled, which is planned by indirect")
     _check_held(request)
+    fixed = saving_stage(request.arrays, request.state[0]) < 0
+    if fixed and request.method not in (AUTO, COLLOCATION):
+        raise UnfitMethod("no burn is free, which is planned by auto or collocation")
     if not plans_arcs(request.arrays, request.state[0]):
         return
     if request.method in (ANALYTIC_METHOD, "closed_form"):

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ares_models.judge import End
 from ares_models.mission import load_mission
 from ares_optimizer.indirect.solver import TwoPointSolver
 from ares_optimizer.kernels.timetable import MAX_UNKNOWNS
@@ -13,7 +14,7 @@ from ares_optimizer.plan import held_ahead
 from ares_optimizer.proof.flight import fly, steering_of
 from ares_optimizer.proof.held import held_checks, held_obstacle, held_offsets
 from ares_optimizer.request import HELD_METHODS, METHODS
-from ares_optimizer.solution import Check, Status, UnfitMethod
+from ares_optimizer.solution import NOTHING_SAVED, Check, Status, UnfitMethod
 from ares_optimizer.solve import solve
 from ares_optimizer.two_point.kernels.guess import OwnStart
 from ares_optimizer.two_point.kernels.newton import CONVERGED
@@ -472,3 +473,22 @@ def test_drops_at_fixed_times_first_leave_the_other_unknowns(edited, solved):
     assert root[8] < 0.0
     assert np.diff(root[solver.ends(start)]) == pytest.approx(coast, abs=1e-6)
     assert np.linalg.norm(root[-3:]) == pytest.approx(1.0, abs=1e-9)
+
+
+def test_collocation_saves_what_the_last_stage_with_a_free_burn_takes(solved):
+    found = solve(mission(KICK), "collocation")
+    assert found.converged, found.reason
+    assert found.lengths_s == pytest.approx(solved[KICK].lengths_s, abs=0.05)
+
+
+def test_a_flight_in_which_no_burn_is_free_is_no_optimum():
+    arrays = mission(KICK).arrays()
+    # longer than the shortest, so that there is something to waste
+    arrays.arcs["duration"][1] = 139.0
+    start = mission(KICK).start().navigation()
+    found = solve(arrays, "auto", state=start)
+    assert found.status is Status.FEASIBLE, found.reason
+    assert found.reason == NOTHING_SAVED
+    assert found.verification.end is End.TARGET
+    with pytest.raises(UnfitMethod, match="no burn is free"):
+        solve(arrays, "indirect", state=start)

@@ -29,13 +29,14 @@ from ares_optimizer.collocation.transcription import Times, Transcription, Turni
 from ares_optimizer.floors import Floor, edge_of_air, floors_of
 from ares_optimizer.kernels import timetable
 from ares_optimizer.pieces import first_ignitions
-from ares_optimizer.plan import SHORTEST, free_arcs, length_bounds, with_lengths
+from ares_optimizer.plan import SHORTEST, free_arcs, length_bounds, saving_stage, with_lengths
 from ares_optimizer.prices import target_worth
 from ares_optimizer.proof.checks import constraint_table, verification
 from ares_optimizer.proof.flight import Direction, Flight, Steering, fly
 from ares_optimizer.proof.held import held_checks, held_offsets
 from ares_optimizer.request import Heating, Request
 from ares_optimizer.solution import (
+    NOTHING_SAVED,
     OPTIMAL,
     OUT_OF_TIME,
     Cause,
@@ -131,7 +132,7 @@ class Found:
     Attributes:
         program: that was solved.
         point: its solution.
-        m_f_kg: mass at the end.
+        m_f_kg: what is the greatest, see :func:`mass_of`.
     """
 
     program: Transcription
@@ -450,8 +451,8 @@ def worst_row(program: Transcription, point: Point) -> str:
 
 
 def mass_of(program: Transcription, point: Point) -> float:
-    """Return the mass at the end, kg."""
-    return float(point.x[program.ends[-1]] * program.mass)
+    """Return the mass at the end of the last stage that has a burn to shorten, kg."""
+    return float(point.x[program.ends[program.saving]] * program.mass)
 
 
 def moved_events(found: Found) -> Iterator[Times]:
@@ -966,7 +967,7 @@ def _solution(
         *_verdict(search, proven, checks, spread),
         jettison_times(program, times),
         times.cutoff,
-        proven.found.m_f_kg,
+        float(proven.found.point.x[program.ends[-1]]) * program.mass,
         search.iterations,
         elapsed,
         arcs=_steering_arcs(program, point, proven.adjoint),
@@ -1077,10 +1078,12 @@ def _verdict(
             f"{broken.name} {broken.value:,.7g} {broken.unit} instead of {broken.limit:,.7g} "
             f"{broken.unit} when flown by another integrator",
         )
+    taken = _taken(proven.found)
+    if not math.isfinite(taken):
+        return Cause(Status.FEASIBLE, NOTHING_SAVED)
     # on the coarse intervals that it was found with: the test is one of dense matrices
     if proven.found.point.regularized and search.best is not None and bends_down(search.best):
         return Cause(Status.FEASIBLE, "the second-order conditions are not met")
-    taken = _taken(proven.found)
     if taken < _NOTHING_KG:
         return Cause(Status.CONVERGED, next_to_nothing(taken))
     if search.starts > 1 and search.again < _MET:
@@ -1113,13 +1116,14 @@ def _floor_name(arc: int) -> str:
 
 
 def _taken(found: Found) -> float:
-    """Propellant that the free burns of the last stage take, kg; inf: none is free."""
+    """Propellant that the free burns take of the last stage that has one, kg; inf: none has."""
     program = found.program
     arcs = program.arrays.arcs
+    saving = saving_stage(program.arrays, program.start[0])
     burns = [
         k
         for k in program.arc_phases
-        if arcs[k]["stage"] == arcs[-1]["stage"]
+        if arcs[k]["stage"] == saving
         and arcs[k]["kind"] == BURN
         and math.isinf(arcs[k]["duration"])
     ]

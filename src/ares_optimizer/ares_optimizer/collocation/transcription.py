@@ -35,7 +35,7 @@ from ares_optimizer.collocation.radau import radau
 from ares_optimizer.floors import Floor
 from ares_optimizer.kernels import timetable
 from ares_optimizer.kernels.terminal import MAX_ROWS, terminal_rows
-from ares_optimizer.plan import SHORTEST, free_arcs
+from ares_optimizer.plan import SHORTEST, free_arcs, saving_stage
 
 Array = NDArray[np.float64]
 
@@ -419,6 +419,9 @@ class Transcription:
         used = timetable.propellant_used(
             start, float(pieces[0]["mass"]), arcs, self.arrays.jettisons
         )
+        #: the last phase of the stage that saves propellant; of the last one where none can
+        saved = np.flatnonzero(stages == saving_stage(self.arrays, start))
+        self.saving = int(saved[-1]) if saved.size else len(pieces) - 1
         for stage in np.unique(stages):
             members = np.flatnonzero(stages == stage)
             there = arcs[np.unique(pieces["arc"][members])]
@@ -581,13 +584,13 @@ class Transcription:
     # ---- what the solver calls
 
     def objective(self, x: Array) -> float:
-        """Negative mass at the end, and the pull."""
-        return float(self.pull @ x) - float(x[self.ends[-1]])
+        """Negative mass at the end of the stage that saves propellant, and the pull."""
+        return float(self.pull @ x) - float(x[self.ends[self.saving]])
 
     def gradient(self, x: Array, out: Array) -> None:
         """Gradient of :meth:`objective`."""
         out[:] = self.pull
-        out[self.ends[-1]] -= 1.0
+        out[self.ends[self.saving]] -= 1.0
 
     def rows(self, x: Array, out: Array) -> None:
         """Values of all rows."""
