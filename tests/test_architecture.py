@@ -55,6 +55,7 @@ SHARED = {
 }
 JOINS = {
     "auto",
+    "floor_check",
     "payload",
     "foreknown",
     "rival",

@@ -7,18 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import BURN, COAST, MissionArrays
-from ares_models.kernels.environment import altitude, log_density
-from ares_models.orbits import Elements
-from ares_optimizer.plan import with_lengths
-from ares_optimizer.proof.flight import flown_arcs
-from ares_optimizer.solution import Solution, Trajectory
+from ares_models.kernels.environment import log_density
 
 #: kg/m3; what is thinner is no air: that of the US Standard Atmosphere 1976 at 100 km.
 THIN = 5.605e-7
 _HIGHEST = 1e6  # m
-#: Below a floor by so much, m, a flight does not keep it.
-_SAG_M = 1.0
-_SAME_TIME = 1e-3  # s
 
 
 class Floor(NamedTuple):
@@ -75,58 +68,3 @@ def floors_of(arrays: MissionArrays, start: NDArray[np.void]) -> tuple[Floor, ..
             floors.append(Floor(k, edge, math.nan, said=False))
         burnt = burnt or arc["kind"] == BURN
     return tuple(floors)
-
-
-def below_floor(arrays: MissionArrays, start: NDArray[np.void], solution: Solution) -> str:
-    """Name the floor that a flight does not keep, and by how much; empty: it keeps all.
-
-    Args:
-        arrays: the mission.
-        start: shape (1,), dtype NAVIGATION.
-        solution: with its trajectory; without one nothing is known, and nothing is said.
-    """
-    track, floors = solution.trajectory, floors_of(arrays, start)
-    if track is None or not floors:
-        return ""
-    planned = with_lengths(arrays, start[0], np.array(solution.lengths_s))
-    arcs = {arc.arc: arc for arc in flown_arcs(planned, start[0], solution.t_meco_s)}
-    for floor in floors:
-        if floor.arc not in arcs:
-            continue
-        begin, end = arcs[floor.arc].start_s, arcs[floor.arc].end_s
-        low = _lowest_between(arrays, track, (begin, end), floor.altitude_m)
-        # on its way up a vehicle may coast below the default floor
-        counts = floor.said or _rises_to(arrays, track, begin, floor.altitude_m)
-        if low < floor.altitude_m - _SAG_M and counts:
-            return (
-                f"lowest altitude in arc {floor.arc} {low:,.0f} m; at least "
-                f"{floor.altitude_m:,.0f} m"
-            )
-        at = int(np.searchsorted(track.time_s, begin - _SAME_TIME))
-        mu = float(arrays.environment[0]["mu"])
-        orbit = Elements.from_state(track.position[at], track.velocity[at], mu)
-        if orbit.perigee_radius < floor.perigee_m - _SAG_M:
-            return (
-                f"perigee radius in arc {floor.arc} {orbit.perigee_radius:,.0f} m; at least "
-                f"{floor.perigee_m:,.0f} m"
-            )
-    return ""
-
-
-def _lowest_between(
-    arrays: MissionArrays, track: Trajectory, times: tuple[float, float], level: float
-) -> float:
-    """Least altitude of a trajectory between two times where it may be below a level, m, or inf."""
-    environment = arrays.environment[0]
-    # no place is lower than above the equatorial radius
-    near = np.linalg.norm(track.position, axis=1) - environment["equatorial_radius"] < level
-    inside = (track.time_s >= times[0] - _SAME_TIME) & (track.time_s <= times[1] + _SAME_TIME)
-    heights = (float(altitude(tuple(r), environment)) for r in track.position[inside & near])
-    return min(heights, default=math.inf)
-
-
-def _rises_to(arrays: MissionArrays, track: Trajectory, time_s: float, level: float) -> bool:
-    """Tell if a flight has been at an altitude, m, at a time."""
-    environment = arrays.environment[0]
-    before = track.position[track.time_s <= time_s]
-    return any(float(altitude(tuple(r), environment)) >= level for r in before)

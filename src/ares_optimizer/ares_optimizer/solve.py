@@ -16,7 +16,7 @@ from ares_optimizer.collocation.solve import solve_collocation
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.free_arcs import solve_direct_planned
 from ares_optimizer.direct.solve import solve_direct
-from ares_optimizer.floors import below_floor
+from ares_optimizer.floor_check import below_floor
 from ares_optimizer.kernels.timetable import MAX_HELD, last_tail
 from ares_optimizer.plan import (
     free_arcs,
