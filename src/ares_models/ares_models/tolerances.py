@@ -13,9 +13,11 @@ FLIGHT_PATH_ANGLE_DEG = 1e-3
 #: Inclination, ascending node, and the direction of perigee beside what the above come to.
 ORIENTATION_DEG = 1e-2
 
-#: Limits of an optimum that are no part of its target.
+#: Limits of an optimum that are no part of its target, as another integrator flies it.
 HEATING_W_M2 = 0.2
 PROPELLANT_KG = 0.1
+#: Below the floor of an arc by so much, a flight still keeps it.
+FLOOR_M = 10.0
 
 #: Of an end near the target: a perigee over the equatorial radius at which an orbit lasts a day,
 #: where the mission names none; and a cut-off's scatter of it.

@@ -96,6 +96,12 @@ def _fast(request: Request) -> Solution | None:
         return None
 
 
+def _saves_the_last_stage(request: Request) -> bool:
+    """Whether the last stage has a burn to shorten, so that the final mass is what counts."""
+    last = request.arrays.arcs[-1]["stage"]
+    return bool(saving_stage(request.arrays, request.state[0]) == last)
+
+
 def _is_floor(check: ConstraintCheck) -> bool:
     """Whether a check is about the floor of one arc."""
     return check.key is Check.LOWEST_ALTITUDE and " in arc " in check.name
@@ -112,6 +118,8 @@ def _beside_valleys(request: Request, found: Solution) -> Solution | None:
         what is proven to be better and keeps its floors; None: there is no such flight.
     """
     if request.deadline.passed or (found.converged and found.notes[VALLEYS] < _SEVERAL):
+        return None
+    if not _saves_the_last_stage(request):
         return None
     least = found.m_f_kg * (1.0 + _BETTER)
     arrays, start = request.arrays, request.state
@@ -148,7 +156,7 @@ def _polished(request: Request, found: Solution) -> Solution | None:
     except OptimizerError:
         return None
     worse = exact.m_f_kg < found.m_f_kg * (1.0 - _SAME)
-    if saving_stage(request.arrays, request.state[0]) < request.arrays.arcs[-1]["stage"]:
+    if not _saves_the_last_stage(request):
         worse = exact.delta_v_m_s > found.delta_v_m_s * (1.0 + _SAME)
     if exact.converged and not worse:
         lows = tuple(check for check in found.constraints if _is_floor(check))

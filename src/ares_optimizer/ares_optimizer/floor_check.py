@@ -8,13 +8,12 @@ from numpy.typing import NDArray
 from ares_models.arrays import MissionArrays
 from ares_models.kernels.environment import altitude
 from ares_models.orbits import Elements
+from ares_models.tolerances import FLOOR_M
 from ares_optimizer.floors import floors_of
 from ares_optimizer.plan import with_lengths
 from ares_optimizer.proof.flight import flown_arcs
 from ares_optimizer.solution import Solution, Trajectory
 
-#: Below a floor by so much, m, a flight does not keep it.
-_SAG_M = 1.0
 _SAME_TIME = 1e-3  # s
 
 
@@ -38,7 +37,7 @@ def below_floor(arrays: MissionArrays, start: NDArray[np.void], solution: Soluti
         low = _lowest_between(arrays, track, (begin, end), floor.altitude_m)
         # on its way up a vehicle may coast below the default floor
         counts = floor.said or _rises_to(arrays, track, begin, floor.altitude_m)
-        if low < floor.altitude_m - _SAG_M and counts:
+        if low < floor.altitude_m - FLOOR_M and counts:
             return (
                 f"lowest altitude in arc {floor.arc} {low:,.0f} m; at least "
                 f"{floor.altitude_m:,.0f} m"
@@ -46,7 +45,7 @@ def below_floor(arrays: MissionArrays, start: NDArray[np.void], solution: Soluti
         at = int(np.searchsorted(track.time_s, begin - _SAME_TIME))
         mu = float(arrays.environment[0]["mu"])
         orbit = Elements.from_state(track.position[at], track.velocity[at], mu)
-        if orbit.perigee_radius < floor.perigee_m - _SAG_M:
+        if orbit.perigee_radius < floor.perigee_m - FLOOR_M:
             return (
                 f"perigee radius in arc {floor.arc} {orbit.perigee_radius:,.0f} m; at least "
                 f"{floor.perigee_m:,.0f} m"
