@@ -37,6 +37,11 @@ BROWSER_FLAGS = [
 ]
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the long ones."""
+    items.sort(key=lambda item: item.get_closest_marker("long") is None)
+
+
 class Graph:
     """Nodes of one test on one executor, and an observer of what they say."""
 

@@ -31,6 +31,7 @@ PAGES = {MISSION: DOCS / "missions.md", DISPERSIONS: DOCS / "montecarlo.md"}
 made = cache(all_inputs)
 
 
+@pytest.mark.long
 @pytest.mark.timeout(1500)
 def test_every_value_is_flown_or_solved_or_refused_in_one_line():
     chosen = {kind: each_once(made(kind)) for kind in ACTIONS}
