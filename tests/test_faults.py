@@ -37,6 +37,7 @@ CONTROL = Control(begin_s=155.9, jettison_s=434.0, cutoff_s=767.1, mass_kg=17411
         "recorder killed",
         "commands delayed, to 10 %, to 1 s",
         "commands jettison above the limit",
+        "stamps ahead",
         "simulator restarted",
         "signal to fly",
     ],

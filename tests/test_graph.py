@@ -11,10 +11,14 @@ from rclpy.parameter import Parameter
 
 from ares_bags.recorder import RecorderNode
 from ares_guidance.node import GuidanceNode
+from ares_models.mission import load_mission
 from ares_msgs.msg import FlightEvent, GuidanceStatus, NavState, ThrustCommand
 from ares_node.membership import Membership, Role, State
 from ares_node.qos import FLIGHT, reliable
+from ares_node.states import StateMessage
+from ares_node.time import NANOSECONDS, ns_from_stamp
 from ares_vehicle_sim.node import VehicleSimNode
+from ares_vehicle_sim.simulator import Simulator, SimulatorOptions
 
 
 class ScriptedGuidance(Node):
@@ -302,6 +306,38 @@ def test_guidance_refuses_a_navigation_state_that_is_not_finite(graph):
     # the answer is still there, so that the vehicle does not wait, and it is the last good one
     assert commands[1].direction == pytest.approx(commands[0].direction)
     assert commands[1].nav_stamp == bad.stamp
+    simulator.close()
+
+
+@pytest.mark.parametrize("wrong", [0, 1, 5])
+@pytest.mark.parametrize("off_s", [60, -60])
+def test_a_wrong_stamp_costs_its_own_answer_alone(graph, wrong, off_s):
+    simulator = Membership(graph.observer, Role.VEHICLE_SIM, "ares_v", flight_id=7)
+    answered = []
+    graph.observer.create_subscription(
+        ThrustCommand,
+        "thrust_command",
+        lambda command: answered.append(ns_from_stamp(command.nav_stamp)),
+        FLIGHT,
+    )
+    out = graph.observer.create_publisher(NavState, "nav_state", FLIGHT)
+    simulator.listen(lambda member: simulator.say(State.PRESENT, guidance_id=int(member.member_id)))
+    graph.start(GuidanceNode)
+    graph.spin(lambda: simulator.others(Role.GUIDANCE, State.READY))
+    flown = Simulator(load_mission("ares_v"), SimulatorOptions(navigation_period_s=1.0))
+    message = StateMessage(NavState)
+    true = []
+    for sequence in range(10):
+        true.append(flown.time_ns)
+        stamp = flown.time_ns + (off_s * NANOSECONDS if sequence == wrong else 0)
+        out.publish(message.data(stamp, 7, sequence, flown.measured))
+        flown.advance()
+    graph.spin(lambda: len(answered) == 10)
+    # of the very first nothing can be known, so that it takes some states to tell
+    assert answered[:wrong] + answered[wrong + 1 :] == true[:wrong] + true[wrong + 1 :]
+    graph.wait_for_report("navigation refused, the last solution is held")
+    if wrong == 0:
+        graph.wait_for_report("navigation acquired anew")
     simulator.close()
 
 

@@ -185,7 +185,8 @@ class GuidanceNode(FlightNode):
         self._guess: Future | None = None
         self._held_back: bytes | None = None
         self._ask_from = -math.inf
-        self._last_ns: int | None = None
+        #: stamp in ns and number of the last state that was not refused
+        self._last: tuple[int, int] | None = None
         self._longest_cycle_s = 0.0
         self._told_longest_cycle = False
         self._heard_at = -math.inf
@@ -236,7 +237,8 @@ class GuidanceNode(FlightNode):
         self._late = 0
         self._refused = 0
         self._refused_before: int | None = None
-        self._refused_ns = 0
+        #: stamp of the first state that was taken after refused ones, whose own may be wrong; ns
+        self._good_from: int | None = None
         self._acquired = 0
         self._violated = 0
         self._violations = 0
@@ -261,7 +263,7 @@ class GuidanceNode(FlightNode):
         if simulator is None:
             return
         if mine.flight_id != before:
-            self._last_ns = None
+            self._last = None
             self._statuses = 0
             self._forget()
         if simulator.mission not in ("", self._mission_name):
@@ -414,7 +416,8 @@ class GuidanceNode(FlightNode):
     # ---- the flight
 
     def _answer(self, now: int, sequence: int, measured: Any) -> None:
-        if self._last_ns is not None and now < self._last_ns:
+        if self._last is not None and now < self._last[0] and sequence <= self._last[1]:
+            # one with a later number is no older one: its stamp, or the last, is wrong
             if sequence > 0:
                 self._pass_over(now)
                 return
@@ -422,11 +425,13 @@ class GuidanceNode(FlightNode):
                 Level.WARN, "the flight begins again: starting again from nothing", now
             )
             self._forget()
-        self._last_ns = now
         answers = self._answers
         answers.identity = (self._membership.flight_id, self._membership.member_id)
         begun = time.perf_counter()
         due = answers.step(now, measured)
+        if not self._law.state["navigation"]["row"]:
+            # what the gate refuses, its stamp among it, says nothing of what follows
+            self._last = now, sequence
         if due:
             self._longest_cycle_s = max(self._longest_cycle_s, time.perf_counter() - begun)
         if self._law.steered:
@@ -450,6 +455,11 @@ class GuidanceNode(FlightNode):
     def _report_navigation(self, now: int) -> None:
         """Say when navigation begins to be refused, and when it is good again for a cycle."""
         watch = self._law.state["navigation"]
+        if int(watch["acquired"]) != self._acquired:
+            self._acquired = int(watch["acquired"])
+            self.diagnostics.report(
+                Level.WARN, "navigation acquired anew: it agrees with itself, not the past", now
+            )
         refused = int(watch["refused"])
         if refused > self._refused:
             if self._refused_before is None:
@@ -458,20 +468,16 @@ class GuidanceNode(FlightNode):
                 text = f"navigation refused, the last solution is held: {reasons}"
                 self.diagnostics.report(Level.WARN, text, now)
             self._refused = refused
-            self._refused_ns = now
-        elif (
-            self._refused_before is not None
-            and now - self._refused_ns >= self.values["cycle_period_s"] * NANOSECONDS
-        ):
+            self._good_from = None
+        elif self._refused_before is None:
+            return
+        elif self._good_from is None:
+            self._good_from = now
+        elif now - self._good_from >= self.values["cycle_period_s"] * NANOSECONDS:
             count = self._refused - self._refused_before
             self._refused_before = None
             self.diagnostics.report(
                 Level.OK, "navigation good again", now, {"refused": count, "in_all": refused}
-            )
-        if int(watch["acquired"]) != self._acquired:
-            self._acquired = int(watch["acquired"])
-            self.diagnostics.report(
-                Level.WARN, "navigation acquired anew: it agrees with itself, not the past", now
             )
 
     def _report_monitors(self, now: int) -> None:

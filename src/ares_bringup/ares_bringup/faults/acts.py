@@ -26,7 +26,7 @@ from ares_bringup.faults.scene import Flown, Scene
 from ares_bringup.keeper import GUIDANCE, OPTIMIZER, RECORDER, SIMULATOR
 from ares_msgs.msg import ThrustCommand
 from ares_node.qos import CLOCK, CLOCK_QOS, FLIGHT, NAV_STATE, SOLVE_TRAJECTORY, THRUST_COMMAND
-from ares_node.time import ns_from_stamp, stamp_from_seconds
+from ares_node.time import ns_from_seconds, ns_from_stamp, stamp_from_seconds
 
 #: What is done to a scene of a flight like the control, drawn by a generator.
 Act = Callable[[Scene, Control, Generator], None]
@@ -269,6 +269,38 @@ def tamper_navigation(kind: str) -> Act:
         # the last true state is what a frozen one stays at
         relay.states.begin = at - A_STATE if kind == FROZEN else at
         relay.states.end = end
+        relay.states.tamper = tampering.change(wrong)
+
+    return act
+
+
+#: How far stamps are wrong at most, s.
+FAR_STAMP = 60.0
+
+
+def _wrong_stamp(kind: str, now: float, begin: float, rng: Generator) -> float:
+    """The stamp of a state of a flight time, s, where stamps are wrong from ``begin`` on."""
+    return {
+        "ahead": now + FAR_STAMP,
+        "behind": now - FAR_STAMP,
+        "frozen": begin - 1.0,
+        "jumping": now + float(rng.choice([-1.0, 1.0]) * rng.uniform(1.0, FAR_STAMP)),
+    }[kind]
+
+
+def tamper_stamps(kind: str) -> Act:
+    """Of one state, or of those of 1 to 20 s."""
+
+    def act(scene: Scene, control: Control, rng: Generator) -> None:
+        at = _some_time(control, rng)
+        end = at + float(rng.choice([1.0, rng.uniform(1.0, LONGEST)]))
+        _note_end(scene, control, end)
+        relay = scene.relay
+
+        def wrong(now: float, data: bytes) -> bytes:
+            return relay.restamped(data, ns_from_seconds(_wrong_stamp(kind, now, at, rng)))
+
+        relay.states.begin, relay.states.end = at, end
         relay.states.tamper = tampering.change(wrong)
 
     return act

@@ -114,6 +114,11 @@ class Relay:
         change(record)
         return self._message.data(stamp, flight_id, sequence, record)
 
+    def restamped(self, data: bytes, stamp_ns: int) -> bytes:
+        """A state as bytes with another stamp, ns."""
+        _, flight_id, sequence, record = self._message.read(data)
+        return self._message.data(stamp_ns, flight_id, sequence, record)
+
     def _on_member(self, _member: FlightMember) -> None:
         self.membership.witness()
 

@@ -99,6 +99,21 @@ def _navigation() -> list[Row]:
     ]
 
 
+def _stamps() -> list[Row]:
+    return [
+        Row(
+            f"stamps {kind}",
+            "refused, said, the next good one taken; "
+            f"target reached if {acts.TIME_TO_RECOVER:.0f} s are left, status 1",
+            acts.tamper_stamps(kind),
+            ("guidance: navigation refused", *NO_ANSWER),
+            by_relay=True,
+            arguments=IMPATIENT,
+        )
+        for kind in ("ahead", "behind", "frozen", "jumping")
+    ]
+
+
 def _commands() -> list[Row]:
     return [
         Row(f"commands {kind}", REFUSED, acts.tamper_commands(kind), (said,), (0, 1), by_relay=True)
@@ -199,6 +214,7 @@ ROWS = (
     ),
     *_links(),
     *_navigation(),
+    *_stamps(),
     *_commands(),
     Row(
         "commands from a second publisher",
