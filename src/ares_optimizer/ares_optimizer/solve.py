@@ -62,6 +62,7 @@ def solve(
     heating: str | None = None,
     jettison_times: Mapping[int, float] | None = None,
     time_limit_s: float | None = None,
+    deadline: Deadline | None = None,
     verify: bool = True,
 ) -> Solution:
     """The optimal ascent.
@@ -80,6 +81,8 @@ def solve(
         jettison_times: jettisons held at a time (s), by index: their limits are ignored.
         time_limit_s: wall clock after which the search ends, compiled parts of it too; the
             proof of what was found by then is not cut short. None: no limit.
+        deadline: in place of ``time_limit_s``: can be ended from another thread, and tells how the
+            search goes on.
         verify: fly the solution again and fill ``verification``, ``constraints``,
             ``trajectory`` and ``costates``. Without it ``converged`` is the solver's word, and
             the indirect methods sample the ``trajectory`` themselves.
@@ -104,7 +107,7 @@ def solve(
         raise OptimizerError(f"time_limit_s is {time_limit_s} s; expected 0 or more")
     if jettison_times:
         arrays = hold_jettisons(arrays, jettison_times)
-    with Deadline(time_limit_s) as deadline:
+    with deadline or Deadline(time_limit_s) as deadline:
         request = Request(arrays, state, method, Heating(heating), deadline, guess, verify)
         _check_arcs(request)
         return _with_arcs(request, _above_floors(request, _solve(request)))

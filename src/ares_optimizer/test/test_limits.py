@@ -148,6 +148,25 @@ def test_a_nearer_deadline_cuts_no_search_short():
         assert nearer.flag[0] == 0
 
 
+@pytest.mark.parametrize("method", ["collocation", "direct11", "direct20", "indirect"])
+def test_a_search_tells_how_it_goes_on(method):
+    told = []
+    solution = solve(load_mission("ares_v"), method, deadline=Deadline(60.0, told.append))
+    assert solution.converged
+    assert {word.method for word in told} >= {method.rstrip("0123456789")}
+    assert all(word.iterations >= 0 and word.violation >= 0.0 for word in told)
+    known = [word.m_f_kg for word in told if not math.isnan(word.m_f_kg)]
+    assert method == "indirect" or known[-1] == pytest.approx(solution.m_f_kg, abs=1.0)
+
+
+def test_a_search_ends_when_another_thread_says_so():
+    deadline = Deadline(3600.0)
+    deadline.tell = lambda _progress: deadline.end_now()
+    solution = solve(load_mission("delta_iii_coast"), "collocation", deadline=deadline)
+    assert deadline.passed
+    assert not solution.converged
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_no_time_at_all(method):
     solution = solve(load_mission("ares_v"), method, time_limit_s=0.0)

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_optimizer.collocation.transcription import Transcription
-from ares_optimizer.deadline import Deadline
+from ares_optimizer.deadline import Deadline, Progress
+from ares_optimizer.request import COLLOCATION
 
 Array = NDArray[np.float64]
 
@@ -91,6 +92,9 @@ def solve_program(
         # as IPOPT hands it over: mode, iteration, objective, both infeasibilities, ...
         seen["iterations"] = iterate[1]
         seen["regularization"] = iterate[7]
+        deadline.tell(
+            Progress(COLLOCATION, int(iterate[1]), iterate[3], -iterate[2] * program.mass)
+        )
         return not deadline.passed and iterate[4] < _DIVERGED
 
     chosen = _OPTIONS | {"max_iter": most}

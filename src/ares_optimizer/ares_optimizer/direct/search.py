@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import MissionArrays, Record
-from ares_optimizer.deadline import Deadline
+from ares_optimizer.deadline import Deadline, Progress
 from ares_optimizer.direct.kernels.evaluate import evaluate, make_point, make_scratch
 from ares_optimizer.direct.kernels.flight import (
     LATER_PEAKS,
@@ -162,6 +162,7 @@ def run(transcription: Transcription, guess: Array, goal: float, deadline: Deadl
     end, iterations, miss, curvature, nu, mu, values, final = search(
         variables, problem, goal, _ITERATIONS
     )
+    deadline.tell(Progress("direct", iterations, miss, float(final[7])))
     return Found(transcription, variables, end, miss, curvature, nu, mu, values, final, iterations)
 
 

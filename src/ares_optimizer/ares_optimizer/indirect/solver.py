@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import BURN, NAVIGATION, MissionArrays
-from ares_optimizer.deadline import Deadline
+from ares_optimizer.deadline import Deadline, Progress
 from ares_optimizer.indirect.kernels import sample
 from ares_optimizer.kernels import timetable
 from ares_optimizer.kernels.timetable import COLUMN_CUTOFF, COLUMN_JETTISON, MAX_UNKNOWNS
@@ -371,6 +371,7 @@ class TwoPointSolver:
         iterations, residual, status, restarts = search.find_optimum(
             start[0], self._mission, self.options[0], effort, unknowns, self.work[0]
         )
+        self.deadline.tell(Progress("indirect", iterations, residual))
         return self._root(start, unknowns, iterations, residual, status, restarts)
 
     def _root(
