@@ -1,16 +1,23 @@
 """The optimizer's service in a graph, and guidance that asks it, in time or in vain."""
 
 import math
+import threading
 import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from action_msgs.msg import GoalStatus
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rclpy.action import ActionClient
+from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.node import Node
 
 from ares_guidance.messages import _trajectory
 from ares_guidance.node import GuidanceNode
 from ares_models.mission import MISSION
+from ares_msgs.action import OptimizeTrajectory
 from ares_msgs.msg import FlightEvent, GuidanceStatus, NavState
 from ares_msgs.srv import SolveTrajectory
 from ares_node.qos import FLIGHT
@@ -21,6 +28,7 @@ from ares_optimizer.solution import Cause, Status, failed
 from ares_vehicle_sim.node import VehicleSimNode
 
 Response = SolveTrajectory.Response
+Result = OptimizeTrajectory.Result
 SOLVE = "solve_trajectory"
 LISTS = ("arc_", "steering_", "sample_")
 
@@ -29,10 +37,9 @@ def load_mission_text(name):
     return MISSION.find(name).read_text()
 
 
-@pytest.fixture
-def served(graph):
-    """A graph with the optimizer, and a function that asks it."""
-    graph.start(OptimizerNode)
+def serve(graph, **parameters):
+    """Start the optimizer; a function that asks it."""
+    graph.start(OptimizerNode, **parameters)
     client = graph.observer.create_client(SolveTrajectory, "solve_trajectory")
     graph.spin(client.service_is_ready)
 
@@ -43,6 +50,12 @@ def served(graph):
         return answers if count > 1 else answers[0]
 
     return ask
+
+
+@pytest.fixture
+def served(graph):
+    """A graph with the optimizer, and a function that asks it."""
+    return serve(graph)
 
 
 def test_the_optimum_is_served_whole(served):
@@ -83,9 +96,16 @@ NO_STATE = NavState(mass=math.nan)
     ("fields", "code", "text"),
     [
         ({"method": "magic"}, Response.UNKNOWN_METHOD, "method is 'magic'; expected one of"),
-        ({"mission": "ares_vi"}, Response.INVALID_MISSION, "no such mission"),
-        ({"mission": "/no/such/file.yaml"}, Response.INVALID_MISSION, "/no/such/file.yaml"),
-        ({"mission": "/"}, Response.INVALID_MISSION, "/"),
+        ({"mission": "ares_vi"}, Response.INVALID_MISSION, "mission is 'ares_vi'; expected"),
+        (
+            {"mission": "/etc/passwd"},
+            Response.INVALID_MISSION,
+            "mission is '/etc/passwd'; ",
+        ),
+        ({"mission": "/"}, Response.INVALID_MISSION, "mission is '/'; expected the server's own"),
+        ({"mission_text": "a: 1\n"}, Response.INVALID_MISSION, "mission_text: line 1: a is not a"),
+        ({"mission_text": "a" * 300_000}, Response.INVALID_MISSION, "is larger than 262144 bytes"),
+        ({"mission": "ares_v", "mission_text": "a: 1"}, Response.INVALID_MISSION, "one of them"),
         ({"use_nav_state": True}, Response.INVALID_STATE, "state."),
         ({"use_nav_state": True, "nav_state": NO_STATE}, Response.INVALID_STATE, "state."),
         (
@@ -140,16 +160,146 @@ def test_every_failure_has_its_code():
     assert Response.NONE not in ERROR_CODES.values()
 
 
-def test_a_mission_file_is_read_again_when_it_has_changed(served, tmp_path):
+def test_the_own_file_is_read_again_when_it_has_changed_and_never_quoted(graph, tmp_path, capfd):
     path = tmp_path / "mine.yaml"
-    text = load_mission_text("ares_v")
+    text = load_mission_text("ares_v").replace("name: ares_v", "name: mine", 1)
     path.write_text(text)
-    before = served(mission=str(path))
+    served = serve(graph, mission=str(path))
+    before = served()
     assert before.error_code == Response.NONE, before.message
-    path.write_text("nonsense: 1\n")
-    assert served(mission=str(path)).error_code == Response.INVALID_MISSION
-    path.write_text(text + "\n")
+    assert served(mission="mine").final_mass == before.final_mass
     assert served(mission=str(path)).final_mass == before.final_mass
+    path.write_text("secret: 1\n")
+    answer = served()
+    assert answer.error_code == Response.INVALID_MISSION
+    assert answer.message == "the server's own mission cannot be read any more"
+    assert "secret is not a known key" in capfd.readouterr().err
+    path.write_text(text + "\n")
+    assert served().final_mass == before.final_mass
+
+
+def test_a_mission_is_served_by_its_text(served):
+    answer = served(mission_text=load_mission_text("delta_iii"), method="direct11")
+    assert answer.error_code == Response.NONE, answer.message
+    assert answer.final_mass == served(mission="delta_iii", method="direct11").final_mass
+
+
+def optimize(graph, **goal):
+    """The action, with what it has told."""
+    told = []
+    client = ActionClient(graph.observer, OptimizeTrajectory, "optimize_trajectory")
+    graph.spin(client.server_is_ready)
+    asked = client.send_goal_async(
+        OptimizeTrajectory.Goal(**goal), feedback_callback=lambda word: told.append(word.feedback)
+    )
+    graph.spin(asked.done)
+    return asked.result(), told
+
+
+def test_the_action_tells_how_it_goes_on_and_answers_as_the_service(graph):
+    served = serve(graph)
+    goal, told = optimize(graph, method="collocation", time_limit=240.0)
+    assert goal.accepted
+    answer = goal.get_result_async()
+    graph.spin(answer.done)
+    assert answer.result().status == GoalStatus.STATUS_SUCCEEDED
+    result = answer.result().result
+    assert result.error_code == Result.NONE
+    assert result.final_mass == pytest.approx(served(method="direct11").final_mass, abs=0.5)
+    graph.spin(lambda: bool(told))
+    assert {word.method for word in told} <= {"collocation", "direct", "indirect"}
+
+
+def test_goal_and_result_have_the_fields_of_the_service():
+    service, action = SolveTrajectory, OptimizeTrajectory
+    of = {
+        kind: kind.get_fields_and_field_types()
+        for kind in (service.Request, service.Response, action.Goal, action.Result)
+    }
+    assert of[service.Request] == of[action.Goal]
+    assert of[service.Response] == of[action.Result]
+    codes = [name for name in dir(type(Response)) if name.isupper() and name[0] != "_"]
+    assert len(codes) == 11
+    for name in codes:
+        assert getattr(Response, name) == getattr(Result, name), name
+
+
+#: Takes minutes: every start that there is, each to its end.
+LONG = {"mission": "delta_iii_coast", "method": "collocation", "time_limit": 3600.0}
+
+
+def test_a_search_is_cancelled(graph):
+    serve(graph)
+    goal, told = optimize(graph, **LONG)
+    graph.spin(lambda: bool(told))
+    canceled = goal.cancel_goal_async()
+    answer = goal.get_result_async()
+    graph.spin(answer.done)
+    assert canceled.result().goals_canceling
+    assert answer.result().status == GoalStatus.STATUS_CANCELED
+    assert answer.result().result.error_code == Result.CANCELED
+    assert not answer.result().result.converged
+
+
+@pytest.mark.parametrize("by", ["service", "action"])
+def test_a_manager_is_answered_while_a_search_runs(graph, by):
+    """By the order of things: the search would go on for an hour, and is never waited for."""
+    node = graph.start(OptimizerNode)
+    states = graph.observer.create_client(GetState, "optimizer/get_state")
+    change = graph.observer.create_client(ChangeState, "optimizer/change_state")
+    client = graph.observer.create_client(SolveTrajectory, SOLVE)
+    graph.spin(lambda: client.service_is_ready() and change.service_is_ready())
+    begun = threading.Event()
+    solve = node._answers.answer
+
+    def slow(request, deadline, kind):
+        begun.set()
+        while not deadline.passed:
+            time.sleep(0.001)
+        stopped.wait(240.0)
+        return solve(request, deadline, kind)
+
+    stopped = threading.Event()
+    node._answers.answer = slow
+    if by == "service":
+        asked = client.call_async(SolveTrajectory.Request(time_limit=3600.0))
+    else:
+        goal, _ = optimize(graph, time_limit=3600.0)
+        asked = goal.get_result_async()
+    graph.spin(begun.is_set)
+    state = states.call_async(GetState.Request())
+    graph.spin(state.done)
+    assert state.result().current_state.label == "active"
+    request = ChangeState.Request()
+    request.transition.id = Transition.TRANSITION_DEACTIVATE
+    changed = change.call_async(request)
+    graph.spin(changed.done)
+    # it is answered, and who asked too, while the search still runs
+    assert changed.result().success
+    graph.spin(asked.done)
+    answer = asked.result() if by == "service" else asked.result().result
+    assert answer.error_code == Response.NOT_ACTIVE
+    assert not stopped.is_set()
+    stopped.set()
+
+
+def test_a_real_search_lets_a_manager_be_answered(graph):
+    node = graph.start(OptimizerNode)
+    change = graph.observer.create_client(ChangeState, "optimizer/change_state")
+    goal, told = optimize(graph, **LONG)
+    graph.spin(lambda: bool(told) and change.service_is_ready())
+    request = ChangeState.Request()
+    request.transition.id = Transition.TRANSITION_DEACTIVATE
+    changed, answer = change.call_async(request), goal.get_result_async()
+    graph.spin(lambda: changed.done() and answer.done())
+    assert changed.result().success
+    assert answer.result().status == GoalStatus.STATUS_ABORTED
+    assert answer.result().result.error_code == Result.NOT_ACTIVE
+    assert node._service is None
+    goal, _ = optimize(graph)
+    assert not goal.accepted
+    assert node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
+    assert node.start(), node.failure
 
 
 @pytest.mark.parametrize("method", ["direct11", "indirect"])

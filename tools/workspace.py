@@ -806,7 +806,7 @@ def build(workspace: Workspace, environ: Mapping[str, str], lock: int) -> None:
         [
             str(workspace.interpreter),
             "-c",
-            "import rclpy, ares_msgs.msg, ares_msgs.srv, tf2_msgs.msg",
+            "import rclpy, ares_msgs.action, ares_msgs.msg, ares_msgs.srv, tf2_msgs.msg",
         ],
         workspace,
         workspace.environment(environ),

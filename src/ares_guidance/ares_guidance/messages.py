@@ -18,7 +18,8 @@ from ares_guidance.guess import OfflineTrajectory
 from ares_guidance.law import Law, LawSettings, needs_plan
 from ares_guidance.laws import check_law, make_law
 from ares_models.arrays import HEATING_LIMIT, NAVIGATION
-from ares_models.mission import Mission
+from ares_models.input_file import read_text
+from ares_models.mission import MISSION, Mission, list_missions
 from ares_models.software import software
 from ares_msgs.msg import GuidanceStatus, NavState, ThrustCommand
 from ares_msgs.srv import SolveTrajectory
@@ -70,6 +71,13 @@ class Answers:
         self.identity = (0, 0)
         self._values = values
         self._mission = mission
+        name = str(values["mission"])
+        #: how the optimizer is told of it, which opens no path
+        self._asks_for = (
+            {"mission": name}
+            if name in list_missions()
+            else {"mission_text": read_text(MISSION.find(name), MISSION)}
+        )
         self._heating_jettisons = int(np.sum(self.arrays.jettisons["criterion"] == HEATING_LIMIT))
         self._state_message = StateMessage(NavState)
         self._nav = np.zeros(1, NAVIGATION)
@@ -108,7 +116,7 @@ class Answers:
             self._start[name] = getattr(state, name)
         analytic = not self.law.lacks_plan and self._values["initial_guess"] != "optimizer"
         return SolveTrajectory.Request(
-            mission=self._values["mission"],
+            **self._asks_for,
             method=ANALYTIC if analytic else "",
             use_nav_state=True,
             nav_state=state,

@@ -210,10 +210,21 @@ def read_input(path: Path, kind: InputKind) -> tuple[dict[str, Any], dict[KeyPat
     Raises:
         InputError: unreadable, not YAML, not a mapping; with the line where there is one.
     """
+    return parse_input(read_text(path, kind), str(path), kind)
+
+
+def read_text(path: Path, kind: InputKind) -> str:
+    """Read the text of a file.
+
+    Args: as :func:`read_input`.
+
+    Raises:
+        InputError: it cannot be read, or is no text, or too large.
+    """
     source = str(path)
     expected = f"expected a YAML {kind.name} file"
     try:
-        text = _read_text(path, kind)
+        return _read_text(path, kind)
     except InputError:
         raise
     except FileNotFoundError as error:
@@ -224,6 +235,23 @@ def read_input(path: Path, kind: InputKind) -> tuple[dict[str, Any], dict[KeyPat
         raise kind.error(_short(source), [f"cannot be read: {error.strerror}"]) from error
     except ValueError as error:
         raise kind.error(source, [f"cannot be read: {error}"]) from error
+
+
+def parse_input(
+    text: str, source: str, kind: InputKind
+) -> tuple[dict[str, Any], dict[KeyPath, int]]:
+    """Turn the text of a file into plain data, as :func:`read_input` does.
+
+    Args:
+        text: of the file.
+        source: what errors call it.
+        kind: what it should be.
+
+    Raises:
+        InputError: not YAML, not a mapping, too much; with the line where there is one.
+    """
+    if len(text) > MAX_BYTES:
+        raise kind.error(source, [f"is larger than {MAX_BYTES} bytes; not a {kind.name} file"])
     try:
         node = yaml.compose(text, Loader=_Loader)
     except yaml.MarkedYAMLError as error:

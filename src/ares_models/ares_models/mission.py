@@ -18,7 +18,15 @@ from ares_models import mission_parts as parts
 from ares_models.arrays import NAVIGATION, MissionArrays
 from ares_models.atmosphere import FIXED_MODELS, Atmosphere, AtmosphereError, nrlmsis
 from ares_models.earth import Earth
-from ares_models.input_file import InputError, InputKind, KeyPath, by_cause, explain, read_input
+from ares_models.input_file import (
+    InputError,
+    InputKind,
+    KeyPath,
+    by_cause,
+    explain,
+    parse_input,
+    read_text,
+)
 from ares_models.mission_areas import write_areas
 from ares_models.mission_checks import MAX_STAGES, check_mission
 from ares_models.mission_masses import ignition_mass
@@ -445,12 +453,25 @@ def load_mission(name_or_path: str | Path) -> Mission:
             was expected.
     """
     path = MISSION.find(name_or_path)
-    data, lines = read_input(path, MISSION)
+    return parse_mission(read_text(path, MISSION), str(path))
+
+
+def parse_mission(text: str, source: str) -> Mission:
+    """Check a mission that is given as the text of its file.
+
+    Args:
+        text: of the file.
+        source: what errors call it.
+
+    Raises:
+        MissionError: one line, as of :func:`load_mission`.
+    """
+    data, lines = parse_input(text, source, MISSION)
     try:
         return Mission.model_validate(data)
     except ValidationError as error:
         problems = [explain(item, lines, _siblings) for item in by_cause(error.errors())]
-        raise MissionError(str(path), problems) from None
+        raise MissionError(source, problems) from None
 
 
 def _siblings(location: KeyPath) -> list[str]:

@@ -20,6 +20,7 @@ DIAGNOSTICS = "/diagnostics"
 TIMING = "timing"
 LOG = "/rosout"
 SOLVE_TRAJECTORY = "solve_trajectory"
+OPTIMIZE_TRAJECTORY = "optimize_trajectory"
 
 
 def reliable(depth: int, *, keep_for_late: bool = False) -> QoSProfile:

@@ -1,24 +1,29 @@
-"""What the optimizer is asked and answers, as messages.
+"""What the optimizer is asked and answers, as messages of the service or of the action.
 
 The node serves with it, and so does whoever has to find the answer of a recorded flight again.
 """
 
 import math
+import sys
 import time
 import traceback
 from array import array
 from collections import OrderedDict
 from dataclasses import dataclass
+from hashlib import sha256
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import NAVIGATION, MissionArrays
-from ares_models.mission import MISSION, MissionError, load_mission
+from ares_models.input_file import format_value, read_text
+from ares_models.mission import MISSION, MissionError, list_missions, parse_mission
+from ares_msgs.action import OptimizeTrajectory
 from ares_msgs.msg import NavState
 from ares_msgs.srv import SolveTrajectory
 from ares_node.time import NANOSECONDS, ns_from_stamp
+from ares_optimizer.deadline import Deadline, Progress
 from ares_optimizer.request import AUTO, COLLOCATION, INDIRECT_METHODS, METHODS
 from ares_optimizer.solution import OptimizerError, Solution, Status, SteeringArc, UnfitMethod
 from ares_optimizer.solve import solve
@@ -54,41 +59,87 @@ class Prepared:
     """A mission as the solvers take it.
 
     Attributes:
+        name: of the mission.
         arrays: the mission.
         start: its own start, shape (1,), dtype NAVIGATION.
         heating: what its heating limit asks.
     """
 
+    name: str
     arrays: MissionArrays
     start: NDArray[np.void]
     heating: str
 
 
 class MissionShelf:
-    """Missions by name, read again only when their file has changed."""
+    """Missions as arrays, made again only where their text is another.
 
-    def __init__(self) -> None:
-        self._kept: OrderedDict[tuple[str, int, int], Prepared] = OrderedDict()
+    Attributes:
+        own: parameter `mission` of the server: the only path that is opened.
+    """
 
-    def get(self, name: str) -> Prepared:
-        """The mission of that name or path.
+    def __init__(self, own: str) -> None:
+        self.own = own
+        self._kept: OrderedDict[bytes, Prepared] = OrderedDict()
+
+    def of_the_server(self) -> Prepared:
+        """The server's own mission, as its file is now.
 
         Raises:
-            MissionError: no such mission, or its file is wrong.
+            MissionError: no such mission, or its file is wrong; the line may quote it.
         """
-        path = MISSION.find(name)
+        path = MISSION.find(self.own)
+        return self._parsed(read_text(path, MISSION), str(path))
+
+    def get(self, name: str, text: str) -> Prepared:
+        """The mission that a request means.
+
+        Args:
+            name: of a shipped mission, or the server's own; empty: its own, unless there is a text.
+            text: of a mission file; empty: the one that is named.
+
+        Raises:
+            Refused: no such mission, or its text is wrong; of the server's files nothing is said.
+        """
+        if text:
+            if name:
+                raise Refused(
+                    Response.INVALID_MISSION,
+                    f"mission is {format_value(name)} beside a mission_text; expected one of them",
+                )
+            try:
+                return self._parsed(text, "mission_text")
+            except MissionError as error:
+                raise Refused(Response.INVALID_MISSION, str(error)) from error
+        shipped = list_missions()
         try:
-            status = path.stat()
-        except OSError:
-            # it says what is wrong
-            load_mission(name)
-            raise
-        key = (str(path), status.st_mtime_ns, status.st_size)
+            if name in shipped:
+                return self._parsed(read_text(MISSION.find(name), MISSION), name)
+            own = self.of_the_server()
+        except MissionError as error:
+            # for whoever runs the server: the line may hold words of its files
+            print(f"mission {self.own}: {error}", file=sys.stderr, flush=True)
+            raise Refused(
+                Response.INVALID_MISSION, "the server's own mission cannot be read any more"
+            ) from error
+        if name in ("", self.own, own.name):
+            return own
+        raise Refused(
+            Response.INVALID_MISSION,
+            f"mission is {format_value(name)}; expected the server's own, a mission_text, or one "
+            f"of {', '.join(shipped)}",
+        )
+
+    def _parsed(self, text: str, source: str) -> Prepared:
+        key = sha256(text.encode("utf-8", "surrogatepass")).digest()
         found = self._kept.get(key)
         if found is None:
-            mission = load_mission(name)
+            mission = parse_mission(text, source)
             found = Prepared(
-                mission.arrays(), mission.start().navigation(), mission.heating_limit_holds
+                mission.name,
+                mission.arrays(),
+                mission.start().navigation(),
+                mission.heating_limit_holds,
             )
             self._kept[key] = found
             if len(self._kept) > KEPT_MISSIONS:
@@ -111,18 +162,24 @@ class Answers:
         Raises:
             MissionError: no such mission, or its file is wrong.
         """
-        self._mission = mission
         self._method = method
         self._time_limit = time_limit_s
-        self._shelf = MissionShelf()
-        own = self._shelf.get(mission)
-        _solve(own, method, own.start, None)
+        self._shelf = MissionShelf(mission)
+        own = self._shelf.of_the_server()
+        _solve(own, method, own.start, Deadline())
 
-    def answer(self, request: SolveTrajectory.Request) -> Any:
-        """The response to a request; a refusal is one."""
-        response = empty()
+    def answer(self, request: Any, deadline: Deadline | None = None, kind: Any = Response) -> Any:
+        """The response to a request; a refusal is one.
+
+        Args:
+            request: of the service, or a goal of the action.
+            deadline: by which the search can be ended and is followed; it gets the time limit that
+                is asked for.
+            kind: class of the response: the service's, or the result of the action.
+        """
+        response = empty(kind)
         try:
-            self._serve(request, response)
+            self._serve(request, response, deadline or Deadline())
         except Refused as refusal:
             refuse(response, refusal.code, str(refusal))
         except Exception as error:
@@ -131,7 +188,7 @@ class Answers:
             refuse(response, Response.INTERNAL, f"{type(error).__name__}: {error}")
         return response
 
-    def _serve(self, request: SolveTrajectory.Request, response: Any) -> None:
+    def _serve(self, request: Any, response: Any, deadline: Deadline) -> None:
         method = request.method or self._method
         if method not in METHODS:
             expected = ", ".join(METHODS)
@@ -139,14 +196,12 @@ class Answers:
                 Response.UNKNOWN_METHOD, f"method is {method!r}; expected one of {expected}"
             )
         limit = self._limit(request.time_limit)
-        try:
-            mission = self._shelf.get(request.mission or self._mission)
-        except MissionError as error:
-            raise Refused(Response.INVALID_MISSION, str(error)) from error
+        mission = self._shelf.get(request.mission, request.mission_text)
         state = _navigation(request.nav_state) if request.use_nav_state else mission.start
         begun = time.monotonic()
         try:
-            solution = _solve(mission, method, state, limit)
+            deadline.end = time.perf_counter() + limit
+            solution = _solve(mission, method, state, deadline)
         except UnfitMethod as error:
             raise Refused(Response.UNFIT_METHOD, str(error)) from error
         except OptimizerError as error:
@@ -170,23 +225,31 @@ class Answers:
         return asked
 
 
-def _solve(
-    mission: Prepared, method: str, state: NDArray[np.void], time_limit_s: float | None
-) -> Solution:
+def _solve(mission: Prepared, method: str, state: NDArray[np.void], deadline: Deadline) -> Solution:
     """Solve as fast as the method allows: only the direct ones need the verification flight."""
     return solve(
         mission.arrays,
         method,
         state=state,
         heating=mission.heating,
-        time_limit_s=time_limit_s,
+        deadline=deadline,
         verify=method not in (AUTO, COLLOCATION, *INDIRECT_METHODS),
     )
 
 
-def empty() -> Any:
-    """A response to a request for which nothing was solved."""
-    return Response(jettison_time=math.nan, cutoff_time=math.nan, final_mass=math.nan)
+def feedback(progress: Progress) -> OptimizeTrajectory.Feedback:
+    """A word on a search, as a message."""
+    return OptimizeTrajectory.Feedback(
+        method=progress.method,
+        iterations=progress.iterations,
+        violation=float(progress.violation),
+        final_mass=float(progress.m_f_kg),
+    )
+
+
+def empty(kind: Any = Response) -> Any:
+    """A response, of that class, to a request for which nothing was solved."""
+    return kind(jettison_time=math.nan, cutoff_time=math.nan, final_mass=math.nan)
 
 
 def refuse(response: Any, code: int, reason: str) -> None:

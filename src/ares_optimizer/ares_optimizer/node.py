@@ -1,16 +1,33 @@
 """Optimizer node: serves optimal trajectories, from a mission or from where a flight is."""
 
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any
 
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action.server import ServerGoalHandle
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.service import Service
 
+from ares_msgs.action import OptimizeTrajectory
 from ares_msgs.srv import SolveTrajectory
 from ares_node.node import FlightNode
 from ares_node.parameters import Parameter
-from ares_node.qos import SOLVE_TRAJECTORY
-from ares_optimizer.messages import LONGEST, Answers, Response, empty, refuse
+from ares_node.qos import OPTIMIZE_TRAJECTORY, SOLVE_TRAJECTORY
+from ares_optimizer.deadline import Deadline, Progress
+from ares_optimizer.messages import LONGEST, Answers, Response, empty, feedback, refuse
 from ares_optimizer.request import METHODS
+from ares_optimizer.worker import Job, Worker
+
+Result: Any = OptimizeTrajectory.Result
+
+#: Raised where who asked, or the endpoint, is no more.
+GONE = (rclpy_implementation.RCLError, rclpy_implementation.InvalidHandle)
+#: Wall time in s between words on a search.
+FEEDBACK_PERIOD = 0.1
+#: Wall time in s for a search to end with the process.
+LAST_SEARCH = 1.0
 
 PARAMETERS = (
     Parameter("mission", "ares_v", "Mission of a request that names none."),
@@ -27,10 +44,11 @@ PARAMETERS = (
 
 
 class OptimizerNode(FlightNode):
-    """Answers `solve_trajectory`, one request after the other, while it is active.
+    """Answers service and action, one request after the other, while it is active.
 
-    Requests that come while one is worked on wait in the service's queue: none is lost. The
-    node is a process of its own, so the flight never waits for it.
+    Searches run in a thread of their own: the node answers a lifecycle manager meanwhile. Requests
+    that come while one is worked on wait: none is lost. The node is a process of its own, so the
+    flight never waits for it.
     """
 
     disposable = True
@@ -44,28 +62,137 @@ class OptimizerNode(FlightNode):
         """
         super().__init__("optimizer", parameters=(*PARAMETERS, *more), **kwargs)
         self._service: Service | None = None
+        self._worker: Worker | None = None
 
     def configure(self) -> None:
-        """Solve the own mission once, so that the solver is compiled."""
+        """Solve the own mission once, so that the solver is compiled; begin to offer the action."""
         values = self.values
+        self.abandon()
         self._answers = Answers(values["mission"], values["method"], values["time_limit_s"])
+        self._worker = Worker(self._solve)
+        self._goals: dict[bytes, Job] = {}
+        self._action = ActionServer(
+            self,
+            OptimizeTrajectory,
+            OPTIMIZE_TRAJECTORY,
+            execute_callback=Result,
+            goal_callback=self._on_offer,
+            handle_accepted_callback=self._on_goal,
+            cancel_callback=self._on_cancel,
+        )
 
     def activate(self) -> None:
         """Offer the service."""
         self._service = self.create_service(SolveTrajectory, SOLVE_TRAJECTORY, self._on_request)
+        # an answer follows when there is one: the executor must not send what the callback returns
+        self._service.send_response = self._put
 
     def deactivate(self) -> None:
-        """Withdraw the service; who waits in its queue is told so."""
-        service = self._service
-        if service is None:
+        """Withdraw the service; who waits for an answer is told so."""
+        service, worker = self._service, self._worker
+        if service is None or worker is None:
             return
+        for job in worker.withdraw():
+            kind = Response if isinstance(job.request, SolveTrajectory.Request) else Result
+            job.answer(_deactivated(kind))
         with service.handle:
             while (taken := service.handle.service_take_request(SolveTrajectory.Request))[1]:
-                response = empty()
-                refuse(response, Response.NOT_ACTIVE, "the optimizer was deactivated")
-                service.send_response(response, taken[1])
+                Service.send_response(service, _deactivated(Response), taken[1])
         self.destroy_service(service)
         self._service = None
 
+    def cleanup(self) -> None:
+        """Withdraw the action, and end the thread that solves."""
+        if self._worker is not None:
+            self._worker.close()
+        if self.executor is None:
+            self._action.destroy()
+        else:
+            # behind the results that are on their way
+            self.executor.create_task(self._action.destroy)
+
+    def abandon(self) -> None:
+        """Wait for the last search, whose thread must not outlive the process."""
+        if self._worker is not None:
+            self._worker.wait(LAST_SEARCH)
+            self._worker = None
+
+    # ---- searches, in a thread of their own
+
+    def _solve(self, job: Job) -> Any:
+        kind = Response if isinstance(job.request, SolveTrajectory.Request) else Result
+        return self._answers.answer(job.request, job.deadline, kind)
+
+    # ---- the service
+
     def _on_request(self, request: SolveTrajectory.Request, _response: Any) -> Any:
-        return self._answers.answer(request)
+        return request
+
+    def _put(self, request: SolveTrajectory.Request, header: Any) -> None:
+        service, worker = self._service, self._worker
+        if service is None or worker is None:
+            return
+
+        def reply(response: Any) -> None:
+            with suppress(*GONE):
+                Service.send_response(service, response, header)
+
+        worker.put(Job(request, Deadline(), reply))
+
+    # ---- the action
+
+    def _on_offer(self, _goal: OptimizeTrajectory.Goal) -> GoalResponse:
+        return GoalResponse.ACCEPT if self._service is not None else GoalResponse.REJECT
+
+    def _on_goal(self, goal: ServerGoalHandle) -> None:
+        worker = self._worker
+        if worker is None:
+            return
+        key = bytes(goal.goal_id.uuid)
+
+        def reply(result: Any) -> None:
+            del self._goals[key]
+            goal.execute(lambda handle: _concluded(handle, result))
+
+        self._goals[key] = Job(goal.request, Deadline(tell=_teller(goal)), reply)
+        worker.put(self._goals[key])
+
+    def _on_cancel(self, goal: ServerGoalHandle) -> CancelResponse:
+        job = self._goals.get(bytes(goal.goal_id.uuid))
+        if job is None:
+            return CancelResponse.REJECT
+        job.deadline.end_now()
+        return CancelResponse.ACCEPT
+
+
+def _deactivated(kind: Any) -> Any:
+    """A response of that class to somebody whose request is not worked on any more."""
+    response = empty(kind)
+    refuse(response, Response.NOT_ACTIVE, "the optimizer was deactivated")
+    return response
+
+
+def _concluded(goal: ServerGoalHandle, result: Any) -> Any:
+    """The result of a goal, which is told its end."""
+    if goal.is_cancel_requested:
+        refuse(result, Result.CANCELED, "canceled")
+        goal.canceled()
+    elif result.error_code == Result.NONE:
+        goal.succeed()
+    else:
+        goal.abort()
+    return result
+
+
+def _teller(goal: ServerGoalHandle) -> Callable[[Progress], None]:
+    """What sends a goal's client a word on the search now and then."""
+    last: dict[str, float] = {}
+
+    def tell(progress: Progress) -> None:
+        now = time.monotonic()
+        if now - last.get(progress.method, -FEEDBACK_PERIOD) >= FEEDBACK_PERIOD:
+            last[progress.method] = now
+            with suppress(*GONE):
+                goal.publish_feedback(feedback(progress))
+
+    return tell

@@ -13,6 +13,7 @@ from ares_bringup.discovery import apply_discovery_settings
 from ares_node.parameters import Parameter
 from ares_node.run import run_node
 from ares_optimizer.node import OptimizerNode
+from ares_optimizer.worker import Job
 
 NONSENSE, WRONG_PLAN, ANOTHER_VEHICLE = KINDS = ("nonsense", "wrong plan", "another vehicle")
 #: Lists of an answer that guidance reads, none of which can be zero or huge.
@@ -29,13 +30,13 @@ class FalseOptimizer(OptimizerNode):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(PARAMETERS, **kwargs)
 
-    def _on_request(self, request: Any, response: Any) -> Any:
+    def _solve(self, job: Job) -> Any:
         if self.values["kind"] == ANOTHER_VEHICLE:
             # its node's own mission
-            request.mission = request.method = ""
-            request.use_nav_state = False
-            return super()._on_request(request, response)
-        answer = super()._on_request(request, response)
+            job.request.mission = job.request.mission_text = job.request.method = ""
+            job.request.use_nav_state = False
+            return super()._solve(job)
+        answer = super()._solve(job)
         change = spoil if self.values["kind"] == NONSENSE else distort
         change(answer, np.random.default_rng(self.values["seed"]))
         return answer
