@@ -1,18 +1,26 @@
-"""A bar for what takes long: how much is done, since when, how long it takes still."""
+"""What is shown of work that takes long: how much is done, since when, how long it takes still."""
 
+import math
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
     Progress,
     ProgressColumn,
+    SpinnerColumn,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
 
-from ares_bringup.report import console
+from ares_bringup.report import console, number
+
+if TYPE_CHECKING:
+    from ares_optimizer.deadline import Progress as Word
 
 
 def bar(*columns: ProgressColumn, quiet: bool = False) -> Progress:
@@ -34,3 +42,27 @@ def bar(*columns: ProgressColumn, quiet: bool = False) -> Progress:
         console=out,
         disable=quiet or not out.is_terminal,
     )
+
+
+def search_line(word: "Word") -> str:
+    """One word of the optimizer on a search, as people read it."""
+    mass = "" if math.isnan(word.m_f_kg) else f", {number(word.m_f_kg, 1)} kg"
+    return f"{word.method}: iteration {word.iterations}, violation {word.violation:.1e}{mass}"
+
+
+@contextmanager
+def search(quiet: bool = False) -> Iterator[Callable[["Word"], None]]:
+    """Show how a search goes on, in a line on standard error, if that is a terminal.
+
+    Args:
+        quiet: not at all.
+
+    Yields:
+        What takes the words of the optimizer.
+    """
+    out = console(sys.stderr)
+    columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
+    hidden = quiet or not out.is_terminal
+    with Progress(*columns, console=out, transient=True, disable=hidden) as shown:
+        task = shown.add_task("searching", total=None)
+        yield lambda word: shown.update(task, description=search_line(word))

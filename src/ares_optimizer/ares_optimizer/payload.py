@@ -1,10 +1,12 @@
 """The greatest payload that a mission brings to its target."""
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 from ares_models.mission import Mission
 from ares_optimizer.collocation.solve import with_more_propellant
+from ares_optimizer.deadline import Deadline, Progress
 from ares_optimizer.solution import OptimizerError, Solution
 from ares_optimizer.solve import solve
 
@@ -28,7 +30,11 @@ class Greatest(NamedTuple):
     solution: Solution
 
 
-def greatest_payload(mission: Mission, time_limit_s: float | None = None) -> Greatest:
+def greatest_payload(
+    mission: Mission,
+    time_limit_s: float | None = None,
+    tell: Callable[[Progress], None] = lambda _progress: None,
+) -> Greatest:
     """Find the payload with which the last stage just runs dry as it reaches the target.
 
     The propellant that is left, taken as negative where a flight would need more than there is,
@@ -37,6 +43,7 @@ def greatest_payload(mission: Mission, time_limit_s: float | None = None) -> Gre
     Args:
         mission: with its masses by item.
         time_limit_s: of each search, s.
+        tell: as of :class:`ares_optimizer.deadline.Deadline`.
 
     Raises:
         OptimizerError: masses are not by item, the last burn is not free, or not even a flight
@@ -50,7 +57,7 @@ def greatest_payload(mission: Mission, time_limit_s: float | None = None) -> Gre
 
     def left(payload: float) -> float:
         trial = mission.model_copy(update={"payload_kg": payload})
-        return _propellant_left(trial, time_limit_s)
+        return _propellant_left(trial, Deadline(time_limit_s, tell))
 
     low, left_low = 0.0, left(0.0)
     if not left_low >= 0.0:
@@ -77,10 +84,10 @@ def greatest_payload(mission: Mission, time_limit_s: float | None = None) -> Gre
         else:
             high, left_high = middle, there
     best = mission.model_copy(update={"payload_kg": low})
-    return Greatest(best, low, solve(best, "auto", time_limit_s=time_limit_s))
+    return Greatest(best, low, solve(best, "auto", deadline=Deadline(time_limit_s, tell)))
 
 
-def _propellant_left(mission: Mission, time_limit_s: float | None) -> float:
+def _propellant_left(mission: Mission, deadline: Deadline) -> float:
     """What the best flight leaves of the last stage's propellant, kg; less than 0: it lacks that.
 
     Raises:
@@ -95,7 +102,7 @@ def _propellant_left(mission: Mission, time_limit_s: float | None) -> float:
         "auto",
         state=mission.start().navigation(),
         heating=mission.heating_limit_holds,
-        time_limit_s=time_limit_s,
+        deadline=deadline,
         verify=False,
     )
     if not found.flyable:

@@ -12,9 +12,11 @@ from rich.text import Text
 
 from ares_bringup.doubts import show_warnings
 from ares_bringup.options import CannotStart
+from ares_bringup.progress import search
 from ares_bringup.report import BLANK, console, number
 from ares_models.mission import Mission, MissionError, load_mission
 from ares_models.mission_physics import longest_flight
+from ares_optimizer.deadline import Deadline
 from ares_optimizer.payload import greatest_payload
 from ares_optimizer.solution import OptimizerError, Solution, Status
 from ares_optimizer.solve import solve
@@ -72,9 +74,14 @@ def optimize(
         show_warnings(mission_name)
         times = _held_times(mission, held)
         _load(method)
-        solution = solve(
-            mission, method, heating=heating, jettison_times=times, time_limit_s=time_limit_s
-        )
+        with search(quiet=as_json) as tell:
+            solution = solve(
+                mission,
+                method,
+                heating=heating,
+                jettison_times=times,
+                deadline=Deadline(time_limit_s, tell),
+            )
     except (MissionError, OptimizerError) as error:
         raise CannotStart(" ".join(str(error).split())) from error
     if as_json:
@@ -95,7 +102,8 @@ def optimize_payload(mission_name: str, as_json: bool, time_limit_s: float) -> i
     try:
         mission = load_mission(mission_name)
         show_warnings(mission_name)
-        found = greatest_payload(mission, time_limit_s)
+        with search(quiet=as_json) as tell:
+            found = greatest_payload(mission, time_limit_s, tell)
     except (MissionError, OptimizerError) as error:
         raise CannotStart(" ".join(str(error).split())) from error
     if as_json:
