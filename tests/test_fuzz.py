@@ -36,6 +36,7 @@ from ares_node.entry import BEYOND_NUMBERS
 from ares_node.membership import MOST_HEARD, Membership, Role, State
 from ares_node.qos import DIAGNOSTIC, EVENTS, FLIGHT, MEMBERS
 from ares_node.states import StateMessage, Unreadable
+from ares_node.time import stamp_from_seconds
 from ares_optimizer.messages import Answers
 from ares_vehicle_sim.dispersions import DispersionsError, load_dispersions
 from ares_vehicle_sim.node import VehicleSimNode
@@ -374,6 +375,40 @@ def test_a_request_from_a_vehicle_lighter_than_empty_is_answered(method: str, ma
         SolveTrajectory.Response.INTERNAL,
     )
     assert answer.message.isprintable()
+
+
+#: An odd state: mission, method, shares of place and speed at the start, mass in kg, arc.
+ODD = [
+    ("saturn_v_tli", "direct20", 1e3, -1e-30, 135_332.0, 0),
+    ("saturn_v_tli", "direct20", 1.0, 0.0, 135_332.0, 0),
+    ("saturn_v_tli", "jump", 1.0, 0.0, 135_332.0, 0),
+    ("ariane5_eca", "indirect", 1.0, 0.0, 15_500.0, 2),
+    ("ares_v_transients", "direct14", -1.0, 2.0, 1.0, 1),
+]
+
+
+@pytest.mark.parametrize(("mission", "method", "place", "speed", "mass", "arc"), ODD)
+def test_a_request_from_an_odd_state_is_no_fault_of_the_server(
+    mission: str, method: str, place: float, speed: float, mass: float, arc: int
+) -> None:
+    """By complex division: of a state at rest no plane and no perigee is known."""
+    answers = Answers(mission, "auto", 1.0)
+    start = load_mission(mission).start()
+    state = NavState(
+        stamp=stamp_from_seconds(start.time_s),
+        position=np.array(start.position) * place,
+        velocity=np.array(start.velocity) * speed,
+        mass=mass,
+        arc=arc,
+        arc_start_time=start.time_s - 10.0,
+    )
+    answer = answers.answer(
+        SolveTrajectory.Request(use_nav_state=True, nav_state=state, method=method)
+    )
+    assert answer.error_code not in (
+        SolveTrajectory.Response.NONE,
+        SolveTrajectory.Response.INTERNAL,
+    ), answer.message
 
 
 def test_a_vehicle_of_which_nothing_would_be_left_has_no_solution() -> None:

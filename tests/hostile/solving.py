@@ -8,12 +8,15 @@ from functools import partial
 from random import Random
 from typing import Any
 
+import numpy as np
 from rclpy.serialization import deserialize_message, serialize_message
 
 from ares_guidance.node import GuidanceNode
 from ares_models.kernels.steering import UNIT_TOLERANCE
-from ares_models.mission import load_mission
+from ares_models.mission import Mission, load_mission
+from ares_msgs.msg import NavState
 from ares_msgs.srv import SolveTrajectory
+from ares_node.time import stamp_from_seconds
 from ares_optimizer.messages import Answers, Response
 from ares_vehicle_sim.simulator import CommandRefused, Simulator
 from hostile.messages import heard, hostile
@@ -22,7 +25,11 @@ from hostile.target import Broken, Target, check, one_line
 
 #: Laws that start from an answer.
 _LAWS = ("peg", "optimal", "peg_thesis")
-_METHODS = ("", "indirect", "closed_form", "analytic", "direct11", "jump")
+_METHODS = ("", "indirect", "closed_form", "analytic", "direct11", "direct20", "jump")
+#: Missions whose targets and starts differ in kind.
+_MISSIONS = (MISSION, "saturn_v_tli", "apollo11_ascent", "geostationary_burn")
+#: What position and velocity are multiplied by.
+_SHARES = (1.0, 1.0, 1.0, 0.0, -1.0, 1e-30, 1e-3, 0.5, 1.1, 1e3)
 
 
 def flies(steering: Any) -> bool:
@@ -74,6 +81,31 @@ class OptimizerAnswers(NodeTarget):
         node._forget()
 
 
+def odd_state(mission: Mission, random: Random) -> NavState:
+    """A navigation state that no flight of a mission comes to, though its numbers are sound."""
+    arrays, start = mission.arrays(), mission.start()
+    arc = random.randrange(len(arrays.arcs))
+    stack = float(arrays.arcs[arc]["stack_mass"])
+    time = start.time_s + random.choice((0.0, 0.0, 1.0, 100.0, -100.0, 1e5))
+    position, velocity = (
+        np.array(vector) * random.choice(_SHARES)
+        + random.choice((0.0, 0.0, size)) * random.random()
+        for vector, size in ((start.position, 1e6), (start.velocity, 1e3))
+    )
+    return NavState(
+        stamp=stamp_from_seconds(time),
+        position=position,
+        velocity=velocity,
+        mass=random.choice(
+            (stack, stack - float(arrays.arcs[arc]["propellant"]), 1.0, stack * random.random())
+        ),
+        heating_rate=random.choice((math.nan, 0.0, 1e3)),
+        arc=arc,
+        arc_start_time=time - random.choice((0.0, 0.0, 1.0, 100.0, 1e4, -10.0)),
+        jettisoned=random.choice((0, (1 << len(arrays.jettisons)) - 1, random.randrange(256))),
+    )
+
+
 class Requests(Target):
     """Requests of the optimizer, answered in time or refused with a reason."""
 
@@ -83,6 +115,7 @@ class Requests(Target):
     def begin(self) -> None:
         self._answers = Answers(MISSION, "indirect", 0.05)
         self._flight = Flight()
+        self._missions = {name: load_mission(name) for name in _MISSIONS}
         # compiled before it is timed
         for method in _METHODS:
             self._answers.answer(
@@ -96,6 +129,16 @@ class Requests(Target):
             )
 
     def make(self, random: Random) -> bytes:
+        if random.random() < 0.5:
+            name = random.choice(_MISSIONS)
+            odd = SolveTrajectory.Request(
+                mission=name,
+                use_nav_state=True,
+                nav_state=odd_state(self._missions[name], random),
+                method=random.choice(_METHODS),
+                time_limit=0.05,
+            )
+            return bytes(serialize_message(odd))
         request = SolveTrajectory.Request(
             mission=MISSION,
             use_nav_state=random.random() < 0.9,

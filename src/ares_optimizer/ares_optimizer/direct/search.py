@@ -431,8 +431,10 @@ def continue_from(found: Found, transcription: Transcription, deadline: Deadline
 
 
 def splits_for(found: Found) -> tuple[float, ...]:
-    """Times that cut every overlong law into equal parts."""
+    """Times that cut every overlong law into equal parts; none of a search that came to nothing."""
     times = [*law_times(found.transcription.problem, found.variables), found.cutoff_s]
+    if not np.isfinite(times).all():
+        return ()
     times.sort()
     longest = max(LONGEST_LAW, (times[-1] - times[0]) / MOST_CUTS)
     cuts: list[float] = []

@@ -26,7 +26,7 @@ from ares_models.arrays import (
 )
 from ares_models.jit import kernel
 from ares_models.kernels.targets import names, size_and_shape
-from ares_models.kernels.vectors import ComplexVector, Vector, axpy, cross, dot, scale
+from ares_models.kernels.vectors import ComplexVector, Vector, axpy, cross, dot, quotient, scale
 
 Array = NDArray[np.float64]
 
@@ -120,13 +120,13 @@ def _eccentricity_component(
 ) -> complex:
     """Component of the eccentricity vector by ``turn`` rad ahead of the wanted perigee."""
     size = np.sqrt(normal[0] * normal[0] + normal[1] * normal[1])
-    node = (-normal[1] / size, normal[0] / size, 0.0 * size)
+    node = (quotient(-normal[1], size), quotient(normal[0], size), 0.0 * size)
     if names(target, NAMES_ASCENDING_NODE):
         cos = math.cos(target.ascending_node)
         sin = math.sin(target.ascending_node)
         node = (complex(cos, 0.0), complex(sin, 0.0), complex(0.0, 0.0))
     across = cross(normal, node)
-    q = dot(v, v) / mu - 1.0 / np.sqrt(dot(r, r))
+    q = dot(v, v) / mu - quotient(1.0 + 0.0j, np.sqrt(dot(r, r)))
     eccentric = axpy(q, r, scale(-dot(r, v) / mu, v))
     argument = target.argument_of_perigee + turn
     return math.cos(argument) * dot(eccentric, node) + math.sin(argument) * dot(eccentric, across)
@@ -165,7 +165,7 @@ def row_value(row: int, target: Record, mu: float, r: ComplexVector, v: ComplexV
     if row == SPEED:
         return np.sqrt(square) / target.speed - 1.0
     if row == ANGLE:
-        return along / (radius * np.sqrt(square)) - sine
+        return quotient(along, radius * np.sqrt(square)) - sine
     c3 = target.c3
     apsis = target.perigee_radius
     if _sizes(target) == 2:
@@ -174,7 +174,7 @@ def row_value(row: int, target: Record, mu: float, r: ComplexVector, v: ComplexV
         c3 = -mu / target.semi_major_axis
     elif names(target, NAMES_APOGEE):
         apsis = target.apogee_radius
-    energy = square - 2.0 * mu / radius
+    energy = square - quotient(2.0 * mu + 0.0j, radius)
     if row == ENERGY:
         return (energy - c3) * (0.5 * target.perigee_radius / mu)
     h = cross(r, v)
@@ -183,11 +183,11 @@ def row_value(row: int, target: Record, mu: float, r: ComplexVector, v: ComplexV
     if row == APSIS:
         return (momentum - apsis * apsis * energy - 2.0 * mu * apsis) * (0.5 * least / (mu * apsis))
     if row == ANOMALY:
-        towards = momentum / (mu * radius) - 1.0
-        ahead = np.sqrt(momentum) * along / (mu * radius)
+        towards = quotient(momentum, mu * radius) - 1.0
+        ahead = quotient(np.sqrt(momentum) * along, mu * radius)
         anomaly = target.true_anomaly
         return least * (math.cos(anomaly) * ahead - math.sin(anomaly) * towards)
-    normal = scale(1.0 / np.sqrt(momentum), h)
+    normal = scale(quotient(1.0 + 0.0j, np.sqrt(momentum)), h)
     if row == TOWARDS:
         wanted = 1.0 + apsis * c3 / mu
         return _eccentricity_component(0.0, target, mu, r, v, normal) - wanted

@@ -195,8 +195,7 @@ def _sampled(
     """A piece every ``period`` s, and at its ends, where the states are known."""
     count = max(2, math.ceil((piece.end - piece.begin) / period) + 1)
     grid = np.linspace(piece.begin, piece.end, count)
-    states = np.array([piece.state(t) for t in grid])
-    states[0], states[-1] = ends
+    states = np.array([ends[0], *(piece.state(t) for t in grid[1:-1]), ends[1]])
     return Trajectory(
         grid,
         states[:, :3],

@@ -12,6 +12,8 @@ from ares_models.arrays import (
 )
 
 Array = NDArray[np.float64]
+#: Log of a density that no atmosphere has; its exponential is a number.
+_DENSEST = 300.0
 
 
 def gravity(r: Array, environment: Record) -> Array:
@@ -48,8 +50,10 @@ def heating(r: Array, v: Array, arrays: MissionArrays) -> float:
         log_density += (row[3] + row[4] * x) * x * x
     omega = np.array([0.0, 0.0, float(environment["rotation_rate"])])
     relative = v - np.cross(omega, r)
-    density = float(environment["density_factor"]) * math.exp(log_density)
-    return 0.5 * density * float(relative @ relative) ** 1.5
+    density = float(environment["density_factor"]) * math.exp(min(log_density, _DENSEST))
+    square = float(relative @ relative)
+    # a power would raise where this is infinite
+    return 0.5 * density * square * math.sqrt(square)
 
 
 def elements(r: Array, v: Array, mu: float) -> dict[str, float]:

@@ -10,7 +10,6 @@ and pi keeps H = lambda_r . V + lambda_v . g + |lambda_v| T/m the same across th
 pi here is that of Eq. 3.50 times the heating rate.
 """
 
-import math
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 from ares_models.arrays import ALTITUDE_SPHERICAL, Record
 from ares_models.jit import allocating, kernel
+from ares_models.kernels.vectors import quotient
 
 # inputs of the jump: r, V, lambda_v, its rate, thrust acceleration before and after
 JUMP_INPUTS = 14
@@ -68,7 +68,7 @@ def heating_slopes(x: NDArray[Any], environment: Record, atmosphere: NDArray[np.
     w0 = x[3] + rate * x[1]
     w1 = x[4] - rate * x[0]
     w2 = x[5]
-    q = 3.0 / (w0 * w0 + w1 * w1 + w2 * w2)
+    q = quotient(3.0 + 0.0 * w0, w0 * w0 + w1 * w1 + w2 * w2)
     return (
         slope * up0 - rate * q * w1,
         slope * up1 + rate * q * w0,
@@ -110,9 +110,8 @@ def jump(
     root = np.sqrt(inside)
     if b.real < 0.0:
         root = -root
-    divisor = b + root
-    # without thrust there is no jump; numba would raise for complex numbers
-    pi = c / divisor if divisor != 0.0 else c * math.nan
+    # without thrust there is no jump
+    pi = quotient(c, b + root)
     y[0] = x[6] - pi * n3
     y[1] = x[7] - pi * n4
     y[2] = x[8] - pi * n5
