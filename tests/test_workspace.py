@@ -609,6 +609,27 @@ def tools_only(folder: Path) -> dict[str, str]:
     return {"PATH": str(folder)}
 
 
+def test_a_fresh_clone_has_a_version(tmp_path):
+    for name in ("ares", "tools", "src/ares_models/ares_models", "src/ares_bringup"):
+        place, origin = tmp_path / name, ROOT / name
+        place.parent.mkdir(parents=True, exist_ok=True)
+        if origin.is_dir():
+            shutil.copytree(origin, place, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy(origin, place)
+    before = sorted(tmp_path.rglob("*"))
+    clean = {"PATH": os.environ["PATH"], "PYTHONDONTWRITEBYTECODE": "1"}
+    command = [str(tmp_path / "ares"), "--version"]
+    done = run(command, env=clean)
+    assert (done.returncode, done.stdout, done.stderr) == (
+        0,
+        f"ares {workspace.version(ROOT)}\n",
+        "",
+    )
+    # nothing is made: no environment, no kernel
+    assert sorted(tmp_path.rglob("*")) == before
+
+
 @pytest.mark.parametrize("old", [False, True])
 def test_no_fitting_python_is_one_line(launcher, tmp_path, old):
     environ = tools_only(tmp_path / "bin")

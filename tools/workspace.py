@@ -1056,6 +1056,19 @@ def run_tests(workspace: Workspace, environ: Mapping[str, str], arguments: Seque
     return status or types.returncode or (1 if failed else 0)
 
 
+def version(root: Path) -> str:
+    """Read the version of the command line, for which nothing need be installed.
+
+    Raises:
+        WorkspaceError: there is none.
+    """
+    source = root / "src" / "ares_bringup" / "ares_bringup" / "__init__.py"
+    found = re.search(r'^__version__ = "(.+)"$', source.read_text(encoding="utf-8"), re.MULTILINE)
+    if not found:
+        raise WorkspaceError(f"{source} names no __version__")
+    return found[1]
+
+
 def keep_standard_streams() -> None:
     """Open those that are closed on nothing: their numbers would go to files that are opened."""
     for number in (0, 1, 2):
@@ -1073,6 +1086,9 @@ def main(arguments: list[str]) -> int:
             f"Python {sys.version_info[0]}.{sys.version_info[1]} at {sys.executable} does not fit:"
             " install Python 3.11, 3.12 or 3.13, or name one in PYTHON"
         )
+    if arguments == ["--version"]:
+        print(f"ares {version(ROOT)}", flush=True)
+        return 0
     verb, rest = (arguments[0], list(arguments[1:])) if arguments else ("", [])
     environ = without_other_clone(os.environ, ROOT)
     workspace = prepare(ROOT, environ, kernels_for(arguments), additions_for(arguments))
