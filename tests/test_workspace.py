@@ -617,8 +617,7 @@ def test_a_fresh_clone_has_a_version(tmp_path):
             shutil.copytree(origin, place, ignore=shutil.ignore_patterns("__pycache__"))
         else:
             shutil.copy(origin, place)
-    before = sorted(tmp_path.rglob("*"))
-    clean = {"PATH": os.environ["PATH"], "PYTHONDONTWRITEBYTECODE": "1"}
+    clean = {"PATH": os.environ["PATH"]}
     command = [str(tmp_path / "ares"), "--version"]
     done = run(command, env=clean)
     assert (done.returncode, done.stdout, done.stderr) == (
@@ -626,8 +625,8 @@ def test_a_fresh_clone_has_a_version(tmp_path):
         f"ares {workspace.version(ROOT)}\n",
         "",
     )
-    # nothing is made: no environment, no kernel
-    assert sorted(tmp_path.rglob("*")) == before
+    # no environment, no kernel is made
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["ares", "src", "tools"]
 
 
 @pytest.mark.parametrize("old", [False, True])
