@@ -20,6 +20,7 @@ from ares_bringup.commands.cli import main
 from ares_bringup.commands.reproduce import PAGE
 from ares_bringup.discovery import discovery_settings
 from ares_msgs.msg import FlightEvent, FlightMember, NavState
+from ares_node.heartbeat import is_heartbeat
 from ares_node.node import FlightNode
 from ares_node.qos import EVENTS, FLIGHT, FLIGHT_MEMBER, MEMBERS, reliable
 from ares_node.testing import own_words, ros_context, ros_domain, ros_environment, spin_until
@@ -52,6 +53,7 @@ class Graph:
         stack.callback(self.executor.shutdown)
         self.observer = self.add(Node("observer", namespace="ares", context=context))
         self.reports: list[str] = []
+        self.heartbeats: list[str] = []
         self.events: list[FlightEvent] = []
         self.states: list[NavState] = []
         self.members: list[FlightMember] = []
@@ -63,7 +65,9 @@ class Graph:
         self.observer.create_subscription(FlightMember, FLIGHT_MEMBER, self.members.append, MEMBERS)
 
     def _on_report(self, message):
-        self.reports += [f"{s.name}: {s.message}" for s in message.status]
+        for status in message.status:
+            line = f"{status.name}: {status.message}"
+            (self.heartbeats if is_heartbeat(status) else self.reports).append(line)
 
     def add(self, node):
         self._stack.callback(node.destroy_node)

@@ -5,14 +5,18 @@ import time
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from ares_bags.reader import open_bag
 from ares_bags.recorder import RecorderNode
 from ares_guidance.node import GuidanceNode
 from ares_models.mission import load_mission
 from ares_msgs.msg import FlightEvent, GuidanceStatus, NavState, ThrustCommand
+from ares_node.diagnostics import hardware_id
+from ares_node.heartbeat import is_heartbeat
 from ares_node.membership import Membership, Role, State
 from ares_node.qos import FLIGHT, reliable
 from ares_node.states import StateMessage
@@ -307,6 +311,35 @@ def test_guidance_refuses_a_navigation_state_that_is_not_finite(graph):
     assert commands[1].direction == pytest.approx(commands[0].direction)
     assert commands[1].nav_stamp == bad.stamp
     simulator.close()
+
+
+def test_each_node_says_once_a_second_that_it_lives(graph, tmp_path):
+    heard = {}
+
+    def hear(message):
+        for status in filter(is_heartbeat, message.status):
+            heard.setdefault(status.name, []).append((status, message.header.stamp.sec))
+
+    graph.observer.create_subscription(DiagnosticArray, "/diagnostics", hear, reliable(1000))
+    recorder = graph.start(RecorderNode, bag=str(tmp_path / "bag"))
+    guidance = graph.start(GuidanceNode)
+    simulator = graph.start(VehicleSimNode, pace=200.0, expected_recorders=1)
+    graph.spin(lambda: simulator.simulator.complete and recorder._writer is None)
+    names = {f"ares/{name}: heartbeat" for name in ("guidance", "recorder", "vehicle_sim")}
+    graph.spin(lambda: heard.keys() >= names and min(map(len, heard.values())) > 1)
+    status, second = heard["ares/guidance: heartbeat"][1]
+    assert status.level == DiagnosticStatus.OK
+    said = {value.key: value.value for value in status.values}
+    assert said["state"] == status.message == "active"
+    assert float(said["rate_hz"]) > 1.0
+    assert float(said["latency_ms"]) > 0.0
+    assert status.hardware_id == hardware_id(guidance.flight_id)
+    # by the wall clock, and in no bag
+    assert second > 1_600_000_000
+    reports = [message for _, message in open_bag(tmp_path / "bag").messages("/diagnostics")]
+    assert not any(is_heartbeat(status) for message in reports for status in message.status)
+    assert guidance.trigger_deactivate() == TransitionCallbackReturn.SUCCESS
+    graph.spin(lambda: heard["ares/guidance: heartbeat"][-1][0].message == "inactive")
 
 
 @pytest.mark.parametrize("wrong", [0, 1, 5])

@@ -28,6 +28,7 @@ from ares_bags.types import (
 from ares_bags.writer import GUIDANCE_KEY, INCOMPLETE_KEY, BagWriter
 from ares_msgs.msg import FlightMember
 from ares_node.diagnostics import Level, of_another_flight
+from ares_node.heartbeat import is_heartbeat
 from ares_node.identity import id_text
 from ares_node.membership import AGREED, FLIGHT_ID, Membership, Role, State
 from ares_node.node import FlightNode, NodeError
@@ -353,6 +354,9 @@ class RecorderNode(FlightNode):
 
     def _is_our_report(self, data: bytes) -> bool:
         reports = message_of(data, DiagnosticArray).status
+        if any(map(is_heartbeat, reports)):
+            # a bag says of a flight what is the same on every machine
+            return False
         foreign = any(of_another_flight(report, self._membership.flight_id) for report in reports)
         self._membership.foreign += foreign
         return not foreign

@@ -391,6 +391,7 @@ def flight_graph(
     from rclpy.signals import SignalHandlerOptions
 
     from ares_bringup.monitor import FlightMonitor
+    from ares_node.heartbeat import Heartbeat
     from ares_node.run import StopSignals
 
     stop = StopSignals(abandonable, EXIT_INTERRUPTED)
@@ -414,6 +415,7 @@ def flight_graph(
                 enable_rosout=False,
                 start_parameter_services=False,
             )
+            Heartbeat(node, flight_id=lambda: summary.flight_id)
             monitor = FlightMonitor(node, summary, say)
             try:
                 executor.add_node(node)

@@ -27,6 +27,7 @@ from ares_node.diagnostics import (
     of_another_flight,
     timing,
 )
+from ares_node.heartbeat import is_heartbeat
 from ares_node.membership import Membership, Role, State
 from ares_node.qos import (
     DIAGNOSTIC,
@@ -193,6 +194,8 @@ class FlightMonitor:
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
+            if is_heartbeat(status):
+                continue
             if of_another_flight(status, self.summary.flight_id):
                 self._is_ours(0)
                 continue

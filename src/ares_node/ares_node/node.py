@@ -16,6 +16,7 @@ from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
 from ares_node.diagnostics import Diagnostics, Level, folded
+from ares_node.heartbeat import Heartbeat
 from ares_node.parameters import Parameter, declare_parameters, read_parameters
 from ares_node.qos import NAMESPACE
 from ares_node.states import Unreadable
@@ -46,6 +47,7 @@ class FlightNode(LifecycleNode):
         disposable: what a callback works on may be dropped when the process is to end.
         values: parameters in force, by name; `configure` finds what was set before it.
         diagnostics: the node's reports.
+        heartbeat: its word once a second, that it lives.
         failure: why the last transition was refused, one line; None if it was not.
         done: the node has ended the run itself (`finish`); its process may exit.
         when_done: called when it has.
@@ -90,6 +92,7 @@ class FlightNode(LifecycleNode):
             self.values = declare_parameters(self, self._table, self._why_fixed)
             self.add_post_set_parameters_callback(self._on_set)
             self.diagnostics = Diagnostics(self, lambda: self.flight_id)
+            self.heartbeat = Heartbeat(self, lambda: self._label, lambda: self.flight_id)
         except Exception:
             self.destroy_node()
             raise
@@ -155,7 +158,8 @@ class FlightNode(LifecycleNode):
                 # the executor held it for a reader that has been destroyed meanwhile
                 return
             try:
-                callback(message)
+                with self.heartbeat.counted():
+                    callback(message)
             except Unreadable as error:
                 self.unreadable += 1
                 if self.unreadable == 1:

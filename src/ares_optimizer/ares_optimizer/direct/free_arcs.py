@@ -28,7 +28,7 @@ from ares_optimizer.plan import (
 )
 from ares_optimizer.proof.flight import fly, steering_of
 from ares_optimizer.request import Request
-from ares_optimizer.solution import Cause, Solution, Status
+from ares_optimizer.solution import OUT_OF_TIME, Cause, Solution, Status, failed
 
 Array = NDArray[np.float64]
 
@@ -154,7 +154,8 @@ def solve_direct_planned(request: Request, trials: Iterable[Array] | None = None
         search.request = replace(request, verify=True)
         best = flown[0]
     if best is None:
-        assert search.last is not None
+        if search.last is None:
+            return failed(request.method, OUT_OF_TIME)
         return replace(search.last, solve_ms=elapsed, iterations=search.iterations)
     return _finished(search, best, elapsed)
 

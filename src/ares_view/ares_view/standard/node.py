@@ -30,6 +30,7 @@ from ares_msgs.msg import (
     VehicleState,
 )
 from ares_node.diagnostics import Level, of_another_flight
+from ares_node.heartbeat import is_heartbeat
 from ares_node.membership import MOST_HEARD, Role
 from ares_node.node import FlightNode, NodeError
 from ares_node.parameters import Parameter
@@ -437,6 +438,9 @@ class ViewNode(FlightNode):
         self._forward(topic, stamp_ns, data)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        if any(map(is_heartbeat, message.status)):
+            # stamped by another clock than all that is shown
+            return
         if not any(of_another_flight(status, self.flight_id) for status in message.status):
             self._forward(DIAGNOSTICS, ns_from_stamp(message.header.stamp), message)
 
