@@ -8,26 +8,19 @@ went, that end is closed and the child ends itself.
 
 import os
 import runpy
-import signal
 import sys
-import threading
-import time
 
-#: Wall time in s that a child without its parent gets to end in good order.
-GRACE = 10.0
+from ares_node.parent import end_after
 
 
-def _end_with_parent() -> None:
+def _read_to_the_end() -> None:
     while os.read(0, 4096):
         pass
-    os.kill(os.getpid(), signal.SIGTERM)
-    time.sleep(GRACE)
-    os.kill(os.getpid(), signal.SIGKILL)
 
 
 def main() -> None:
     """Watch the parent, become the module."""
-    threading.Thread(target=_end_with_parent, name="parent-watch", daemon=True).start()
+    end_after(_read_to_the_end)
     module = sys.argv[1]
     sys.argv = sys.argv[1:]
     runpy.run_module(module, run_name="__main__", alter_sys=True)

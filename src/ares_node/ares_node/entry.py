@@ -20,11 +20,6 @@ EXIT_CANNOT_START = 2
 BEYOND_NUMBERS = "(overflow|invalid value|divide by zero) encountered"
 
 
-def _leave(_number: int, _frame: FrameType | None) -> None:
-    # nothing has begun, and imports in progress must not be unwound with a traceback
-    os._exit(EXIT_OK)
-
-
 class OutputError(OSError):
     """Standard output takes no more; the text is why."""
 
@@ -99,7 +94,7 @@ def set_up_libraries() -> None:
         warnings.filterwarnings("ignore", BEYOND_NUMBERS, RuntimeWarning)
 
 
-def enter(package: str, node: str, name: str, extra: str = "") -> int:
+def enter(package: str, node: str, name: str, extra: str = "", stopped: int = EXIT_OK) -> int:
     """Run one node as a process.
 
     Args:
@@ -107,21 +102,29 @@ def enter(package: str, node: str, name: str, extra: str = "") -> int:
         node: where the node's class is, `module:class`.
         name: name of the node, with which error lines begin.
         extra: of what the package requires, checked too.
+        stopped: exit status after a signal that came before the node was up.
 
     Returns:
         The exit status, as of `ares_node.run.run_node`; 2 if something is not installed.
     """
+
+    def leave(_number: int, _frame: FrameType | None) -> None:
+        # nothing has begun, and imports in progress must not be unwound with a traceback
+        os._exit(stopped)
+
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _leave)
+        signal.signal(number, leave)
     # who has become this process may have held them back until there is somebody to take them
     signal.pthread_sigmask(signal.SIG_UNBLOCK, (signal.SIGINT, signal.SIGTERM))
     keep_standard_streams()
     set_up_libraries()
     # nothing of what is imported is garbage: 0.05 s
     gc.disable()
-    from ares_node.requirements import unmet
+    from ares_node.parent import end_with_launcher
+    from ares_node.requirements import missing_middleware, unmet
 
-    reason = unmet(package, extra)
+    end_with_launcher()
+    reason = missing_middleware() or unmet(package, extra)
     if reason is None:
         module, _, kind = node.partition(":")
         try:
@@ -134,7 +137,7 @@ def enter(package: str, node: str, name: str, extra: str = "") -> int:
         return EXIT_CANNOT_START
     gc.freeze()
     gc.enable()
-    status: int = run_node(factory, name=name)
+    status: int = run_node(factory, name=name, stopped=stopped)
     # the interpreter's own end must not be interrupted either
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)

@@ -62,6 +62,7 @@ class StopSignals:
         starting: the node is not up yet: a signal interrupts that.
         abandonable: whether work that does not end soon is left where it is, in compiled
             code or not, and the process ends with `exit_status`.
+        exit_status: of a process that is left in the middle of something.
     """
 
     def __init__(
@@ -70,7 +71,7 @@ class StopSignals:
         self.requested = False
         self.starting = True
         self.abandonable = abandonable
-        self._exit_status = exit_status
+        self.exit_status = exit_status
         self._wake: Callable[[], None] | None = None
         hung_up = () if signal.getsignal(signal.SIGHUP) == signal.SIG_IGN else (signal.SIGHUP,)
         self._signals = (*_SIGNALS, *hung_up)
@@ -110,7 +111,7 @@ class StopSignals:
 
         def abandon() -> None:
             if not over.wait(ABANDON_AFTER) and self.abandonable():
-                os._exit(self._exit_status)
+                os._exit(self.exit_status)
 
         def relay() -> None:
             while os.read(readable, 1) != b"\0":
@@ -153,6 +154,7 @@ def run_node(
     argv: Sequence[str] | None = None,
     *,
     name: str | None = None,
+    stopped: int = EXIT_OK,
 ) -> int:
     """Run one node as a process until it is done or a signal comes.
 
@@ -163,6 +165,7 @@ def run_node(
         factory: the node's class; called with `context=`.
         argv: command line without the program's name (`--ros-args ...`); default sys.argv[1:].
         name: what error lines begin with before there is a node; default the program's name.
+        stopped: exit status after a signal that came before the node was up.
 
     Returns:
         The exit status: the node's `exit_code` after a run (0 after a signal, unless the
@@ -178,12 +181,12 @@ def run_node(
         _complain(who, str(error))
         return EXIT_CANNOT_START
     arguments += enclave_arguments(who, arguments)
-    stop = StopSignals()
+    stop = StopSignals(exit_status=stopped)
     with stop.watch():
         try:
             return _run(factory, arguments, who, stop)
         except _Stopped:
-            return EXIT_OK
+            return stopped
 
 
 def _run(
@@ -207,7 +210,7 @@ def _run(
             return EXIT_CANNOT_START
         except (ParameterError, ParameterException, RuntimeError) as error:
             if stop.requested:
-                return EXIT_OK
+                return stop.exit_status
             # malformed ROS arguments come as subclasses of RuntimeError
             _complain(who, one_line(error))
             return EXIT_CANNOT_START
@@ -218,7 +221,7 @@ def _run(
         executor.add_node(node)
         if node.values["autostart"] and not node.start():
             if stop.requested:
-                return EXIT_OK
+                return stop.exit_status
             _complain(node.get_name(), node.failure or "could not start")
             return EXIT_CANNOT_START
         stop.starting = False
