@@ -9,7 +9,7 @@ import yaml
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from ares_bags.reader import open_bag
-from ares_view.standard.frames import ECI
+from ares_view.standard.frames import Frames
 from ares_view.standard.node import FORWARDED, PUBLISHED
 
 ROOT = Path(__file__).parent.parent
@@ -64,13 +64,13 @@ def test_every_path_leads_to_a_number_of_our_bags(path):
 
 def test_space_and_map_show_what_the_view_publishes():
     space, ground = PANELS["3D!space"], PANELS["map!ground"]
-    assert space["followTf"] == ECI
+    assert space["followTf"] == Frames().eci
     assert {*space["topics"], ground["followTopic"], *ground["topicColors"]} <= SHOWN
 
 
 def test_rviz_shows_what_the_view_publishes():
     manager = RVIZ["Visualization Manager"]
-    assert manager["Global Options"]["Fixed Frame"] == ECI
+    assert manager["Global Options"]["Fixed Frame"] == Frames().eci
     shown = {display["Class"].split("/")[1]: display for display in manager["Displays"]}
     assert set(shown) == {"Marker", "Path", "TF"}
     for name in ("marker", "path"):

@@ -31,10 +31,12 @@ from ares_msgs.msg import FlightEvent, VehicleState
 from ares_node.qos import EVENTS, FLIGHT
 from ares_node.time import ns_from_stamp, stamp_from_seconds
 from ares_vehicle_sim.node import VehicleSimNode
-from ares_view.standard.frames import ECEF, ECI, START, VEHICLE
+from ares_view.standard.frames import EARTH as ROOT
+from ares_view.standard.frames import Frames
 from ares_view.standard.node import FORWARDED, PUBLISHED, ViewNode
 
 EARTH = load_mission("ares_v").environment.earth
+ECI, START, VEHICLE = Frames().eci, Frames().start, Frames().vehicle
 
 
 class Viewer:
@@ -137,6 +139,10 @@ def rotated(vector, q):
     return vector + 2.0 * np.cross(axis, np.cross(axis, vector) + q.w * vector)
 
 
+def reverse(q):
+    return type(q)(x=-q.x, y=-q.y, z=-q.z, w=q.w)
+
+
 def frames(viewer):
     """Transforms by child, in order."""
     found = {}
@@ -153,18 +159,18 @@ def test_a_flight_in_standard_messages(flown, graph):
 
     # every frame reaches the root, by one way
     tree = frames(viewer)
-    assert set(tree) == {ECEF, VEHICLE, START}
+    assert set(tree) == {ECI, VEHICLE, START}
     parents = {child: {t.header.frame_id for t in all_} for child, all_ in tree.items()}
-    assert parents == {ECEF: {ECI}, VEHICLE: {ECI}, START: {ECEF}}
-    known = {ECI, *tree}
+    assert parents == {ECI: {ROOT}, VEHICLE: {ECI}, START: {ROOT}}
+    known = {ROOT, *tree}
     headed = (*viewer["pose"], *viewer["twist"], *viewer["fix"], *viewer["path"])
     assert {message.header.frame_id for message in (*headed, *viewer["marker"])} <= known
 
     # the Earth turns at its rate, x of the vehicle is its thrust
-    for transform in tree[ECEF]:
+    for transform in tree[ECI]:
         angle = EARTH.rotation_rate_rad_s * ns_from_stamp(transform.header.stamp) / 1e9
         angle += math.radians(EARTH.zero_longitude_deg)
-        east = rotated(np.array([1.0, 0.0, 0.0]), transform.transform.rotation)
+        east = rotated(np.array([1.0, 0.0, 0.0]), reverse(transform.transform.rotation))
         assert east == pytest.approx([math.cos(angle), math.sin(angle), 0.0], abs=1e-12)
     for transform in tree[VEHICLE]:
         row = row_at[ns_from_stamp(transform.header.stamp)]
@@ -175,13 +181,11 @@ def test_a_flight_in_standard_messages(flown, graph):
 
     # the place is that of PROJ to a metre, by way of the published frames
     to_place = proj()
-    turned = {ns_from_stamp(t.header.stamp): t.transform.rotation for t in tree[ECEF]}
+    turned = {ns_from_stamp(t.header.stamp): t.transform.rotation for t in tree[ECI]}
     assert viewer["fix"]
     for fix in viewer["fix"]:
         stamp = ns_from_stamp(fix.header.stamp)
-        q = turned[stamp]
-        inverse = type(q)(x=-q.x, y=-q.y, z=-q.z, w=q.w)
-        fixed = rotated(truth["position"][row_at[stamp]], inverse)
+        fixed = rotated(truth["position"][row_at[stamp]], turned[stamp])
         longitude, latitude, height = to_place.transform(*fixed)
         metre = 180.0 / math.pi / EARTH.equatorial_radius_m
         assert fix.latitude == pytest.approx(latitude, abs=metre)

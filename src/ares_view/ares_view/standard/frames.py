@@ -1,6 +1,7 @@
 """Frames of a flight: which there are, and how one lies in another. No ROS."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,14 +11,36 @@ from ares_models.frames import Matrix, inertial_from_east_north_up, transformati
 Array = NDArray[np.float64]
 Quaternion = tuple[float, float, float, float]
 
-#: Earth-centred, inertial, fixed at the mission's epoch: the root.
-ECI = "ares_eci"
-#: Earth-centred, turns with the Earth; x through longitude zero, z through the north pole.
-ECEF = "ares_ecef"
-#: East, north, up on the ellipsoid below the first state; fixed to the Earth.
-START = "ares_start"
-#: In the vehicle: x along the thrust, y to the left, z up, as far as the thrust leaves it.
-VEHICLE = "ares_vehicle"
+#: Earth-centred, turns with the Earth; x through longitude zero, z through the north pole: the
+#: root, which all flights share, as REP 105 has it.
+EARTH = "earth"
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Names of the frames of one flight.
+
+    Attributes:
+        prefix: of all but that of the Earth; ends with a slash, or is empty.
+    """
+
+    prefix: str = ""
+
+    @property
+    def eci(self) -> str:
+        """Earth-centred, inertial, fixed at the mission's epoch."""
+        return f"{self.prefix}ares_eci"
+
+    @property
+    def start(self) -> str:
+        """East, north, up on the ellipsoid below the first state; fixed to the Earth."""
+        return f"{self.prefix}ares_start"
+
+    @property
+    def vehicle(self) -> str:
+        """In the vehicle: x along the thrust, y to the left, z up, as far as the thrust lets it."""
+        return f"{self.prefix}ares_vehicle"
+
 
 #: Sine of the angle between thrust and orbit normal below which that normal says nothing.
 _ALONG = 1e-6

@@ -23,11 +23,9 @@ from ares_models.frames import Matrix, earth_fixed_from_inertial
 from ares_models.geodesy import earth_fixed_place, geodetic
 from ares_node.time import NANOSECONDS, stamp_from_ns
 from ares_view.standard.frames import (
-    ECEF,
-    ECI,
-    START,
-    VEHICLE,
+    EARTH,
     Array,
+    Frames,
     quaternion,
     start_axes,
     vehicle_axes,
@@ -73,10 +71,11 @@ def _transform(
     return message
 
 
-def moving_frames(stamp_ns: int, state: Any, earth: Earth) -> TFMessage:
-    """Where the Earth and the vehicle are.
+def moving_frames(frames: Frames, stamp_ns: int, state: Any, earth: Earth) -> TFMessage:
+    """Place the inertial axes on the turning Earth, and the vehicle in them.
 
     Args:
+        frames: names of the flight's frames.
         stamp_ns: flight time, ns.
         state: record with the fields of VehicleState.
         earth: of the mission.
@@ -87,49 +86,50 @@ def moving_frames(stamp_ns: int, state: Any, earth: Earth) -> TFMessage:
     axes = vehicle_axes(state["position"], state["velocity"], state["thrust_direction"])
     return TFMessage(
         transforms=[
-            _transform(stamp_ns, ECI, ECEF, (0.0, 0.0, 0.0), turned.T),
-            _transform(stamp_ns, ECI, VEHICLE, state["position"], axes),
+            _transform(stamp_ns, EARTH, frames.eci, (0.0, 0.0, 0.0), turned),
+            _transform(stamp_ns, frames.eci, frames.vehicle, state["position"], axes),
         ]
     )
 
 
-def fixed_frames(stamp_ns: int, state: Any, earth: Earth) -> TFMessage:
+def fixed_frames(frames: Frames, stamp_ns: int, state: Any, earth: Earth) -> TFMessage:
     """The place of the start, from the first state; arguments as for `moving_frames`."""
-    place = fix(stamp_ns, state, earth)
+    place = fix(frames, stamp_ns, state, earth)
     origin = earth_fixed_place(place.latitude, place.longitude, 0.0, earth)
     axes = start_axes(place.latitude, place.longitude)
-    return TFMessage(transforms=[_transform(stamp_ns, ECEF, START, origin, axes)])
+    return TFMessage(transforms=[_transform(stamp_ns, EARTH, frames.start, origin, axes)])
 
 
-def pose(stamp_ns: int, state: Any) -> PoseStamped:
-    """Position and axes of the vehicle in the root frame."""
-    message = PoseStamped(header=header(stamp_ns, ECI))
+def pose(frames: Frames, stamp_ns: int, state: Any) -> PoseStamped:
+    """Position and axes of the vehicle in the inertial frame."""
+    message = PoseStamped(header=header(stamp_ns, frames.eci))
     axes = vehicle_axes(state["position"], state["velocity"], state["thrust_direction"])
     message.pose.position = _point(state["position"])
     message.pose.orientation = _rotation(axes)
     return message
 
 
-def twist(stamp_ns: int, state: Any, turn: Array) -> TwistStamped:
-    """Inertial velocity and the turn of the thrust axis, in components of the root frame.
+def twist(frames: Frames, stamp_ns: int, state: Any, turn: Array) -> TwistStamped:
+    """Inertial velocity and the turn of the thrust axis, in components of inertial axes.
 
     Args:
+        frames: names of the flight's frames.
         stamp_ns: flight time, ns.
         state: record with the fields of VehicleState.
         turn: angular velocity, shape (3,), rad/s.
     """
-    message = TwistStamped(header=header(stamp_ns, ECI))
+    message = TwistStamped(header=header(stamp_ns, frames.eci))
     message.twist.linear = _vector(state["velocity"])
     message.twist.angular = _vector(turn)
     return message
 
 
-def fix(stamp_ns: int, state: Any, earth: Earth) -> NavSatFix:
+def fix(frames: Frames, stamp_ns: int, state: Any, earth: Earth) -> NavSatFix:
     """Geodetic place of the vehicle on the mission's ellipsoid; its covariance is not known."""
     time, position = np.array([stamp_ns / NANOSECONDS]), np.array([state["position"]])
     place = geodetic(time, position, earth)
     return NavSatFix(
-        header=header(stamp_ns, VEHICLE),
+        header=header(stamp_ns, frames.vehicle),
         status=NavSatStatus(status=NavSatStatus.STATUS_FIX, service=NavSatStatus.SERVICE_GPS),
         latitude=float(place.latitude_deg[0]),
         longitude=float(place.longitude_deg[0]),
@@ -138,9 +138,9 @@ def fix(stamp_ns: int, state: Any, earth: Earth) -> NavSatFix:
     )
 
 
-def path(stamp_ns: int, points: Sequence[PoseStamped]) -> Path:
-    """The way so far, in the root frame."""
-    return Path(header=header(stamp_ns, ECI), poses=list(points))
+def path(frames: Frames, stamp_ns: int, points: Sequence[PoseStamped]) -> Path:
+    """The way so far, in the inertial frame."""
+    return Path(header=header(stamp_ns, frames.eci), poses=list(points))
 
 
 # ---- markers
@@ -154,31 +154,33 @@ def _marker(stamp_ns: int, frame: str, space: str, number: int, kind: int) -> Ma
     return message
 
 
-def nothing(stamp_ns: int) -> Marker:
+def nothing(frames: Frames, stamp_ns: int) -> Marker:
     """Takes all markers of a flight before away."""
-    return Marker(header=header(stamp_ns, ECI), action=Marker.DELETEALL)
+    return Marker(header=header(stamp_ns, frames.eci), action=Marker.DELETEALL)
 
 
 def globe(stamp_ns: int, earth: Earth) -> Marker:
     """The mission's ellipsoid."""
-    message = _marker(stamp_ns, ECEF, "earth", 0, Marker.SPHERE)
+    message = _marker(stamp_ns, EARTH, "earth", 0, Marker.SPHERE)
     wide, high = 2.0 * earth.equatorial_radius, 2.0 * earth.polar_radius
     message.scale = _vector((wide, wide, high))
     message.color = _OCEAN
     return message
 
 
-def arrow(stamp_ns: int, burns: bool) -> Marker:
+def arrow(frames: Frames, stamp_ns: int, burns: bool) -> Marker:
     """The vehicle: an arrow along its thrust, grey while no engine burns."""
-    message = _marker(stamp_ns, VEHICLE, "vehicle", 0, Marker.ARROW)
+    message = _marker(stamp_ns, frames.vehicle, "vehicle", 0, Marker.ARROW)
     message.scale = _vector((ARROW_LENGTH, 0.15 * ARROW_LENGTH, 0.15 * ARROW_LENGTH))
     message.color = _FLAME if burns else _COAST
     return message
 
 
-def label(stamp_ns: int, number: int, position: Sequence[float], text: str) -> Marker:
+def label(
+    frames: Frames, stamp_ns: int, number: int, position: Sequence[float], text: str
+) -> Marker:
     """An event, written where it happened."""
-    message = _marker(stamp_ns, ECI, "events", number, Marker.TEXT_VIEW_FACING)
+    message = _marker(stamp_ns, frames.eci, "events", number, Marker.TEXT_VIEW_FACING)
     message.pose.position = _point(position)
     message.scale.z = LETTERS
     message.color = _INK

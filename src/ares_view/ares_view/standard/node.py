@@ -44,6 +44,8 @@ from ares_node.qos import (
     GUIDANCE_STATUS,
     MEMBERS,
     NAV_STATE,
+    TF,
+    TF_STATIC,
     THRUST_COMMAND,
     VEHICLE_STATE,
     reliable,
@@ -52,7 +54,7 @@ from ares_node.requirements import unmet
 from ares_node.states import StateMessage, Unreadable
 from ares_node.time import NANOSECONDS, ns_from_stamp
 from ares_view.standard import messages
-from ares_view.standard.frames import Array, turn_rate
+from ares_view.standard.frames import Array, Frames, turn_rate
 from ares_view.standard.trail import Trail
 
 if TYPE_CHECKING:
@@ -63,8 +65,6 @@ TWIST = "twist"
 FIX = "fix"
 PATH = "path"
 MARKER = "marker"
-TF = "/tf"
-TF_STATIC = "/tf_static"
 
 #: Topics, types and QoS of what is published; that of /tf and /tf_static is tf2's.
 PUBLISHED = {
@@ -126,6 +126,11 @@ PARAMETERS = (
         "Identity of the flight that is shown; 0: the first that is heard of, and another when "
         "it is over.",
         minimum=0,
+    ),
+    Parameter(
+        "frame_prefix",
+        "",
+        "Prefix of the names of all frames but `earth`, such as `b/`, for more flights than one.",
     ),
     Parameter(
         "rate_hz",
@@ -204,6 +209,7 @@ class ViewNode(FlightNode):
         except MissionError as error:
             raise NodeError(str(error)) from error
         self._states = StateMessage(VehicleState)
+        self._frames = Frames(self.values["frame_prefix"])
         self._missions: dict[int, str] = {}
         self._foxglove = self._open(self.values["foxglove_port"])
         self._out = {
@@ -287,7 +293,7 @@ class ViewNode(FlightNode):
         self._shown = Shown(flight_id, mission, Trail(self.values["path_points"]))
         if self._foxglove is not None:
             self._foxglove.begin_anew()
-        self._publish(MARKER, messages.nothing(0))
+        self._publish(MARKER, messages.nothing(self._frames, 0))
         if complaint:
             self.diagnostics.report(Level.WARN, complaint, 0)
         return self._shown
@@ -304,7 +310,9 @@ class ViewNode(FlightNode):
             self._show_the_start(shown, stamp_ns, state)
         shown.last_ns = stamp_ns
         self._heard = time.monotonic()
-        self._path_due |= shown.trail.offer(stamp_ns, lambda: messages.pose(stamp_ns, state))
+        self._path_due |= shown.trail.offer(
+            stamp_ns, lambda: messages.pose(self._frames, stamp_ns, state)
+        )
         self._waiting = stamp_ns, state, data
         if self._heard - self._last_shown >= self._period:
             self._show()
@@ -322,7 +330,7 @@ class ViewNode(FlightNode):
             if event.type == FlightEvent.JETTISON and event.index < len(shown.mission.jettisons):
                 text = f"{text}: {shown.mission.jettison_names[event.index]}"
             stamp_ns = ns_from_stamp(event.stamp)
-            label = messages.label(stamp_ns, shown.labels, event.position, text)
+            label = messages.label(self._frames, stamp_ns, shown.labels, event.position, text)
             self._publish(MARKER, label, stamp_ns)
             shown.labels += 1
         if event.type in ENDS:
@@ -345,7 +353,9 @@ class ViewNode(FlightNode):
     def _show_the_start(self, shown: Shown, stamp_ns: int, state: Any) -> None:
         earth = shown.mission.earth()
         self._publish(MARKER, messages.globe(stamp_ns, earth), stamp_ns)
-        self._publish(TF_STATIC, messages.fixed_frames(stamp_ns, state, earth), stamp_ns)
+        self._publish(
+            TF_STATIC, messages.fixed_frames(self._frames, stamp_ns, state, earth), stamp_ns
+        )
 
     def _show(self) -> None:
         """Show the newest state."""
@@ -360,14 +370,14 @@ class ViewNode(FlightNode):
         direction = state["thrust_direction"]
         turn = turn_rate(shown.direction, direction, seconds)
         shown.shown_ns, shown.direction = stamp_ns, direction
-        self._publish(TF, messages.moving_frames(stamp_ns, state, earth), stamp_ns)
-        self._publish(POSE, messages.pose(stamp_ns, state), stamp_ns)
-        self._publish(TWIST, messages.twist(stamp_ns, state, turn), stamp_ns)
-        self._publish(FIX, messages.fix(stamp_ns, state, earth), stamp_ns)
+        self._publish(TF, messages.moving_frames(self._frames, stamp_ns, state, earth), stamp_ns)
+        self._publish(POSE, messages.pose(self._frames, stamp_ns, state), stamp_ns)
+        self._publish(TWIST, messages.twist(self._frames, stamp_ns, state, turn), stamp_ns)
+        self._publish(FIX, messages.fix(self._frames, stamp_ns, state, earth), stamp_ns)
         burns = bool(state["thrust"] > 0.0)
         if burns != shown.burns:
             shown.burns = burns
-            self._publish(MARKER, messages.arrow(stamp_ns, burns), stamp_ns)
+            self._publish(MARKER, messages.arrow(self._frames, stamp_ns, burns), stamp_ns)
         self._forward(VEHICLE_STATE, stamp_ns, data)
         if self._foxglove is not None:
             self._foxglove.tell_time(stamp_ns)
@@ -377,7 +387,7 @@ class ViewNode(FlightNode):
         if shown is not None and shown.last_ns is not None:
             self._path_due = False
             self._last_path = time.monotonic()
-            message = messages.path(shown.last_ns, shown.trail.points)
+            message = messages.path(self._frames, shown.last_ns, shown.trail.points)
             self._publish(PATH, message, shown.last_ns)
 
     def _show_the_rest(self) -> None:
