@@ -204,6 +204,10 @@ class Bag:
         self._retimed.sort(key=lambda entry: entry[1])
         self.start_ns, self.end_ns = self._retimed[0][1], self._retimed[-1][1]
 
+    def holds(self, topic: str) -> bool:
+        """Tell whether there is a topic of this name, or of this end of a name (`nav_state`)."""
+        return any(name.endswith("/" + topic.lstrip("/")) for name in self.topics)
+
     def name_of(self, topic: str) -> str:
         """Full name of a topic, given that or the end of it (`nav_state`).
 

@@ -192,7 +192,7 @@ def _read(bag: Bag) -> _Recorded:
         what = COMMAND if states else "nav_state"
         raise BagError(f"bag {bag.path} cannot be checked: {what} is empty")
     reports = []
-    if "/diagnostics" in bag.topics:
+    if bag.holds("/diagnostics"):
         for _, message in bag.messages("/diagnostics"):
             at = ns_from_stamp(message.header.stamp)
             reports += [(at, s) for s in message.status if s.name.endswith("/guidance")]

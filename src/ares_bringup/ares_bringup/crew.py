@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterable, Mapping
 from types import TracebackType
 from typing import Self
 
+from ares_node.names import remappings
+
 STANDARD_ERROR = 2
 
 #: Wall time in s between looks at a child that is to end.
@@ -18,8 +20,8 @@ CLOSE_TIMEOUT = 10.0
 
 
 def ros_arguments(parameters: Mapping[str, object], namespace: str) -> list[str]:
-    """Command line that sets namespace and parameters of a node; texts are quoted for YAML."""
-    arguments = ["--ros-args", "-r", f"__ns:={namespace}"]
+    """Command line that sets names and parameters of a node; texts are quoted for YAML."""
+    arguments = ["--ros-args", "-r", f"__ns:={namespace}", *remappings(namespace)]
     for name, value in parameters.items():
         arguments += ["-p", f"{name}:={json.dumps(value, ensure_ascii=False)}"]
     return arguments

@@ -6,7 +6,9 @@ rates of some kHz the usual depth of 10 loses messages without a word.
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-NAMESPACE = "ares"
+from ares_node import names
+
+NAMESPACE = names.NAMESPACE
 
 NAV_STATE = "nav_state"
 VEHICLE_STATE = "vehicle_state"
@@ -14,8 +16,10 @@ THRUST_COMMAND = "thrust_command"
 GUIDANCE_STATUS = "guidance_status"
 FLIGHT_EVENT = "flight_event"
 FLIGHT_MEMBER = "flight_member"
-CLOCK = "/clock"
-DIAGNOSTICS = "/diagnostics"
+CLOCK = names.CLOCK
+DIAGNOSTICS = names.DIAGNOSTICS
+TF = names.TF
+TF_STATIC = names.TF_STATIC
 #: What took how long: in no bag, which says of a flight what is the same on every machine.
 TIMING = "timing"
 LOG = "/rosout"
