@@ -5,9 +5,10 @@ import sys
 
 from ares_bringup.commands.interrupts import end_at_once, leave_the_end_alone
 from ares_node.entry import enter, keep_standard_streams, set_up_libraries
-from ares_node.requirements import unmet
+from ares_node.requirements import missing_middleware, unmet
 
 EXIT_BAD_INPUT = 2
+EXIT_INTERRUPTED = 130
 
 
 def main() -> int:
@@ -16,7 +17,7 @@ def main() -> int:
     leave_the_end_alone()
     keep_standard_streams()
     set_up_libraries()
-    reason = unmet("ares_bringup")
+    reason = missing_middleware() or unmet("ares_bringup")
     if reason is None:
         try:
             from ares_bringup.commands.cli import main as run
@@ -33,7 +34,8 @@ def main() -> int:
 
 def judge() -> int:
     """Run the judge's node until it has spoken or a signal comes."""
-    return enter("ares_bringup", "ares_bringup.judge:JudgeNode", "judge")
+    # a judge that is stopped has no good word to say
+    return enter("ares_bringup", "ares_bringup.judge:JudgeNode", "judge", stopped=EXIT_INTERRUPTED)
 
 
 if __name__ == "__main__":

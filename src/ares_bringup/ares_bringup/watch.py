@@ -1,17 +1,21 @@
 """When a flight is over, and when it is given up. No ROS."""
 
 import math
+import os
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from ares_bringup.options import CannotStart
+from ares_node.security import RANGE
 
 if TYPE_CHECKING:
     from ares_bringup.monitor import FlightMonitor
 
 #: Wall time in s after which a start that takes long is explained.
 PATIENCE = 15.0
+#: The same where nodes are kept from finding each other.
+OFF_PATIENCE = 3.0
 #: Wall time in s for all nodes to start; the very first flight compiles for a while.
 START_TIMEOUT = 300.0
 #: Wall time in s without any message, beyond what the pace explains, after which the flight
@@ -48,6 +52,7 @@ class Watch:
         self._say = say
         self._made = time.monotonic()
         self._patience = patience
+        self._off = os.environ.get(RANGE) == "OFF"
         self._begun: Callable[[], None] | None = begun
         self._silence = STALL_TIMEOUT + (LONGEST_SILENCE / pace if pace else 0.0)
 
@@ -73,6 +78,9 @@ class Watch:
                 return True
         elif now - self._made > START_TIMEOUT + STALL_TIMEOUT:
             raise CannotStart(f"the flight has not begun within {now - self._made:.0f} s")
+        elif self._off and now - self._made > OFF_PATIENCE:
+            self._off = False
+            self._say(f"waiting for the nodes: {RANGE} is OFF, by which none finds another")
         elif now - self._made > self._patience:
             self._patience = math.inf
             self._say("waiting for the nodes; the very first flight compiles them")

@@ -1,15 +1,19 @@
-"""What installed packages need from the Python Package Index, looked at before it is imported.
+"""Find what is missing before it is imported: packages of the Python Package Index, middleware.
 
 Each package's `setup.py` says it in `install_requires`, in the forms `name` and
 `name>=version`. Standard library only.
 """
 
+import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from importlib import metadata
+from pathlib import Path
 
 #: The project's own packages; their requirements count too.
 OWN = "ares_"
+#: Where ROS middleware is registered below a prefix, by its name.
+_MIDDLEWARE = "share/ament_index/resource_index/rmw_typesupport/*"
 
 _FORM = re.compile(r"([\w.-]+?)\s*(?:>=\s*([\d.]+))?")
 
@@ -53,6 +57,20 @@ def requirements(distribution: str, extra: str = "") -> Iterator[tuple[str, str]
             elif name not in seen:
                 seen.add(name)
                 yield name, least
+
+
+def missing_middleware(environ: Mapping[str, str] = os.environ) -> str | None:
+    """One line on a ROS middleware that is asked for and not installed; None if there is none.
+
+    rcl ends the process, as soon as it is loaded, with a status of its own.
+    """
+    asked = environ.get("RMW_IMPLEMENTATION", "")
+    prefixes = environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    files = (file for prefix in prefixes if prefix for file in Path(prefix).glob(_MIDDLEWARE))
+    found = sorted({file.name for file in files} - {"rmw_implementation"})
+    if not asked or not found or asked in found:
+        return None
+    return f"RMW_IMPLEMENTATION is {asked!r}; expected one that is installed: {', '.join(found)}"
 
 
 def unmet(distribution: str, extra: str = "") -> str | None:
