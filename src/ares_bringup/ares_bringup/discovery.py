@@ -10,7 +10,11 @@ from ares_node.security import RANGE, SecurityError, check_security
 #: Where Fast DDS looks for settings of the user's own.
 PROFILE_VARIABLES = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")
 
+#: The same settings for Fast DDS 2, as of Jazzy, and 3, as of Kilted, which renamed one of them.
 PROFILE = Path(__file__).with_name("fastdds.xml")
+PROFILE_3 = Path(__file__).with_name("fastdds3.xml")
+#: What Fast DDS 3 has below the prefix of a ROS 2; Fast DDS 2 is called otherwise.
+_FAST_DDS_3 = "share/fastdds"
 
 
 def check_protection(environment: Mapping[str, str] = os.environ) -> None:
@@ -35,7 +39,10 @@ def discovery_settings(environment: Mapping[str, str] = os.environ) -> dict[str,
     if not environment.get(RANGE):
         settings[RANGE] = "LOCALHOST"
     if not any(environment.get(name) for name in PROFILE_VARIABLES):
-        settings["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(PROFILE)
+        prefixes = environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+        third = any(Path(prefix, _FAST_DDS_3).is_dir() for prefix in prefixes if prefix)
+        fastdds, fastrtps = PROFILE_VARIABLES
+        settings |= {fastdds: str(PROFILE_3)} if third else {fastrtps: str(PROFILE)}
     return settings
 
 
