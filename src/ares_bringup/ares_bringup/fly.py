@@ -5,7 +5,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from shutil import which
@@ -45,6 +45,7 @@ from ares_bringup.summary import (
 from ares_bringup.watch import PATIENCE, START_TIMEOUT, Watch
 from ares_node.domains import claim_domain
 from ares_node.identity import id_text, new_id
+from ares_node.names import own_frames, remappings
 from ares_node.requirements import unmet
 from ares_node.security import enclave_arguments
 
@@ -164,6 +165,25 @@ def _find_law(name: str) -> "LawKind":
         raise CannotStart(str(error).replace("law is", "guidance is", 1)) from error
 
 
+def law_that_flew(summary: FlightSummary) -> str:
+    """Name of the law that ran in most cycles; before the first the one that was asked for.
+
+    Args:
+        summary: of the flight; its `guidance` is kept where that law has the code.
+    """
+    from ares_guidance.laws import find_law
+    from ares_guidance.registry import law_names
+
+    if not summary.laws:
+        return summary.guidance
+    [(code, _)] = summary.laws.most_common(1)
+    for name in (summary.guidance, *law_names()):
+        with suppress(ValueError):
+            if find_law(name).code == code:
+                return name
+    return f"law {code}"
+
+
 def needs_trajectory(law: str) -> bool:
     """Whether a guidance law waits for the optimizer's answer.
 
@@ -271,6 +291,7 @@ def node_parameters(
             "flight_id": flight_id,
             "mission": options.mission,
             "foxglove_port": options.foxglove_port,
+            "frame_prefix": own_frames(options.namespace),
         }
     if bag is not None:
         nodes[RECORDER] = {
@@ -412,6 +433,7 @@ def flight_graph(
                 JUDGE,
                 namespace=summary.namespace,
                 context=context,
+                cli_args=["--ros-args", *remappings(summary.namespace)],
                 enable_rosout=False,
                 start_parameter_services=False,
             )
@@ -641,6 +663,7 @@ def _started(
         node = _node_class(name)(
             context=judge.context,
             namespace=judge.get_namespace(),
+            cli_args=["--ros-args", *remappings(judge.get_namespace())],
             parameter_overrides=overrides,
         )
     except (ParameterError, ParameterException) as error:

@@ -8,7 +8,7 @@ from typing import Any
 
 from rclpy.executors import Executor
 
-from ares_bringup.fly import RECORDER_STOP_TIMEOUT, mission_facts
+from ares_bringup.fly import RECORDER_STOP_TIMEOUT, law_that_flew, mission_facts
 from ares_bringup.keeper import RECORDER
 from ares_bringup.monitor import FlightMonitor
 from ares_bringup.options import CannotStart
@@ -31,7 +31,7 @@ GUIDANCE_ENDED = signal.SIGRTMIN
 PARAMETERS = (
     FLIGHT_ID,
     Parameter("mission", "ares_v", "Mission that is flown: name, or path of its file."),
-    Parameter("law", "peg", "Guidance law, for the summary."),
+    Parameter("law", "peg", "Guidance law, for the summary of a flight without its status."),
     Parameter("bag", "", "Folder of the bag, for the summary; empty: none."),
     Parameter("pace", 0.0, "Real-time factor of the flight; 0: as fast as may be.", minimum=0.0),
     Parameter(
@@ -132,6 +132,7 @@ class JudgeNode(FlightNode):
         for member in self._monitor.recorders(State.FAILED):
             summary.problems.append(f"{RECORDER}: {member.reason}")
         summary.wall_s = time.monotonic() - self._begun
+        summary.guidance = law_that_flew(summary)
         self._monitor.say_verdict()
         print_summary(summary, console())
         sys.stdout.flush()

@@ -186,6 +186,7 @@ class FlightMonitor:
                 converged=message.converged,
                 total_iterations=message.total_iterations,
                 stale_cycles=message.stale_cycles,
+                law=message.law,
                 cutoff_time=message.cutoff_time,
                 predicted_position=_vector(message.predicted_position),
                 predicted_velocity=_vector(message.predicted_velocity),

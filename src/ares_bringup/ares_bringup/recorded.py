@@ -108,7 +108,7 @@ def _read(path: Path, bag: Bag) -> _Contents:
         raise CannotStart(f"bag {path} holds no flight: it has no vehicle_state")
     columns = {name: _columns(bag, name) if name in ends else _NOTHING for name in TOPICS}
     left_out = sum(_leave_out(columns, name) for name in _PLACED if name in ends)
-    complaints = list(_complaints(bag)) if DIAGNOSTICS in bag.topics else []
+    complaints = list(_complaints(bag)) if bag.holds(DIAGNOSTICS) else []
     why = bag.custom_data.get(INCOMPLETE_KEY)
     missing = [f"bag incomplete: {why}"] if why else []
     if left_out:
@@ -192,6 +192,7 @@ def _statuses(columns: Columns) -> Iterator[Status]:
             converged=bool(columns["converged"][i]),
             total_iterations=int(columns["total_iterations"][i]),
             stale_cycles=int(columns["stale_cycles"][i]),
+            law=int(columns["law"][i]),
             cutoff_time=float(columns["cutoff_time"][i]),
             predicted_position=_vector(columns["predicted_position"][i]),
             predicted_velocity=_vector(columns["predicted_velocity"][i]),

@@ -1,6 +1,7 @@
 """What a flight came to: collected while it flies, judged when it is over. No ROS."""
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
@@ -165,6 +166,7 @@ class Status:
     converged: bool
     total_iterations: int
     stale_cycles: int
+    law: int
     cutoff_time: float
     predicted_position: Vector
     predicted_velocity: Vector
@@ -315,6 +317,7 @@ class FlightSummary:
         guidance_cycles: highest cycle number seen.
         seen_from_start: no guidance cycle was missed before the first that was seen.
         max_stale_cycles: most cycles in a row without an accepted solution.
+        laws: cycles that each law has flown, by its code in GuidanceStatus.
         diagnostics: warnings and errors, the first MAX_DIAGNOSTICS of them.
         diagnostic_count: all of them.
         lost_messages: events, status messages and diagnostics that the monitor did not get.
@@ -338,6 +341,7 @@ class FlightSummary:
     guidance_cycles: int = 0
     seen_from_start: bool = False
     max_stale_cycles: int = 0
+    laws: Counter[int] = field(default_factory=Counter)
     diagnostics: list[Diagnostic] = field(default_factory=list)
     diagnostic_count: int = 0
     lost_messages: int = 0
@@ -361,6 +365,7 @@ class FlightSummary:
             self.lost_messages += status.cycle - self.guidance_cycles - 1
         self.guidance_cycles = max(self.guidance_cycles, status.cycle)
         self.max_stale_cycles = max(self.max_stale_cycles, status.stale_cycles)
+        self.laws[status.law] += 1
         if status.converged:
             self.first_converged = self.first_converged or status
             self.last_converged = status

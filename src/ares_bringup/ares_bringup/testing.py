@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from ares_bringup.summary import Event, FlightSummary, MissionFacts, Status
+from ares_guidance.arrays import LAW_PEG
 from ares_models.arrays import TARGET, TARGET_RADIUS_SPEED_ANGLE_INCLINATION
 from ares_vehicle_sim.arrays import CUTOFF, FLIGHT_COMPLETE, FLIGHT_STARTED, JETTISON_DONE
 
@@ -118,7 +119,7 @@ def made_up_status(
     cycle: int, converged: bool = True, iterations: int = 8, stale: int = 0
 ) -> Status:
     """A guidance status that predicts the target."""
-    return Status(float(cycle), cycle, converged, iterations, stale, 400.0, *state())
+    return Status(float(cycle), cycle, converged, iterations, stale, LAW_PEG, 400.0, *state())
 
 
 def flown(facts: MissionFacts, *events: Event) -> FlightSummary:
