@@ -332,7 +332,7 @@ def test_the_verdict_is_the_same_whoever_starts_the_flight(request, tmp_path, na
         assert expected in said
     assert "Traceback" not in said
     assert "did not end within" not in said
-    assert not [one.pid for one in psutil.process_iter() if str(tmp_path) in words_of(one)], said
+    assert all_gone(tmp_path), said
     assert (tmp_path / "bag").exists() == cause.bag, said
 
 
@@ -373,6 +373,18 @@ def run(command, act, graph, environment, folder):
         for child in [process, *process.children(recursive=True)] if process.is_running() else ():
             child.kill()
     return status, (folder / "output").read_text()
+
+
+def all_gone(folder):
+    """No process of the flight is left; `ros2 launch` dies of SIGTERM before its nodes."""
+
+    def left():
+        return [one.pid for one in psutil.process_iter() if str(folder) in words_of(one)]
+
+    deadline = time.monotonic() + PATIENCE
+    while left() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    return not left()
 
 
 def words_of(process):

@@ -4,24 +4,32 @@ The judge's node says what the flight came to. Launch knows besides how each pro
 is told here what follows from that: the same as for a child of `ares fly`.
 """
 
-import atexit
-import contextlib
-import logging
-import os
+import asyncio
 import signal
 import sys
-import time
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
+from ares_bringup.crew import describe_end
 from ares_bringup.keeper import GUIDANCE, JUDGE, RECORDER, SIMULATOR, SPARED, Keeper
-from ares_bringup.summary import EXIT_CANNOT_START, EXIT_INTERRUPTED, EXIT_NOT_AS_IT_SHOULD
+from ares_bringup.summary import (
+    EXIT_CANNOT_START,
+    EXIT_INTERRUPTED,
+    EXIT_NOT_AS_IT_SHOULD,
+    EXIT_TARGET,
+)
 
+PACKAGE = "ares_bringup"
 #: Sent to the judge: see `ares_bringup.judge`.
-SIGNALS = {SIMULATOR: "SIGUSR2", GUIDANCE: "SIGRTMIN", RECORDER: "SIGUSR1"}
-#: Wall time in s for nodes that launch has left behind to end.
-LEFT_BEHIND_TIMEOUT = 2.0
-LOOK_PERIOD = 0.02
+SIGNALS = {
+    SIMULATOR: signal.SIGUSR2,
+    GUIDANCE: signal.Signals(signal.SIGRTMIN),
+    RECORDER: signal.SIGUSR1,
+}
+#: With which a judge ends that has spoken.
+VERDICTS = (EXIT_TARGET, EXIT_NOT_AS_IT_SHOULD, EXIT_CANNOT_START, EXIT_INTERRUPTED)
 
 
 @dataclass(frozen=True)
@@ -30,13 +38,13 @@ class Consequence:
 
     Attributes:
         line: for the person at the terminal; empty: nothing to say.
-        tell_judge: name of the signal for the judge; empty: none.
-        shut_down: end everything.
+        tell_judge: signal for the judge; None: none.
+        shut_down: end all processes of the flight.
         restart: start the process again.
     """
 
     line: str = ""
-    tell_judge: str = ""
+    tell_judge: signal.Signals | None = None
     shut_down: bool = False
     restart: bool = False
 
@@ -45,23 +53,29 @@ class LaunchVerdict:
     """Collects how the processes of one flight end.
 
     Attributes:
-        pids: processes that run, by name.
         keeper: says whether one that has ended is started again.
+        running: processes that have not ended for good.
+        judge_is_up: the process of the judge has been started.
     """
 
     def __init__(self, shut_down_with_judge: bool = True) -> None:
-        """Nothing has ended yet.
+        """Nothing has been started yet.
 
         Args:
-            shut_down_with_judge: end everything when the judge has spoken.
+            shut_down_with_judge: end the flight's processes when the judge has spoken.
         """
         self.keeper = Keeper()
-        self.pids: dict[str, int] = {}
+        self.running: set[str] = set()
+        self.judge_is_up = False
         self._shut_down_with_judge = shut_down_with_judge
         self._cannot_start = False
         self._interrupted = False
         self._judged: int | None = None
         self._problems = False
+
+    def start(self, names: Iterable[str]) -> None:
+        """Expect these processes to end some time."""
+        self.running = set(names)
 
     def cannot_start(self, reason: str) -> None:
         """Nothing is started, for this reason."""
@@ -69,22 +83,34 @@ class LaunchVerdict:
         print(f"ares: {reason}", file=sys.stderr, flush=True)
 
     def interrupt(self) -> None:
-        """A signal asks launch to end."""
+        """Launch shuts down."""
         self._interrupted |= self._judged is None
 
     def ended(self, name: str, status: int) -> Consequence:
-        """A process has ended.
+        """Say what follows from the end of a process.
 
         Args:
             name: of the node.
             status: exit status, negative for a signal.
         """
-        self.pids.pop(name, None)
-        if name == JUDGE:
+        follows = self._judge_ended(status) if name == JUDGE else self._node_ended(name, status)
+        if not follows.restart:
+            self.running.discard(name)
+        return follows
+
+    def _judge_ended(self, status: int) -> Consequence:
+        if -status in SIGNALS.values():
             # told of a lost node before it could listen: there was no flight yet
-            deaf = -status in [signal.Signals[word] for word in SIGNALS.values()]
-            self._judged = EXIT_CANNOT_START if deaf else status
-            return Consequence(shut_down=self._shut_down_with_judge)
+            self._judged = EXIT_CANNOT_START
+        elif status in VERDICTS:
+            self._judged = status
+        else:
+            self._judged = EXIT_NOT_AS_IT_SHOULD
+            line = f"{JUDGE} {describe_end(status)}: the flight ends without its verdict"
+            return Consequence(line, shut_down=True)
+        return Consequence(shut_down=self._shut_down_with_judge)
+
+    def _node_ended(self, name: str, status: int) -> Consequence:
         if self._judged is not None or self._interrupted or self._cannot_start:
             self._problems |= status != 0 and name not in SPARED and self._judged is not None
             return Consequence()
@@ -93,53 +119,51 @@ class LaunchVerdict:
             self._cannot_start = True
             return Consequence(shut_down=True)
         self._problems |= name not in SPARED
-        return Consequence(line, SIGNALS.get(name, ""), restart=again)
+        tell = SIGNALS.get(name)
+        if tell is not None and not self.judge_is_up:
+            self._cannot_start = True
+            return Consequence(line, shut_down=True)
+        return Consequence(line, tell, restart=again)
 
     @property
     def status(self) -> int:
-        """Exit status of the whole, as `ares fly` would have it."""
+        """Exit status of the flight, as `ares fly` would have it."""
         if self._cannot_start or self._judged == EXIT_CANNOT_START:
             return EXIT_CANNOT_START
         if self._interrupted or self._judged is None:
             return EXIT_INTERRUPTED
-        return self._judged or (EXIT_NOT_AS_IT_SHOULD if self._problems else 0)
-
-    def end_left_behind(self) -> None:
-        """End what launch has left running, as it does after a SIGTERM."""
-        for number in (signal.SIGTERM, signal.SIGKILL):
-            deadline = time.monotonic() + LEFT_BEHIND_TIMEOUT
-            alive = [pid for pid in self.pids.values() if _signalled(pid, number)]
-            while alive and time.monotonic() < deadline:
-                time.sleep(LOOK_PERIOD)
-                alive = [pid for pid in alive if _signalled(pid, 0)]
+        return self._judged or (EXIT_NOT_AS_IT_SHOULD if self._problems else EXIT_TARGET)
 
 
-def _signalled(pid: int, number: int) -> bool:
-    """Send a signal to a child; False if it is no more."""
-    with contextlib.suppress(ChildProcessError):
-        os.waitpid(pid, os.WNOHANG)
-    try:
-        os.kill(pid, number)
-    except ProcessLookupError:
-        return False
-    return True
+def is_launched_itself(file: Path, words: Sequence[str]) -> bool:
+    """Tell whether `ros2 launch` was asked for this file, and not for one that includes it.
 
-
-def end_process_with(verdict: LaunchVerdict) -> bool:
-    """Let the `ros2` command end with the verdict; launch itself knows 0 and 1 only.
-
-    Returns:
-        False in another program, whose exit status is its own.
+    Args:
+        file: the launch file.
+        words: the command line, sys.argv.
     """
-    if Path(sys.argv[0]).name != "ros2":
+    if not words or Path(words[0]).name != "ros2":
         return False
+    by_package = (PACKAGE, file.name) in pairwise(words)
+    return by_package or any(
+        ":=" not in word and Path(word).is_file() and file.samefile(word) for word in words[1:]
+    )
 
-    def leave() -> None:
-        verdict.end_left_behind()
-        logging.shutdown()
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(verdict.status)
 
-    atexit.register(leave)
-    return True
+def end_launch_with(verdict: LaunchVerdict, loop: asyncio.AbstractEventLoop) -> None:
+    """Let `ros2 launch` end with the verdict; launch itself knows 0 and 1 only.
+
+    Args:
+        verdict: asked when launch has nothing more to do.
+        loop: the one that launch runs in.
+    """
+
+    def leave(task: "asyncio.Task[int]") -> None:
+        # out of the loop, which stops now, and through the command's own end
+        sys.exit(verdict.status or task.result())
+
+    # launch handles SIGTERM only where Python does; else it dies of it, without a status
+    signal.signal(signal.SIGTERM, lambda _number, _frame: None)
+    for task in asyncio.all_tasks(loop):
+        if getattr(task.get_coro(), "__name__", "") == "run_async":
+            task.add_done_callback(leave)

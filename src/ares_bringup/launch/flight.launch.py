@@ -2,12 +2,15 @@
 
     ros2 launch ares_bringup flight.launch.py mission:=ares_v pace:=1.0
 
-An argument that is left empty leaves its parameter to the parameter file. The launch ends
-when the judge does, with the exit status of `ares fly`.
+An argument that is left empty leaves its parameter to the parameter file. When the judge has
+spoken, the processes of the flight end. The launch ends with them, with the exit status of
+`ares fly`, unless another launch file has included this one: its own processes go on then.
 """
 
-from collections.abc import Callable
+import os
+import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,24 +19,37 @@ from launch import LaunchContext, LaunchDescription
 from launch.actions import (
     DeclareLaunchArgument,
     EmitEvent,
+    GroupAction,
     LogInfo,
     OpaqueFunction,
     RegisterEventHandler,
-    SetEnvironmentVariable,
-    Shutdown,
-    TimerAction,
 )
 from launch.event_handlers import OnProcessExit, OnProcessStart, OnShutdown
-from launch.events.process import SignalProcess
+from launch.events import matches_action
+from launch.events.process import ShutdownProcess, SignalProcess
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from ares_bringup.audience import LIVE
 from ares_bringup.bag_paths import new_bag
 from ares_bringup.discovery import check_protection, discovery_settings
-from ares_bringup.fly import absolute_namespace, check_inputs, needs_plan, needs_trajectory
-from ares_bringup.keeper import GUIDANCE, JUDGE, OPTIMIZER, RECORDER, SIMULATOR, VIEW, Keeper
-from ares_bringup.launch_verdict import LaunchVerdict, end_process_with
+from ares_bringup.fly import (
+    absolute_namespace,
+    check_inputs,
+    needs_plan,
+    needs_trajectory,
+)
+from ares_bringup.keeper import (
+    GUIDANCE,
+    JUDGE,
+    KEPT,
+    OPTIMIZER,
+    RECORDER,
+    SIMULATOR,
+    VIEW,
+    Keeper,
+)
+from ares_bringup.launch_verdict import LaunchVerdict, end_launch_with, is_launched_itself
 from ares_bringup.options import (
     MAX_RESTARTS,
     PEG,
@@ -45,6 +61,8 @@ from ares_bringup.options import (
 from ares_bringup.params_file import node_values
 from ares_node.domains import claim_domain
 from ares_node.identity import id_text, new_id
+from ares_node.names import own_frames, own_names
+from ares_node.parent import LAUNCHER
 
 SWITCH = ["true", "false"]
 LEVELS = ["debug", "info", "warn", "error", "fatal"]
@@ -69,7 +87,7 @@ def arguments() -> list[DeclareLaunchArgument]:
             "domain_id",
             default_value="",
             description="ROS domain; empty takes $ROS_DOMAIN_ID, else 0 if no other flight has "
-            "it, else one that is free.",
+            "this namespace there, else one that is free.",
         ),
         DeclareLaunchArgument(
             "params_file",
@@ -150,7 +168,7 @@ def arguments() -> list[DeclareLaunchArgument]:
             "exit_when_complete",
             default_value="true",
             choices=SWITCH,
-            description="End everything when the flight is over.",
+            description="End the processes of the flight when it is over.",
         ),
         DeclareLaunchArgument(
             "log_level", default_value="info", choices=LEVELS, description="Log level of all nodes."
@@ -172,10 +190,10 @@ class Flight:
             name: LaunchConfiguration(name).perform(context) == "true"
             for name in ("use_sim_time", "record", "view", "live", "exit_when_complete")
         }
+        #: Of a group of the file that includes this one.
+        self.pushed_namespace = context.launch_configurations.get("ros_namespace", "")
         self.verdict = LaunchVerdict(self.switches["exit_when_complete"])
-        self.reports = end_process_with(self.verdict)
         self.nodes: dict[str, Node] = {}
-        self._make: dict[str, Callable[[], Node]] = {}
 
     def start(self) -> list[Any]:
         """The actions that make the flight.
@@ -193,71 +211,71 @@ class Flight:
         record = self.switches["record"]
         mission = str(flown.get("mission", "ares_v"))
         bag = values.get("bag") or str(new_bag(Path(mission).stem)) if record else ""
-        namespace = absolute_namespace(self.given["namespace"])
+        self.namespace = self._namespace()
         check_inputs(flown, bag)
-        domain = self._domain()
-        self.verdict.keeper = Keeper(self._restarts())
+        self.restarts = self._restarts()
+        self.verdict.keeper = Keeper(self.restarts)
+        self.environment = {
+            **discovery_settings(),
+            "ROS_DOMAIN_ID": str(self._domain()),
+            LAUNCHER: str(os.getpid()),
+        }
         identity = {"flight_id": new_id()}
         about = {name: flown[name] for name in ("mission", "law") if name in flown}
-        started = [
-            self._node(
-                "ares_vehicle_sim",
-                SIMULATOR,
-                _of(values, "mission", "pace", "seed", "dispersions", "failure"),
-                **identity,
-                exit_when_complete=False,
-                expected_recorders=int(record),
-                expected_judges=1,
-            ),
-            self._node(
-                "ares_guidance",
-                GUIDANCE,
-                _of(values, "mission", "law", "initial_guess"),
-                **identity,
-                **self._clock(),
-            ),
-            self._node(
-                "ares_bringup",
-                JUDGE,
-                about,
-                **identity,
-                bag=bag,
-                pace=float(flown.get("pace", 0.0)),
-                expected_recorders=int(record),
-            ),
-        ]
+        self._add(
+            "ares_vehicle_sim",
+            SIMULATOR,
+            _of(values, "mission", "pace", "seed", "dispersions", "failure"),
+            **identity,
+            exit_when_complete=False,
+            expected_recorders=int(record),
+            expected_judges=1,
+        )
+        self._add(
+            "ares_guidance",
+            GUIDANCE,
+            _of(values, "mission", "law", "initial_guess"),
+            **identity,
+            **self._clock(),
+        )
+        self._add(
+            "ares_bringup",
+            JUDGE,
+            about,
+            **identity,
+            bag=bag,
+            pace=float(flown.get("pace", 0.0)),
+            expected_recorders=int(record),
+        )
         law = str(flown.get("law", PEG))
         if (
             flown.get("initial_guess", "none") != "none"
             or needs_trajectory(law)
             or needs_plan(str(flown.get("mission", "ares_v")))
         ):
-            started.append(
-                self._node("ares_optimizer", OPTIMIZER, _of(values, "mission"), **self._clock())
-            )
+            self._add("ares_optimizer", OPTIMIZER, _of(values, "mission"), **self._clock())
         if self.switches["view"]:
-            started.append(
-                self._node(
-                    "ares_view",
-                    VIEW,
-                    _of(values, "mission", "foxglove_port"),
-                    **identity,
-                    **self._clock(),
-                )
+            self._add(
+                "ares_view",
+                VIEW,
+                _of(values, "mission", "foxglove_port"),
+                **identity,
+                frame_prefix=own_frames(self.namespace),
+                **self._clock(),
             )
         if self.switches["live"]:
-            started.append(self._node("ares_view", LIVE, _of(values, "mission"), **identity))
+            self._add("ares_view", LIVE, _of(values, "mission"), **identity)
         if record:
             about |= {"seed": flown["seed"]} if "seed" in flown else {}
-            started.append(
-                self._node("ares_bags", RECORDER, about, **identity, bag=bag, **self._clock())
-            )
-        words = f"flight {id_text(identity['flight_id'])}: ROS_DOMAIN_ID={domain} ros2 topic list"
+            self._add("ares_bags", RECORDER, about, **identity, bag=bag, **self._clock())
+        self.verdict.start(self.nodes)
+        self.name = f"flight {id_text(identity['flight_id'])}"
+        where = f"ROS_DOMAIN_ID={self.environment['ROS_DOMAIN_ID']} ros2 topic list"
         return [
-            SetEnvironmentVariable("ROS_DOMAIN_ID", str(domain)),
-            LogInfo(msg=f"{words}, namespace {namespace}"),
+            LogInfo(msg=f"{self.name}: {where}, namespace {self.namespace}"),
             *([LogInfo(msg=f"recording to {bag}")] if bag else []),
-            *started,
+            *self._handlers(),
+            *self.nodes.values(),
         ]
 
     def _values(self) -> dict[str, Any]:
@@ -279,6 +297,13 @@ class Flight:
                     raise CannotStart(text) from error
         return values
 
+    def _namespace(self) -> str:
+        """Namespace of all nodes, below one that is pushed, as launch_ros has it."""
+        given = self.given["namespace"]
+        if not given.startswith("/") and self.pushed_namespace:
+            given = f"{self.pushed_namespace.rstrip('/')}/{given}"
+        return absolute_namespace(given)
+
     def _restarts(self) -> int:
         text = self.given["restarts"]
         if not (text.isascii() and text.isdigit() and int(text) <= MAX_RESTARTS):
@@ -293,99 +318,79 @@ class Flight:
         domain = domain_id(options)
         if domain is None:
             # held until this process ends
-            domain, _ = claim_domain(preferred=[DEFAULT_DOMAIN])
+            domain, _ = claim_domain(preferred=[DEFAULT_DOMAIN], namespace=self.namespace)
         return domain
 
     def _clock(self) -> dict[str, bool]:
         return {"use_sim_time": self.switches["use_sim_time"]}
 
-    def _node(self, package: str, name: str, values: dict[str, Any], **more: Any) -> Node:
-        plain = {"output_format": "{line}"} if name == JUDGE else {}
-        patient = {"sigterm_timeout": RECORDER_STOP_TIMEOUT} if name == RECORDER else {}
-
-        def make() -> Node:
-            return Node(
-                package=package,
-                executable=name,
-                name=name,
-                namespace=LaunchConfiguration("namespace"),
-                parameters=[LaunchConfiguration("params_file"), {**values, **more}],
-                arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
-                output="screen",
-                **plain,
-                **patient,
-            )
-
-        self._make[name] = make
-        self.nodes[name] = make()
-        return self.nodes[name]
+    def _add(self, package: str, name: str, values: dict[str, Any], **more: Any) -> None:
+        special: dict[str, Any] = {}
+        if name == JUDGE:
+            special["output_format"] = "{line}"
+        elif name == RECORDER:
+            special["sigterm_timeout"] = RECORDER_STOP_TIMEOUT
+        elif name in KEPT:
+            special |= {
+                "respawn": True,
+                "respawn_delay": RESTART_DELAY,
+                "respawn_max_retries": self.restarts,
+            }
+        self.nodes[name] = Node(
+            package=package,
+            executable=name,
+            name=name,
+            namespace=self.namespace,
+            parameters=[LaunchConfiguration("params_file"), {**values, **more}],
+            remappings=list(own_names(self.namespace).items()),
+            arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
+            additional_env=self.environment,
+            output="screen",
+            **special,
+        )
 
     # ---- what follows
 
-    def handlers(self) -> list[Any]:
+    def _handlers(self) -> list[Any]:
         """What listens to the processes; registered before the first one starts."""
-        of_launch = [RegisterEventHandler(OnShutdown(on_shutdown=self.on_shutdown))]
-        return sum((self._listeners(name) for name in self.nodes), of_launch)
-
-    def _listeners(self, name: str) -> list[Any]:
-        """What listens to one process."""
-        node = self.nodes[name]
-        return [
-            RegisterEventHandler(handler)
-            for handler in (
-                OnProcessStart(target_action=node, on_start=self._on_start(name)),
-                OnProcessExit(target_action=node, on_exit=self._on_exit(name)),
-            )
+        judge = self.nodes[JUDGE]
+        handlers = [
+            OnShutdown(on_shutdown=self._on_shutdown),
+            OnProcessStart(target_action=judge, on_start=self._on_judge_start),
+            *(
+                OnProcessExit(target_action=node, on_exit=partial(self._on_exit, name))
+                for name, node in self.nodes.items()
+            ),
         ]
+        return [RegisterEventHandler(handler) for handler in handlers]
 
-    def _restart(self, name: str) -> list[Any]:
-        """The actions that start a node again."""
-        self.nodes[name] = self._make[name]()
-        started = [*self._listeners(name), self.nodes[name]]
-        return [TimerAction(period=RESTART_DELAY, actions=started, cancel_on_shutdown=True)]
+    def _on_shutdown(self, _event: Any, _context: LaunchContext) -> None:
+        """Whoever shuts launch down interrupts a flight under way."""
+        self.verdict.interrupt()
 
-    def on_shutdown(self, event: Any, _context: LaunchContext) -> None:
-        """An interrupt is one for the verdict too."""
-        if event.due_to_sigint:
-            self.verdict.interrupt()
+    def _on_judge_start(self, _event: Any, _context: LaunchContext) -> None:
+        self.verdict.judge_is_up = True
 
-    def _on_start(self, name: str) -> Any:
-        def note(event: Any, _context: LaunchContext) -> None:
-            self.verdict.pids[name] = event.pid
+    def _on_exit(self, name: str, event: Any, _context: LaunchContext) -> list[Any]:
+        """The actions that follow from the end of a node's process."""
+        follows = self.verdict.ended(name, event.returncode)
+        actions: list[Any] = [LogInfo(msg=follows.line)] if follows.line else []
+        if follows.tell_judge is not None:
+            matches = matches_action(self.nodes[JUDGE])
+            told = SignalProcess(signal_number=follows.tell_judge, process_matcher=matches)
+            actions.append(EmitEvent(event=told))
+        if follows.shut_down:
+            actions += [self._end(other) for other in self.nodes]
+        elif name in KEPT and not follows.restart:
+            # launch would start it again
+            actions.append(self._end(name))
+        if not self.verdict.running:
+            actions.append(LogInfo(msg=f"{self.name}: exit status {self.verdict.status}"))
+        return actions
 
-        return note
-
-    def _on_exit(self, name: str) -> Any:
-        def follow(event: Any, _context: LaunchContext) -> list[Any]:
-            follows = self.verdict.ended(name, event.returncode)
-            actions: list[Any] = [LogInfo(msg=follows.line)] if follows.line else []
-            if follows.tell_judge and JUDGE in self.verdict.pids:
-                judge = self.nodes[JUDGE]
-                actions.append(
-                    EmitEvent(
-                        event=SignalProcess(
-                            signal_number=follows.tell_judge,
-                            process_matcher=lambda action: action is judge,
-                        )
-                    )
-                )
-            if follows.restart:
-                actions += self._restart(name)
-            if follows.shut_down:
-                actions.append(self.shut_down(f"{name} has ended"))
-            return actions
-
-        return follow
-
-    def shut_down(self, reason: str) -> Shutdown:
-        """The end of the launch.
-
-        Raises:
-            RuntimeError: in a program other than `ros2`, a flight that was not as it should be.
-        """
-        if not self.reports and self.verdict.status:
-            raise RuntimeError(f"the flight ends with status {self.verdict.status}")
-        return Shutdown(reason=reason)
+    def _end(self, name: str) -> EmitEvent:
+        matches = matches_action(self.nodes[name])
+        return EmitEvent(event=ShutdownProcess(process_matcher=matches))
 
 
 def _of(values: dict[str, Any], *names: str) -> dict[str, Any]:
@@ -395,19 +400,15 @@ def _of(values: dict[str, Any], *names: str) -> dict[str, Any]:
 def fly(context: LaunchContext) -> list[Any]:
     """The flight, or the line that says why there is none."""
     flight = Flight(context)
+    if is_launched_itself(Path(__file__), sys.argv):
+        end_launch_with(flight.verdict, context.asyncio_loop)
     try:
-        started = flight.start()
+        return flight.start()
     except CannotStart as error:
         flight.verdict.cannot_start(" ".join(str(error).split()))
-        return [flight.shut_down("nothing was started")]
-    return [*flight.handlers(), *started]
+        return []
 
 
 def generate_launch_description() -> LaunchDescription:
-    return LaunchDescription(
-        [
-            *arguments(),
-            *(SetEnvironmentVariable(*item) for item in discovery_settings().items()),
-            OpaqueFunction(function=fly),
-        ]
-    )
+    """The flight in a scope of its own: nothing that it sets is seen outside."""
+    return LaunchDescription([GroupAction([*arguments(), OpaqueFunction(function=fly)])])

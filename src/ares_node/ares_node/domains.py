@@ -14,9 +14,10 @@ DOMAINS = range(1, 102)
 LOOK_PERIOD = 0.05
 
 
-def _claim(folder: Path, domain: int) -> int | None:
-    """The descriptor that holds a domain; None if somebody else does."""
-    lock = os.open(folder / str(domain), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC)
+def _claim(folder: Path, domain: int, namespace: str = "") -> int | None:
+    """The descriptor that holds a domain, or a namespace in it; None if somebody else does."""
+    name = f"{domain}{namespace.replace('/', '.')}"
+    lock = os.open(folder / name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC)
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -37,12 +38,15 @@ def _candidates() -> list[int]:
     return [*DOMAINS[start:], *DOMAINS[:start]]
 
 
-def claim_domain(preferred: Sequence[int] = (), wait: float = 60.0) -> tuple[int, int]:
+def claim_domain(
+    preferred: Sequence[int] = (), wait: float = 60.0, namespace: str = ""
+) -> tuple[int, int]:
     """A ROS domain id that nobody else on this machine has claimed, until this process ends.
 
     Args:
         preferred: tried before DOMAINS.
         wait: how long to wait for a free one, in s.
+        namespace: the preferred ones are claimed for it alone; others share them.
 
     Returns:
         The domain, and the descriptor that holds it: closing it gives the domain back.
@@ -54,7 +58,7 @@ def claim_domain(preferred: Sequence[int] = (), wait: float = 60.0) -> tuple[int
     deadline = time.monotonic() + wait
     while True:
         for domain in (*preferred, *_candidates()):
-            lock = _claim(folder, domain)
+            lock = _claim(folder, domain, namespace if domain in preferred else "")
             if lock is not None:
                 return domain, lock
         if time.monotonic() > deadline:
