@@ -114,15 +114,16 @@ class LaunchVerdict:
         if self._judged is not None or self._interrupted or self._cannot_start:
             self._problems |= status != 0 and name not in SPARED and self._judged is not None
             return Consequence()
+        tell = SIGNALS.get(name)
+        if tell is not None and not self.judge_is_up:
+            # there was no flight yet
+            self._cannot_start = True
+            return Consequence(f"{name} {describe_end(status)}", shut_down=True)
         line, again = self.keeper.ended(name, status)
         if status == EXIT_CANNOT_START and not self.keeper.restarted(name):
             self._cannot_start = True
             return Consequence(shut_down=True)
         self._problems |= name not in SPARED
-        tell = SIGNALS.get(name)
-        if tell is not None and not self.judge_is_up:
-            self._cannot_start = True
-            return Consequence(line, shut_down=True)
         return Consequence(line, tell, restart=again)
 
     @property

@@ -1,20 +1,25 @@
 """Options, discovery settings and parameter files."""
 
 import fcntl
+import math
 import os
 import subprocess
 import sys
 from contextlib import ExitStack, suppress
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from ares_bringup import fly
-from ares_bringup.discovery import PROFILE, PROFILE_VARIABLES, discovery_settings
-from ares_bringup.fly import node_parameters
+from ares_bringup.discovery import PROFILE, PROFILE_3, PROFILE_VARIABLES, discovery_settings
+from ares_bringup.fly import law_that_flew, node_parameters
 from ares_bringup.options import CannotStart, FlyOptions, domain_id
 from ares_bringup.params_file import node_values
 from ares_bringup.summary import FlightSummary
+from ares_bringup.testing import made_up_status
+from ares_bringup.watch import Watch
 
 
 @pytest.mark.parametrize("text", ["233", "-1", "one", "1.5", "\u0663"])
@@ -52,6 +57,48 @@ def test_discovery_settings_are_added_but_replace_nothing():
         "FASTDDS_DEFAULT_PROFILES_FILE": "/mine.xml",
     }
     assert discovery_settings(own) == {}
+
+
+def test_fast_dds_3_gets_the_same_settings_in_its_own_words(tmp_path):
+    (tmp_path / "share" / "fastdds").mkdir(parents=True)
+    settings = discovery_settings({"AMENT_PREFIX_PATH": f"/none:{tmp_path}"})
+    assert settings["FASTDDS_DEFAULT_PROFILES_FILE"] == str(PROFILE_3)
+    # the middleware of Kilted warns of the other variable
+    assert "FASTRTPS_DEFAULT_PROFILES_FILE" not in settings
+    words = PROFILE.read_text().replace("heartbeatPeriod", "heartbeat_period")
+    assert PROFILE_3.read_text() == words
+
+
+def test_discovery_that_is_off_is_said(monkeypatch):
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
+    said, now = [], [1000.0]
+    monkeypatch.setattr("ares_bringup.watch.time.monotonic", lambda: now[0])
+    summary = SimpleNamespace(started=False)
+    monitor = SimpleNamespace(summary=summary, ended=False, last_heard=0.0)
+    watch = Watch(monitor, 0.0, said.append, lambda: False, patience=math.inf)
+    for seconds, lines in ((2.9, 0), (0.2, 1), (100.0, 1)):
+        now[0] += seconds
+        assert not watch.over()
+        assert len(said) == lines
+    assert "ROS_AUTOMATIC_DISCOVERY_RANGE is OFF" in said[0]
+
+
+@pytest.mark.parametrize(
+    ("cycles", "law"),
+    [
+        ({}, "peg"),
+        ({3: 5}, "igm"),
+        ({4: 90, 1: 10}, "optimal"),
+        ({1: 2}, "peg"),
+        ({200: 1}, "law 200"),
+    ],
+)
+def test_the_law_is_the_one_that_flew(facts, cycles, law):
+    summary = FlightSummary(facts, "peg", None)
+    for code, count in cycles.items():
+        for cycle in range(count):
+            summary.add_status(replace(made_up_status(cycle + 1), law=code))
+    assert law_that_flew(summary) == law
 
 
 TALKER = """

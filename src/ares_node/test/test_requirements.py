@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ares_node.requirements import requirements, unmet
+from ares_node.requirements import missing_middleware, requirements, unmet
 
 INSTALLED = {"numpy": "2.4.6", "pydantic": "1.10.14", "mcap": "1.6.0rc1"}
 REQUIRED = {
@@ -74,3 +74,34 @@ def test_a_process_says_it_and_ends(
     assert answer.stdout == ""
     assert answer.stderr.count("\n") == 1
     assert "needs the Python package numpy 2.0 or newer, found 1.26.4" in answer.stderr
+
+
+def test_a_middleware_that_is_not_installed(tmp_path: Path) -> None:
+    registered = tmp_path / "share" / "ament_index" / "resource_index" / "rmw_typesupport"
+    registered.mkdir(parents=True)
+    for name in ("rmw_fastrtps_cpp", "rmw_implementation"):
+        (registered / name).touch()
+    prefix = {"AMENT_PREFIX_PATH": f"/none:{tmp_path}"}
+    assert missing_middleware(prefix) is None
+    assert missing_middleware({**prefix, "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp"}) is None
+    assert missing_middleware({**prefix, "RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"}) == (
+        "RMW_IMPLEMENTATION is 'rmw_cyclonedds_cpp'; expected one that is installed: "
+        "rmw_fastrtps_cpp"
+    )
+
+
+@pytest.mark.parametrize("package", ["ares_guidance", "ares_bringup"])
+def test_a_process_without_its_middleware_says_it_and_ends(
+    ros_environment: dict[str, str], package: str
+) -> None:
+    answer = subprocess.run(
+        [sys.executable, "-m", package],
+        env={**ros_environment, "RMW_IMPLEMENTATION": "rmw_of_nobody"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert answer.returncode == 2
+    assert answer.stdout == ""
+    assert answer.stderr.count("\n") == 1
+    assert "RMW_IMPLEMENTATION is 'rmw_of_nobody'" in answer.stderr
