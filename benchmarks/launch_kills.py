@@ -193,7 +193,11 @@ def complaints(end: End, bag: Path) -> Iterator[str]:
         yield "status 0 of a flight that lost a node"
     if status == TARGET and (not bag.exists() or verify(bag).findings):
         yield "status 0 without a whole bag"
-    if f"exit status {status}" not in said and status not in (-signal.SIGKILL, INTERRUPTED):
+    if f"exit status {status}" not in said and status not in (
+        -signal.SIGKILL,
+        -signal.SIGTERM,
+        INTERRUPTED,
+    ):
         yield f"status {status}, which no line says"
     allowed = {TARGET} if end.trial is None else documented(end.trial, end)
     if status not in allowed:
@@ -209,7 +213,11 @@ def documented(trial: Trial, end: End) -> set[int]:
         late = "flown without an answer from guidance" in end.output
         return {NOT_AS_IT_SHOULD} if late else {TARGET}
     if trial.name == LAUNCHER:
-        return {-signal.SIGKILL} if trial.number == signal.SIGKILL else {INTERRUPTED, TARGET}
+        if trial.number == signal.SIGKILL:
+            return {-signal.SIGKILL}
+        # launch has not read the file yet: Python dies of it
+        early = {-signal.SIGTERM} if "flight " not in end.output else set()
+        return {INTERRUPTED, TARGET} | early
     if trial.name in SPARED:
         return {TARGET}
     if trial.name == "judge":
@@ -219,6 +227,9 @@ def documented(trial: Trial, end: End) -> set[int]:
     if " in flight" in end.output:
         # said by launch whether the flight had begun or not: the judge knows
         return {NOT_AS_IT_SHOULD, CANNOT_START}
+    if f"{trial.name} was killed" in end.output:
+        # before the judge was up
+        return {CANNOT_START}
     # it ended when the flight was over
     return {TARGET, NOT_AS_IT_SHOULD}
 

@@ -55,7 +55,7 @@ class LaunchVerdict:
     Attributes:
         keeper: says whether one that has ended is started again.
         running: processes that have not ended for good.
-        judge_is_up: the process of the judge has been started.
+        up: those of them that have been started, and not ended since.
     """
 
     def __init__(self, shut_down_with_judge: bool = True) -> None:
@@ -66,7 +66,7 @@ class LaunchVerdict:
         """
         self.keeper = Keeper()
         self.running: set[str] = set()
-        self.judge_is_up = False
+        self.up: set[str] = set()
         self._shut_down_with_judge = shut_down_with_judge
         self._cannot_start = False
         self._interrupted = False
@@ -76,6 +76,10 @@ class LaunchVerdict:
     def start(self, names: Iterable[str]) -> None:
         """Expect these processes to end some time."""
         self.running = set(names)
+
+    def started(self, name: str) -> None:
+        """Note that a process runs."""
+        self.up.add(name)
 
     def cannot_start(self, reason: str) -> None:
         """Nothing is started, for this reason."""
@@ -94,8 +98,12 @@ class LaunchVerdict:
             status: exit status, negative for a signal.
         """
         follows = self._judge_ended(status) if name == JUDGE else self._node_ended(name, status)
+        self.up.discard(name)
         if not follows.restart:
             self.running.discard(name)
+        if follows.shut_down:
+            # who waits to be started again is not
+            self.running &= self.up
         return follows
 
     def _judge_ended(self, status: int) -> Consequence:
@@ -115,7 +123,7 @@ class LaunchVerdict:
             self._problems |= status != 0 and name not in SPARED and self._judged is not None
             return Consequence()
         tell = SIGNALS.get(name)
-        if tell is not None and not self.judge_is_up:
+        if tell is not None and JUDGE not in self.up:
             # there was no flight yet
             self._cannot_start = True
             return Consequence(f"{name} {describe_end(status)}", shut_down=True)

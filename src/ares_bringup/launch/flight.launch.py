@@ -8,6 +8,7 @@ spoken, the processes of the flight end. The launch ends with them, with the exi
 """
 
 import os
+import signal
 import sys
 from dataclasses import replace
 from functools import partial
@@ -353,33 +354,30 @@ class Flight:
 
     def _handlers(self) -> list[Any]:
         """What listens to the processes; registered before the first one starts."""
-        judge = self.nodes[JUDGE]
-        handlers = [
-            OnShutdown(on_shutdown=self._on_shutdown),
-            OnProcessStart(target_action=judge, on_start=self._on_judge_start),
-            *(
-                OnProcessExit(target_action=node, on_exit=partial(self._on_exit, name))
-                for name, node in self.nodes.items()
-            ),
-        ]
+        handlers = [OnShutdown(on_shutdown=self._on_shutdown)]
+        for name, node in self.nodes.items():
+            handlers += [
+                OnProcessStart(target_action=node, on_start=partial(self._on_start, name)),
+                OnProcessExit(target_action=node, on_exit=partial(self._on_exit, name)),
+            ]
         return [RegisterEventHandler(handler) for handler in handlers]
 
     def _on_shutdown(self, _event: Any, _context: LaunchContext) -> None:
         """Whoever shuts launch down interrupts a flight under way."""
         self.verdict.interrupt()
 
-    def _on_judge_start(self, _event: Any, _context: LaunchContext) -> None:
-        self.verdict.judge_is_up = True
+    def _on_start(self, name: str, _event: Any, _context: LaunchContext) -> None:
+        self.verdict.started(name)
 
     def _on_exit(self, name: str, event: Any, _context: LaunchContext) -> list[Any]:
         """The actions that follow from the end of a node's process."""
         follows = self.verdict.ended(name, event.returncode)
         actions: list[Any] = [LogInfo(msg=follows.line)] if follows.line else []
         if follows.tell_judge is not None:
-            matches = matches_action(self.nodes[JUDGE])
-            told = SignalProcess(signal_number=follows.tell_judge, process_matcher=matches)
-            actions.append(EmitEvent(event=told))
+            actions.append(self._signal(JUDGE, follows.tell_judge))
         if follows.shut_down:
+            # first, one that Python has not taken yet: of SIGINT it prints a traceback
+            actions += [self._signal(other, signal.SIGTERM) for other in self.verdict.up]
             actions += [self._end(other) for other in self.nodes]
         elif name in KEPT and not follows.restart:
             # launch would start it again
@@ -388,7 +386,13 @@ class Flight:
             actions.append(LogInfo(msg=f"{self.name}: exit status {self.verdict.status}"))
         return actions
 
+    def _signal(self, name: str, number: signal.Signals) -> EmitEvent:
+        """Send a signal to a process that has been started; launch ends of any other."""
+        matches = matches_action(self.nodes[name])
+        return EmitEvent(event=SignalProcess(signal_number=number, process_matcher=matches))
+
     def _end(self, name: str) -> EmitEvent:
+        """End a process, as soon as it runs if it does not yet, and start it no more."""
         matches = matches_action(self.nodes[name])
         return EmitEvent(event=ShutdownProcess(process_matcher=matches))
 

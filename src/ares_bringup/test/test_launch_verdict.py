@@ -14,7 +14,8 @@ def launched(**options):
     """The verdict on a flight whose processes run."""
     verdict = LaunchVerdict(**options)
     verdict.start(NODES)
-    verdict.judge_is_up = True
+    for name in NODES:
+        verdict.started(name)
     return verdict
 
 
@@ -101,13 +102,22 @@ def test_a_node_that_ends_before_the_judge_is_up_ends_the_flight():
     assert (follows.tell_judge, follows.shut_down, verdict.status) == (None, True, 2)
 
 
+def test_who_waits_to_be_started_again_is_not_waited_for():
+    verdict = launched()
+    assert verdict.ended("guidance", -9).restart
+    assert verdict.ended("judge", 2).shut_down
+    assert verdict.running == {"vehicle_sim", "recorder", "optimizer"}
+
+
 def test_what_still_runs():
     verdict = launched()
     verdict.ended("guidance", -9)
     assert verdict.running == set(NODES)
-    for name in NODES:
+    verdict.started("guidance")
+    verdict.ended("judge", 0)
+    for name in ("vehicle_sim", "recorder", "optimizer"):
         verdict.ended(name, 0)
-    # one that was started again, and ends when the judge has spoken
+    # one that was started again, and is up when the judge has spoken
     assert verdict.running == {"guidance"}
     verdict.ended("guidance", 0)
     assert not verdict.running
