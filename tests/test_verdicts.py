@@ -36,6 +36,7 @@ PROGRAMS = {
     "vehicle_sim": "ares_vehicle_sim",
     "recorder": "ares_bags",
     "view": "ares_view",
+    "judge": "ares_bringup/judge",
 }
 #: Wall time in s after which a flight counts as hanging.
 PATIENCE = 120.0
@@ -296,6 +297,19 @@ CAUSES = {
         ("vehicle_sim was killed by SIGKILL in flight", "did not come to its end"),
         SLOWEST,
         act=lambda f: f.kill("vehicle_sim"),
+        ways=PROCESSES,
+    ),
+    "judge killed": Cause(
+        1,
+        ("judge was killed by SIGKILL: the flight ends without its verdict",),
+        SLOWEST,
+        act=lambda f: f.kill("judge"),
+        ways=(LAUNCH,),
+    ),
+    "whoever has started the nodes killed": Cause(
+        -signal.SIGKILL,
+        options=SLOWEST,
+        act=lambda f: f.signal(signal.SIGKILL),
         ways=PROCESSES,
     ),
     "guidance killed before the start": Cause(

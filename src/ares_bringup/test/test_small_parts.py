@@ -3,6 +3,8 @@
 import fcntl
 import math
 import os
+import re
+import signal
 import subprocess
 import sys
 from contextlib import ExitStack, suppress
@@ -99,6 +101,26 @@ def test_the_law_is_the_one_that_flew(facts, cycles, law):
         for cycle in range(count):
             summary.add_status(replace(made_up_status(cycle + 1), law=code))
     assert law_that_flew(summary) == law
+
+
+JUDGE = "import sys; from ares_bringup.__main__ import judge; sys.exit(judge())"
+
+
+def test_a_judge_that_is_stopped_has_no_good_word(ros_domain):
+    process = subprocess.Popen(
+        [sys.executable, "-c", JUDGE], env={**os.environ, "ROS_DOMAIN_ID": str(ros_domain)}
+    )
+
+    def takes_it():
+        status = Path(f"/proc/{process.pid}/status").read_text()
+        caught = int(re.search(r"SigCgt:\s*(\w+)", status)[1], 16)
+        return caught & 1 << signal.SIGTERM - 1
+
+    # before the node is up, somewhere in its imports
+    while not takes_it():
+        assert process.poll() is None
+    process.terminate()
+    assert process.wait(120.0) == 130
 
 
 TALKER = """

@@ -77,8 +77,10 @@ class StopSignals:
         self._signals = (*_SIGNALS, *hung_up)
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
+        first = not self.requested
         self.requested = True
-        if self.starting:
+        if self.starting and first:
+            # a second one would come upon what the first one ends
             raise _Stopped
 
     def install(self) -> None:
