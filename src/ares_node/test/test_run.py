@@ -104,6 +104,15 @@ def test_a_signal_while_starting(ros_environment: dict[str, str], mode: str) -> 
     assert out == "abandoned\n"
 
 
+def test_a_second_signal_comes_upon_nothing_that_the_first_one_ends() -> None:
+    stop = StopSignals()
+    with stop.watch():
+        with pytest.raises(BaseException, match="^$"):
+            signal.raise_signal(signal.SIGTERM)
+        signal.raise_signal(signal.SIGINT)
+    assert stop.requested
+
+
 def test_a_signal_in_a_callback_of_compiled_code_is_silent(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
