@@ -107,7 +107,7 @@ def test_a_signal_while_starting(ros_environment: dict[str, str], mode: str) -> 
 def test_a_second_signal_comes_upon_nothing_that_the_first_one_ends() -> None:
     stop = StopSignals()
     with stop.watch():
-        with pytest.raises(BaseException, match="^$"):
+        with pytest.raises(BaseException, match=r"^$"):
             signal.raise_signal(signal.SIGTERM)
         signal.raise_signal(signal.SIGINT)
     assert stop.requested
