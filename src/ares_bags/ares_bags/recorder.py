@@ -282,6 +282,9 @@ class RecorderNode(FlightNode):
             self._unbegun = simulator.state in (State.READY, State.FAILED)
         if simulator is None or simulator.state != State.OVER or self._writer is None:
             return
+        if any(next_one > int(simulator.last_sequence) + 1 for next_one in self._expected.values()):
+            # more has come than that: not the simulator's own word
+            return
         guidance = self._membership.guidance
         if guidance is None or guidance.state not in AGREED:
             self.drain_and_close()

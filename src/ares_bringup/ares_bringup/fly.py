@@ -45,6 +45,7 @@ from ares_bringup.summary import (
 from ares_bringup.watch import PATIENCE, START_TIMEOUT, Watch
 from ares_node.domains import claim_domain
 from ares_node.identity import id_text, new_id
+from ares_node.key import new_key
 from ares_node.names import own_frames, remappings
 from ares_node.requirements import unmet
 from ares_node.security import enclave_arguments
@@ -343,6 +344,8 @@ def fly(
     with ExitStack() as held:
         summary.domain_id = held.enter_context(_own_domain()) if domain is None else domain
         held.enter_context(audience)
+        if options.sealed:
+            held.enter_context(new_key())
         terms = _Terms(say, lambda: greet(_greeting(summary)), audience, show, options)
         if options.in_process:
             _fly_in_process(summary, parameters, terms)

@@ -28,6 +28,7 @@ from ares_node.diagnostics import (
     timing,
 )
 from ares_node.heartbeat import is_heartbeat
+from ares_node.key import FORGED
 from ares_node.membership import Membership, Role, State
 from ares_node.qos import (
     DIAGNOSTIC,
@@ -79,7 +80,11 @@ class FlightMonitor:
         self.node = node
         self.summary = summary
         self.last_heard = time.monotonic()
-        self._membership = Membership(node, Role.JUDGE, flight_id=summary.flight_id)
+        self._membership = Membership(
+            node, Role.JUDGE, flight_id=summary.flight_id, complain=self._on_forged
+        )
+        #: ends that are told while the simulator says that it flies
+        self._ends: list[FlightEvent] = []
         self.when_ended: Callable[[], None] = lambda: None
         self.held = False
         self.pages = -1
@@ -91,7 +96,12 @@ class FlightMonitor:
         self._inputs = [
             node.create_subscription(kind, topic, callback, qos, event_callbacks=lost)
             for kind, topic, callback, qos in (
-                (FlightEvent, FLIGHT_EVENT, self._on_event, EVENTS),
+                (
+                    FlightEvent,
+                    FLIGHT_EVENT,
+                    self._membership.seals.reader(FLIGHT_EVENT, self._on_event),
+                    EVENTS,
+                ),
                 (GuidanceStatus, GUIDANCE_STATUS, self._on_status, FLIGHT),
                 (DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, DIAGNOSTIC),
                 (Timing, TIMING, self._on_timing, DIAGNOSTIC),
@@ -141,6 +151,18 @@ class FlightMonitor:
         else:
             self._membership.witness()
         self.summary.flight_id = self._membership.flight_id
+        if self._ends and not self._flies():
+            # of several the simulator's own is the last
+            end, self._ends = self._ends[-1], []
+            self._take_event(end)
+
+    def _flies(self) -> bool:
+        simulator = self._membership.simulator
+        return simulator is not None and simulator.state == State.FLYING
+
+    def _on_forged(self, text: str) -> None:
+        self.summary.add_forged(text)
+        self._pass_on(text)
 
     def _is_ours(self, flight_id: int) -> bool:
         ours = self._membership.belongs(flight_id)
@@ -150,7 +172,14 @@ class FlightMonitor:
     def _on_event(self, message: FlightEvent) -> None:
         if not self._is_ours(message.flight_id):
             return
-        now = self.last_heard = time.monotonic()
+        self.last_heard = time.monotonic()
+        if message.type in ENDS and self._flies():
+            self._ends.append(message)
+        else:
+            self._take_event(message)
+
+    def _take_event(self, message: FlightEvent) -> None:
+        now = time.monotonic()
         if len(self.summary.events) >= MAX_EVENTS and (self._ended or message.type not in ENDS):
             self.summary.lost_messages += 1
             return
@@ -214,6 +243,8 @@ class FlightMonitor:
                     message=status.message,
                 )
                 self.summary.add_diagnostic(line)
+                if line.message.startswith(FORGED):
+                    self.summary.add_forged(f"{line.node}: {line.message}")
                 if not self._said_by_node(line):
                     self._pass_on(str(line))
 

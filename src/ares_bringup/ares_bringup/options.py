@@ -162,6 +162,7 @@ class FlyOptions:
         failure: what fails, as `ares_models.failures.read_failure` takes it; None: nothing does.
         flight: number of a campaign's flight, stepped as there; None: flight 0 of the seed,
             stepped as any flight.
+        sealed: draw a key, by which the nodes prove to each other who says what.
         pace: real-time factor; 0 flies as fast as guidance answers.
         navigation_period_s: flight time between navigation states; None: the node's default.
         cycle_period_s: flight time between guidance cycles; None: the node's default.
@@ -182,6 +183,7 @@ class FlyOptions:
     mission: str = "ares_v"
     guidance: str = PEG
     in_process: bool = False
+    sealed: bool = False
     record: bool = True
     bag: Path | None = None
     seed: int = 0

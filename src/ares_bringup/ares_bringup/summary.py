@@ -322,6 +322,7 @@ class FlightSummary:
         diagnostic_count: all of them.
         lost_messages: events, status messages and diagnostics that the monitor did not get.
         problems: what went wrong around the flight, one line each.
+        forged: what nodes said of messages in names that are not those of who said them.
         interrupted: Ctrl-C or SIGTERM ended it.
         longest_cycle_ms: wall time of the longest guidance cycle; None if guidance did not say.
         realtime_factor: flight time over wall time, start-up left out; None if not known.
@@ -346,6 +347,7 @@ class FlightSummary:
     diagnostic_count: int = 0
     lost_messages: int = 0
     problems: list[str] = field(default_factory=list)
+    forged: list[str] = field(default_factory=list)
     interrupted: bool = False
     realtime_factor: float | None = None
     longest_cycle_ms: float | None = None
@@ -375,6 +377,11 @@ class FlightSummary:
         self.diagnostic_count += 1
         if len(self.diagnostics) < MAX_DIAGNOSTICS:
             self.diagnostics.append(diagnostic)
+
+    def add_forged(self, text: str) -> None:
+        """Take a word on forged messages."""
+        if len(self.forged) < MAX_DIAGNOSTICS:
+            self.forged.append(text)
 
     def set_rate(self, flight_time: float, wall_time: float) -> None:
         """Note that so much flight time (s) was seen to pass in so much wall time (s)."""
@@ -508,6 +515,8 @@ class FlightSummary:
             lines = [*lines, f"{arc}: acceleration over its limit from {over.time:,.1f} s on"]
         if self.first(GUIDANCE_LOST):
             lines = [*lines, f"flown without an answer from guidance for {self.unguided_s:.1f} s"]
+        if self.forged:
+            lines = [*lines, f"somebody spoke in the name of others: {self.forged[0]}"]
         return lines + self.problems
 
     @property

@@ -175,7 +175,13 @@ class GuidanceNode(FlightNode):
         self._status_out = self.create_publisher(GuidanceStatus, GUIDANCE_STATUS, FLIGHT)
         self._timing_out = self.create_publisher(Timing, TIMING, DIAGNOSTIC)
         self._nav_in = self.create_subscription(
-            NavState, NAV_STATE, self._on_nav_state, FLIGHT, raw=True
+            NavState,
+            NAV_STATE,
+            self._membership.seals.reader(
+                NAV_STATE, self._on_nav_state, lambda data: self._answers.read(data)[1]
+            ),
+            FLIGHT,
+            raw=True,
         )
         self._wants_guess = answers.wants_guess
         # a client alone lists the service on the graph
@@ -272,11 +278,17 @@ class GuidanceNode(FlightNode):
                 f"guidance is for {self._mission_name}: it has no part in it",
             )
         elif simulator.guidance_id == mine.member_id:
-            if mine.state is State.PRESENT:
+            # others may have heard in this name, or in the simulator's, that it is over
+            again = mine.state is State.OVER and simulator.state in OPEN
+            if mine.state is State.PRESENT or again:
                 plans = self._law.lacks_plan
                 mine.agree(mine.member_id, State.PLANNING if plans else State.READY)
                 self._take_held_back()
-        elif simulator.guidance_id:
+        elif not simulator.guidance_id:
+            if mine.state in AGREED and simulator.state in OPEN:
+                # the simulator has lost it, whoever said so
+                mine.say(State.PRESENT)
+        else:
             mine.say(State.PRESENT)
             self._tell(
                 f"flight {id_text(mine.flight_id)} has another guidance: this one has no part in it"
@@ -435,7 +447,9 @@ class GuidanceNode(FlightNode):
         if due:
             self._longest_cycle_s = max(self._longest_cycle_s, time.perf_counter() - begun)
         if self._law.steered:
-            self._command_out.publish(answers.command())
+            command = answers.command()
+            self._membership.seals.seal(command)
+            self._command_out.publish(command)
         if due:
             self._status_out.publish(answers.status())
             self._statuses += 1

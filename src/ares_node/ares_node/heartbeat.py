@@ -1,8 +1,8 @@
 """A word of each node once a second: that it lives, how busy it is, how long it takes.
 
 By the conventions of diagnostic_updater: one status per task, named `node: task`, at the level of
-the task, with the wall clock in the stamp. It differs from machine to machine: no bag holds it, and no
-verdict is made from it.
+the task, with the wall clock in the stamp. It differs from machine to machine: no bag holds it, and
+no verdict is made from it.
 """
 
 import time

@@ -5,8 +5,10 @@ the beginning of its `configure` and calls `listen` at the end of it, after its 
 whoever then answers its word is known to hear all its publishers.
 """
 
+import math
 from collections.abc import Callable
 from enum import IntEnum
+from functools import partial
 
 from rclpy.duration import Duration
 from rclpy.node import Node
@@ -14,9 +16,12 @@ from rclpy.publisher import Publisher
 from rclpy.subscription import Subscription
 
 from ares_msgs.msg import FlightMember
+from ares_node.diagnostics import Level
 from ares_node.identity import new_id
+from ares_node.key import FORGED
 from ares_node.parameters import Parameter
 from ares_node.qos import FLIGHT_MEMBER, MEMBER, MEMBERS
+from ares_node.seal import Seals
 
 FLIGHT_ID = Parameter(
     "flight_id",
@@ -58,6 +63,31 @@ OPEN = (State.PREPARING, State.PRESENT, State.READY, State.FLYING)
 AGREED = (State.READY, State.PLANNING)
 
 
+def _content(word: FlightMember) -> tuple[object, ...]:
+    """What a word says."""
+    return (
+        word.words,
+        word.state,
+        word.flight_id,
+        word.guidance_id,
+        word.last_sequence,
+        word.reason,
+        word.mission,
+        word.role,
+    )
+
+
+def _state_name(word: FlightMember) -> str:
+    """The state in a word, for people."""
+    return State(word.state).name if word.state in set(State) else f"state {word.state}"
+
+
+def _report(node: Node, text: str) -> None:
+    diagnostics = getattr(node, "diagnostics", None)
+    if diagnostics is not None:
+        diagnostics.report(Level.ERROR, text, 0)
+
+
 class Membership:
     """One node's part in the agreement, and what it has heard of the others.
 
@@ -66,10 +96,19 @@ class Membership:
         flight_id: the flight; 0 until one is joined. Set by `say`, as are the next two.
         guidance_id: the guidance that flies this flight, as far as known; else 0.
         state: the node's own state.
+        contradicted: words of others in this member's name.
+        seals: of what the node says besides, and of what it hears.
         foreign: messages of other flights that `belongs` has refused.
     """
 
-    def __init__(self, node: Node, role: Role, mission: str = "", flight_id: int = 0) -> None:
+    def __init__(
+        self,
+        node: Node,
+        role: Role,
+        mission: str = "",
+        flight_id: int = 0,
+        complain: Callable[[str], None] | None = None,
+    ) -> None:
         """Say that the node prepares.
 
         Args:
@@ -77,12 +116,18 @@ class Membership:
             role: what it does.
             mission: name of its mission; empty for any.
             flight_id: the flight; 0 joins one that is heard of.
+            complain: gets a line on words of others in names that are not theirs; None: a report
+                of the node, if it makes reports.
+
+        Raises:
+            FlightKeyError: the environment holds a key that is none.
         """
         self.member_id = new_id()
         self.flight_id = flight_id
         self.guidance_id = 0
         self.state = State.PREPARING
         self.foreign = 0
+        self.contradicted = 0
         self._node = node
         self._given = flight_id
         self._heard: dict[int, FlightMember] = {}
@@ -94,11 +139,15 @@ class Membership:
             mission=mission,
             node=node.get_fully_qualified_name(),
         )
+        self._complain = complain or partial(_report, node)
+        self.seals = Seals(node, lambda: self.flight_id, self._complain)
+        #: what was said, to tell it from what others say in this name
+        self._said: set[tuple[object, ...]] = set()
         self._out = node.create_publisher(FlightMember, FLIGHT_MEMBER, MEMBER)
         #: by which the last word of others was said
         self._others_out: list[Publisher] = []
         self._in: Subscription | None = None
-        self._out.publish(self._word)
+        self._publish()
 
     def tell_settings(self, settings: str) -> None:
         """What the member flies by, for its word from `listen` on."""
@@ -124,6 +173,7 @@ class Membership:
             self._node.destroy_subscription(self._in)
         for publisher in (self._out, *self._others_out):
             self._node.destroy_publisher(publisher)
+        self.seals.close()
 
     def wait_until_heard(self, seconds: float) -> None:
         """Let the others get the own word, for so long at most."""
@@ -135,12 +185,18 @@ class Membership:
         if word is None or word.state == State.LEFT:
             return
         word.state = State.LEFT
+        word.words += 1
         # not the own publisher: who comes later gets the last word of each
         publisher = self._node.create_publisher(FlightMember, FLIGHT_MEMBER, MEMBER)
         self._others_out.append(publisher)
-        publisher.publish(word)
+        publisher.publish(self.seals.sealed(word))
 
     # ---- the own word
+
+    def _publish(self) -> None:
+        self._word.words += 1
+        self._said.add(_content(self._word))
+        self._out.publish(self.seals.sealed(self._word))
 
     def say(
         self,
@@ -162,16 +218,41 @@ class Membership:
         word.last_sequence = last_sequence
         word.reason = reason
         if before != (self.state, self.flight_id, self.guidance_id):
-            self._out.publish(word)
+            self._publish()
 
     # ---- the others
 
     def _on_member(self, member: FlightMember) -> None:
-        if member.member_id != self.member_id:
-            self._heard[int(member.member_id)] = member
-            if len(self._heard) > MOST_HEARD:
-                del self._heard[next(iter(self._heard))]
-            self._changed(member)
+        known = self._heard.get(int(member.member_id))
+        own = member.member_id == self.member_id
+        if not self.seals.proves(member):
+            # a stranger, who may have his own business here, has no part in this flight
+            if own or known is not None:
+                self.seals.note(f"a word of {member.node}, {_state_name(member)}")
+            if own:
+                self._publish()
+            return
+        if own:
+            if _content(member) not in self._said:
+                self._contradict(member)
+            return
+        if self.seals.key and known is not None and member.words <= known.words:
+            # said before, and now by somebody else
+            return
+        self._heard[int(member.member_id)] = member
+        if len(self._heard) > MOST_HEARD:
+            del self._heard[next(iter(self._heard))]
+        self._changed(member)
+
+    def _contradict(self, member: FlightMember) -> None:
+        """Say the own word again: somebody else has said another in this name."""
+        self.contradicted += 1
+        if math.log10(self.contradicted).is_integer():
+            self._complain(
+                f"{FORGED}a word in the name of {self._word.node}, {_state_name(member)}, "
+                f"contradicted ({self.contradicted} so far)"
+            )
+        self._publish()
 
     def others(self, role: Role, *states: State) -> list[FlightMember]:
         """Members of this flight in a role and in one of some states, in order of arrival."""

@@ -20,6 +20,7 @@ CLOCK = names.CLOCK
 DIAGNOSTICS = names.DIAGNOSTICS
 TF = names.TF
 TF_STATIC = names.TF_STATIC
+FLIGHT_SEAL = "flight_seal"
 #: What took how long: in no bag, which says of a flight what is the same on every machine.
 TIMING = "timing"
 LOG = "/rosout"

@@ -22,6 +22,7 @@ from ares_models.mission import load_mission
 from ares_msgs.msg import FlightEvent, FlightMember, NavState, ThrustCommand, VehicleState
 from ares_node.diagnostics import Level, Timing, pace_word
 from ares_node.identity import id_text, new_id
+from ares_node.key import FORGED
 from ares_node.membership import AGREED, FLIGHT_ID, MOST_HEARD, OPEN, Membership, Role, State
 from ares_node.node import FlightNode, NodeError
 from ares_node.parameters import Parameter
@@ -38,6 +39,7 @@ from ares_node.qos import (
     VEHICLE_STATE,
 )
 from ares_node.run import EXIT_CANNOT_START, EXIT_OK
+from ares_node.seal import canonical
 from ares_node.states import StateMessage, clock_data
 from ares_node.time import NANOSECONDS, ns_from_seconds, ns_from_stamp, stamp_from_ns
 from ares_vehicle_sim.arrays import GUIDANCE_BACK, GUIDANCE_LOST
@@ -225,8 +227,17 @@ class VehicleSimNode(FlightNode):
         self._event_out = self.create_publisher(FlightEvent, FLIGHT_EVENT, EVENTS)
         self._timing_out = self.create_publisher(Timing, TIMING, DIAGNOSTIC)
         self._command_in = self.create_subscription(
-            ThrustCommand, THRUST_COMMAND, self._on_command, FLIGHT
+            ThrustCommand,
+            THRUST_COMMAND,
+            self._membership.seals.reader(THRUST_COMMAND, self._on_command),
+            FLIGHT,
         )
+        self._events_in = self.create_subscription(
+            FlightEvent, FLIGHT_EVENT, self._on_event, EVENTS
+        )
+        self._events_said: set[bytes] = set()
+        self._forged = 0
+        self._accepted: ThrustCommand | None = None
         self._nav_message = StateMessage(NavState)
         self._truth_message = StateMessage(VehicleState)
         self._steering = np.zeros(1, STEERING)
@@ -269,6 +280,7 @@ class VehicleSimNode(FlightNode):
             self.destroy_publisher(publisher)
         self.destroy_publisher(self._timing_out)
         self.destroy_subscription(self._command_in)
+        self.destroy_subscription(self._events_in)
         self._membership.close()
         self._simulator = None
 
@@ -559,7 +571,9 @@ class VehicleSimNode(FlightNode):
         self._publish_measured()
 
     def _publish_measured(self) -> None:
-        self._nav_out.publish(self._nav_message.data(*self._head, self.simulator.measured))
+        data = self._nav_message.data(*self._head, self.simulator.measured)
+        self._membership.seals.seal(data)
+        self._nav_out.publish(data)
 
     def _await_answer(self) -> None:
         self._waiting = self._unanswered = True
@@ -576,7 +590,25 @@ class VehicleSimNode(FlightNode):
             # before the event of the end: who judges hears no more after it
             self._report(Level.WARN, simulator.escaped)
         for event in simulator.new_events():
-            self._event_out.publish(self._event_message(event))
+            self._say_event(self._event_message(event))
+
+    def _say_event(self, event: FlightEvent) -> None:
+        self._events_said.add(canonical(event))
+        self._membership.seals.seal(event)
+        self._event_out.publish(event)
+
+    def _on_event(self, event: FlightEvent) -> None:
+        """Contradict what somebody else says in the name of this flight."""
+        if event.flight_id == self.flight_id and canonical(event) not in self._events_said:
+            self._note_forged(f"an event of type {event.type} at {event.time:.9g} s")
+
+    def _note_forged(self, what: str) -> None:
+        """Count what only somebody else can have said; say so at the first, and every tenfold."""
+        self._forged += 1
+        if math.log10(self._forged).is_integer():
+            now = self.simulator.time_ns
+            text = f"{FORGED}{what} ({self._forged} so far)"
+            self.diagnostics.report(Level.ERROR, text, now)
 
     def _on_command(self, message: ThrustCommand) -> None:
         if not self._membership.belongs(message.flight_id):
@@ -590,6 +622,8 @@ class VehicleSimNode(FlightNode):
             return
         answered = ns_from_stamp(message.nav_stamp)
         if answered != self.simulator.time_ns:
+            if answered > self.simulator.time_ns:
+                self._note_forged("a command that answers a state which was not said yet")
             self._refuse(
                 f"nav_stamp is {answered / NANOSECONDS:.9g} s; expected "
                 f"{self.simulator.time_ns / NANOSECONDS:.9g} s"
@@ -600,9 +634,12 @@ class VehicleSimNode(FlightNode):
             # the word that there is a plan is under way
             self._lift_off()
         if not self._unanswered:
+            if self._accepted and canonical(message) != canonical(self._accepted):
+                self._note_forged("two answers to one state in the name of guidance")
             self._refuse("this navigation state has its answer")
             return
         self._unanswered = False
+        self._accepted = message
         self._deafness = 0
         self._regain_link(0)
         if self._unguided:
@@ -712,7 +749,7 @@ class VehicleSimNode(FlightNode):
         truth = self.simulator.truth()
         event = {name: truth[name] for name in ("position", "velocity", "mass", "heating_rate")}
         now = self.simulator.time_ns / NANOSECONDS
-        self._event_out.publish(
+        self._say_event(
             self._event_message({**event, "time": now, "type": kind, "index": truth["arc"]})
         )
 

@@ -24,8 +24,20 @@ from ares_bringup.faults.control import Control
 from ares_bringup.faults.relay import Channel
 from ares_bringup.faults.scene import Flown, Scene
 from ares_bringup.keeper import GUIDANCE, OPTIMIZER, RECORDER, SIMULATOR
-from ares_msgs.msg import ThrustCommand
-from ares_node.qos import CLOCK, CLOCK_QOS, FLIGHT, NAV_STATE, SOLVE_TRAJECTORY, THRUST_COMMAND
+from ares_msgs.msg import FlightEvent, FlightMember, ThrustCommand
+from ares_node.membership import Role, State
+from ares_node.qos import (
+    CLOCK,
+    CLOCK_QOS,
+    EVENTS,
+    FLIGHT,
+    FLIGHT_EVENT,
+    FLIGHT_MEMBER,
+    MEMBER,
+    NAV_STATE,
+    SOLVE_TRAJECTORY,
+    THRUST_COMMAND,
+)
 from ares_node.time import ns_from_seconds, ns_from_stamp, stamp_from_seconds
 
 #: What is done to a scene of a flight like the control, drawn by a generator.
@@ -44,6 +56,8 @@ PACE = 20.0
 #: makes up for, and the time that a message takes.
 FAST = 200.0
 UNSAID = 1.0
+#: Wall time in s in which a word is heard, and contradicted.
+HEARD_AFTER = 0.3
 #: Wall time in s after which the recorder has flushed all that it has got.
 FLUSHED_AFTER = 1.2
 
@@ -380,6 +394,85 @@ def second_publisher(scene: Scene, control: Control, rng: Generator) -> None:
             false.flight_id += 1
         else:
             false.nav_stamp = stamp_from_seconds(_answered(command) - float(rng.integers(1, 100)))
+        scene.relay.commands.touched += 1
+        out.publish(false)
+
+    scene.relay.on_command = answer
+
+
+# ---- words in the name of others
+
+
+def _forged_word(scene: Scene, role: Role, state: State) -> FlightMember:
+    """The last word of a member, with another state and no digest."""
+    known = [word for word in scene.relay.membership.others(role) if word.state != State.LEFT]
+    return FlightMember(
+        flight_id=scene.relay.membership.flight_id,
+        member_id=known[-1].member_id,
+        role=int(role),
+        state=int(state),
+        guidance_id=known[-1].guidance_id,
+        mission=known[-1].mission,
+        node=known[-1].node,
+        words=known[-1].words + 1000,
+    )
+
+
+def forge_word(role: Role, state: State) -> Act:
+    """Somebody says another state in the name of a member."""
+
+    def act(scene: Scene, control: Control, rng: Generator) -> None:
+        at = _some_time(control, rng)
+        _note_end(scene, control, at)
+        out = scene.node.create_publisher(FlightMember, FLIGHT_MEMBER, MEMBER)
+        if not scene.fly_to(at):
+            return
+        scene.spin(lambda: out.get_subscription_count() > 0)
+        out.publish(_forged_word(scene, role, state))
+        out.wait_for_all_acked()
+        scene.spin(lambda: False, HEARD_AFTER)
+
+    return act
+
+
+def forge_end(scene: Scene, control: Control, rng: Generator) -> None:
+    """Somebody says in the simulator's name that the flight is complete."""
+    at = _some_time(control, rng)
+    _note_end(scene, control, at)
+    out = scene.node.create_publisher(FlightEvent, FLIGHT_EVENT, EVENTS)
+    if not scene.fly_to(at):
+        return
+    scene.spin(lambda: out.get_subscription_count() > 0)
+    out.publish(
+        FlightEvent(
+            stamp=stamp_from_seconds(at),
+            flight_id=scene.relay.membership.flight_id,
+            time=at,
+            type=FlightEvent.FLIGHT_COMPLETE,
+            position=[6.5e6, 0.0, 0.0],
+            velocity=[0.0, 7.8e3, 0.0],
+            mass=float(rng.uniform(1e5, 2e5)),
+        )
+    )
+    out.wait_for_all_acked()
+    scene.spin(lambda: False, HEARD_AFTER)
+
+
+def forge_commands(scene: Scene, control: Control, rng: Generator) -> None:
+    """Somebody answers the state that comes next, in the name of guidance and turned aside."""
+    at = _some_time(control, rng)
+    end = at + float(rng.uniform(1.0, LONGEST))
+    # without a key there is no telling which of two answers is guidance's
+    scene.facts["must_reach"] = False
+    out = scene.node.create_publisher(ThrustCommand, THRUST_COMMAND, FLIGHT)
+
+    def answer(command: ThrustCommand) -> None:
+        if not at <= _answered(command) < end:
+            return
+        false = copy.deepcopy(command)
+        turned = np.array(command.direction) + rng.normal(0.0, 0.02, 3)
+        false.direction = turned / np.linalg.norm(turned)
+        false.nav_stamp = false.stamp = stamp_from_seconds(_answered(command) + 1.0)
         scene.relay.commands.touched += 1
         out.publish(false)
 

@@ -10,6 +10,7 @@ from numpy.random import Generator
 from ares_bringup.faults import acts, signals
 from ares_bringup.faults.scene import Flown, Scene
 from ares_bringup.keeper import OPTIMIZER, SIMULATOR
+from ares_node.membership import Role, State
 
 #: Of a simulator that shall not wait long for answers that were lost on purpose.
 IMPATIENT = {SIMULATOR: ("-p", "command_timeout_s:=0.1")}
@@ -126,6 +127,34 @@ def _commands() -> list[Row]:
     ]
 
 
+#: What is forged, by what a row says.
+FORGERIES: Mapping[str, acts.Act] = {
+    "guidance has left": acts.forge_word(Role.GUIDANCE, State.LEFT),
+    "guidance is through": acts.forge_word(Role.GUIDANCE, State.OVER),
+    "the flight is over": acts.forge_word(Role.VEHICLE_SIM, State.OVER),
+    "the flight is complete": acts.forge_end,
+    "commands one state ahead": acts.forge_commands,
+}
+
+
+def _forged() -> list[Row]:
+    """Words in the name of others, in a flight without a key and in one with it."""
+    return [
+        Row(
+            f"forged, {where}: {name}",
+            (f"refused, said; {UNAFFECTED}" if sealed else "contradicted, said; target reached")
+            + ", status 1",
+            act,
+            ("forged: ",),
+            by_relay=name.startswith("commands"),
+            unaffected=sealed,
+            options={"sealed": sealed},
+        )
+        for sealed, where in ((False, "no key"), (True, "sealed"))
+        for name, act in FORGERIES.items()
+    ]
+
+
 ROWS = (
     Row("guidance killed", REACHED, acts.kill_guidance, (*NO_ANSWER, "restarted (1 of 3)")),
     Row("guidance stopped", REACHED, acts.stop_guidance, NO_ANSWER, arguments=IMPATIENT),
@@ -216,6 +245,7 @@ ROWS = (
     *_navigation(),
     *_stamps(),
     *_commands(),
+    *_forged(),
     Row(
         "commands from a second publisher",
         f"refused, counted, said; {UNAFFECTED}",

@@ -29,6 +29,7 @@ from ares_bringup.fly import MODULES
 from ares_bringup.held import all_pids, clear, shared_memory
 from ares_bringup.keeper import GUIDANCE, SIMULATOR
 from ares_node.domains import claimed_domain
+from ares_node.key import new_key
 from ares_node.membership import AGREED, Role
 
 #: Names the processes of a trial in their environment.
@@ -151,6 +152,9 @@ class Scene:
         )
         held.callback(self.node.destroy_node)
         self.executor.add_node(self.node)
+        if self._options.get("sealed"):
+            # the relay is one of those who have it
+            held.enter_context(new_key())
         self.relay = Relay(self.node)
         if "bag" in self._options:
             self._options["bag"] = str(self.folder / self._options["bag"])

@@ -52,6 +52,10 @@ def fly(
     in_process: Annotated[
         bool, typer.Option("--in-process", help="All nodes in one process.")
     ] = False,
+    sealed: Annotated[
+        bool,
+        typer.Option("--sealed", help="Draw a key: no node takes a word that has no proof by it."),
+    ] = False,
     as_json: TablesOrJson = False,
     bag: Annotated[
         Path | None,
@@ -149,6 +153,7 @@ def fly(
         mission=mission,
         guidance=guidance,
         in_process=in_process,
+        sealed=sealed,
         record=not no_record,
         bag=bag,
         seed=seed,
