@@ -157,6 +157,10 @@ class Answers:
         """Stamp in ns, flight_id, sequence and measured state of a NavState as CDR."""
         return self._state_message.read(data)
 
+    def content(self, data: bytes) -> bytes:
+        """What of a NavState as CDR its seal is of."""
+        return self._state_message.content(data)
+
     def step(self, now: int, measured: Any) -> bool:
         """Answer one navigation state.
 

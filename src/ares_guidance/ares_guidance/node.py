@@ -178,7 +178,10 @@ class GuidanceNode(FlightNode):
             NavState,
             NAV_STATE,
             self._membership.seals.reader(
-                NAV_STATE, self._on_nav_state, lambda data: self._answers.read(data)[1]
+                NAV_STATE,
+                self._on_nav_state,
+                lambda data: self._answers.read(data)[1],
+                answers.content,
             ),
             FLIGHT,
             raw=True,

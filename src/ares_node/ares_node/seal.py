@@ -128,6 +128,7 @@ class Seals:
         name: str,
         take: Callable[[Any], None],
         flight_of: Callable[[Any], int] = lambda message: int(message.flight_id),
+        content: Callable[[Any], Any] = lambda message: message,
     ) -> Callable[[Any], None]:
         """Make of a callback one that hands on what has a seal.
 
@@ -135,6 +136,7 @@ class Seals:
             name: of the topic.
             take: the callback.
             flight_of: gives the flight of a message.
+            content: gives of a message as bytes those that were sealed.
         """
         if not self.key:
             return take
@@ -146,7 +148,7 @@ class Seals:
                 # somebody else's business, which the callback knows
                 take(message)
                 return
-            own = digest_of(self.key, message)
+            own = digest_of(self.key, content(message))
             if own in self._seen:
                 take(message)
                 return

@@ -112,6 +112,10 @@ class StateMessage:
             self._buffer[gap] = bytes(gap.stop - gap.start)
         return bytes(self._buffer)
 
+    def content(self, data: bytes) -> bytes:
+        """What of a message as bytes is its own: the middleware may add to it, and note that."""
+        return data[_BEGIN : len(self._buffer)]
+
     def read(self, data: bytes) -> tuple[int, int, int, Any]:
         """Stamp in ns, flight_id, sequence and record of what a raw subscription gets.
 

@@ -572,7 +572,7 @@ class VehicleSimNode(FlightNode):
 
     def _publish_measured(self) -> None:
         data = self._nav_message.data(*self._head, self.simulator.measured)
-        self._membership.seals.seal(data)
+        self._membership.seals.seal(self._nav_message.content(data))
         self._nav_out.publish(data)
 
     def _await_answer(self) -> None:
