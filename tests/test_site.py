@@ -44,7 +44,9 @@ def test_every_document_is_a_page(site: Path) -> None:
 
 def test_the_reference_names_every_field_and_parameter(site: Path) -> None:
     messages = (site / "reference" / "messages.html").read_text()
-    for path in [*ROOT.glob("src/ares_msgs/msg/*.msg"), *ROOT.glob("src/ares_msgs/srv/*.srv")]:
+    for path in [
+        path for kind in ("msg", "srv", "action") for path in ROOT.glob(f"src/ares_msgs/{kind}/*")
+    ]:
         assert f"<h2>{path.stem}<" in messages
         for line in path.read_text().splitlines():
             if found := re.match(r"[A-Za-z]\S* (\w+)\s*(=|#|$)", line):

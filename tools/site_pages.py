@@ -148,7 +148,7 @@ def table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def messages() -> str:
-    """Every message and service with its fields."""
+    """Every message, service and action with its fields."""
     from rosidl_adapter import parser
 
     parts = ["# Messages\n\nMade of the definitions in `src/ares_msgs`."]
@@ -159,6 +159,11 @@ def messages() -> str:
         service = parser.parse_service_file("ares_msgs", path)
         parts += [f"## {path.stem}", *described(service.request)]
         parts += ["### Answer", *described(service.response)]
+    for path in sorted((ROOT / INTERFACES / "action").glob("*.action")):
+        action = parser.parse_action_file("ares_msgs", path)
+        parts += [f"## {path.stem}", *described(action.goal)]
+        parts += ["### Result", *described(action.result)]
+        parts += ["### Feedback", *described(action.feedback)]
     return "\n\n".join(parts)
 
 

@@ -5,8 +5,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any
 
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
-from rclpy.action.server import ServerGoalHandle
+from rclpy.action.server import ActionServer, CancelResponse, GoalResponse, ServerGoalHandle
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.service import Service
 
@@ -83,9 +82,10 @@ class OptimizerNode(FlightNode):
 
     def activate(self) -> None:
         """Offer the service."""
-        self._service = self.create_service(SolveTrajectory, SOLVE_TRAJECTORY, self._on_request)
+        service: Any = self.create_service(SolveTrajectory, SOLVE_TRAJECTORY, self._on_request)
         # an answer follows when there is one: the executor must not send what the callback returns
-        self._service.send_response = self._put
+        service.send_response = self._put
+        self._service = service
 
     def deactivate(self) -> None:
         """Withdraw the service; who waits for an answer is told so."""

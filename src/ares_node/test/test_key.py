@@ -1,0 +1,54 @@
+"""The key of a flight, and digests by it."""
+
+import math
+
+import pytest
+
+from ares_msgs.msg import FlightMember, ThrustCommand
+from ares_node.key import VARIABLE, FlightKeyError, flight_key, new_key
+from ares_node.seal import as_field, canonical, digest_of
+
+KEY = bytes(range(32))
+
+
+def command(**fields) -> ThrustCommand:
+    plain = {"flight_id": 2**63 + 5, "direction": [0.0, 1.0, 0.0], "cutoff_time": math.nan}
+    return ThrustCommand(**(plain | fields))
+
+
+def test_a_key_is_held_for_a_flight_alone():
+    environ: dict[str, str] = {}
+    assert flight_key(environ) == b""
+    with new_key(environ):
+        first = flight_key(environ)
+        assert len(first) == 32
+        with new_key(environ):
+            assert flight_key(environ) == first
+    assert not environ
+    with new_key(environ):
+        assert flight_key(environ) != first
+
+
+@pytest.mark.parametrize("text", ["secret", "00", "0" * 63, "0" * 66])
+def test_what_is_no_key_is_refused_and_not_shown(text):
+    with pytest.raises(FlightKeyError, match="expected 64 hexadecimal digits") as refused:
+        flight_key({VARIABLE: text})
+    assert text not in str(refused.value).replace("64", "")
+
+
+def test_a_digest_is_of_every_field_the_type_and_the_key():
+    own = digest_of(KEY, command())
+    assert digest_of(KEY, command()) == own
+    for changed in ({"flight_id": 7}, {"direction": [0.0, 1.0, 1e-12]}, {"cutoff_time": 1.0}):
+        assert digest_of(KEY, command(**changed)) != own
+    assert digest_of(KEY, command(arc_end_times=[math.nan])) != own
+    assert digest_of(bytes(32), command()) != own
+
+
+def test_a_digest_in_a_message_is_not_of_itself():
+    word = FlightMember(node="/ares/guidance", reason="a", settings="b")
+    before = canonical(word)
+    word.digest = as_field(digest_of(KEY, word))
+    assert canonical(word) == before
+    # where one text ends and the next begins counts
+    assert canonical(FlightMember(node="/ares/guidance", reason="ab")) != before
