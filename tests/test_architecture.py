@@ -62,6 +62,7 @@ JOINS = {
     "solve",
     "messages",
     "node",
+    "worker",
     "__main__",
     "__init__",
 }
