@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Mapping
 from contextlib import ExitStack
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -67,6 +68,8 @@ LINK_LOST_AFTER = 3
 PATIENCE_RATIO = 0.2
 #: A plan is waited for in flight so many times as long as an answer.
 PLAN_PATIENCE = 10.0
+#: Wall time in s that a flight in real time leaves to messages between two steps at least.
+LEAST_DELAY = 1e-4
 #: Wall time in s between steps on a lost link: an answer can still come through.
 LOST_LINK_PERIOD = 0.001
 #: What differs in its numbers only is reported at most once in this flight time, s.
@@ -129,6 +132,16 @@ PARAMETERS = (
         minimum=0.001,
     ),
     Parameter(
+        "longest_command_age_s",
+        0.0,
+        "Longest flight time since the navigation state that a command answers. 0: the vehicle "
+        "waits for the answer to each state. Above, with a pace, it flies in real time: after the "
+        "first answer it waits for nobody and flies by the newest that it has.",
+        unit="s",
+        minimum=0.0,
+        maximum=60.0,
+    ),
+    Parameter(
         "start_timeout_s",
         300.0,
         "Wall time to wait for guidance, recorders and judges before giving up, and for guidance "
@@ -172,13 +185,49 @@ def _check_pace(parameters: list[RosParameter]) -> SetParametersResult:
     return SetParametersResult(successful=not reason, reason=reason)
 
 
+@dataclass
+class Deadlines:
+    """What a flight in real time kept of its time: a state is due when its period begins.
+
+    Attributes:
+        states: navigation states that went out.
+        missed: those that went out after the next was due.
+        latest_s: wall time by which the latest went out after it was due, s.
+        age_ns: flight time since the state that the oldest command in force answered, ns.
+    """
+
+    states: int = 0
+    missed: int = 0
+    latest_s: float = 0.0
+    age_ns: int = 0
+
+    def count(self, late_s: float, period_s: float) -> None:
+        """Count a state by what is gone of its period when it is out; wall time in s.
+
+        Args:
+            late_s: since the next state was due; negative before.
+            period_s: between two states.
+        """
+        self.states += 1
+        self.missed += late_s > 0.0
+        self.latest_s = max(self.latest_s, late_s + period_s)
+
+    def __str__(self) -> str:
+        """One line for a person."""
+        return (
+            f"real time: {self.missed} of {self.states} deadlines missed, the latest state "
+            f"{1e3 * self.latest_s:.1f} ms after it was due; commands up to "
+            f"{self.age_ns / NANOSECONDS:.9g} s old"
+        )
+
+
 class VehicleSimNode(FlightNode):
     """Publishes navigation state, truth, events and the clock; flies the commands.
 
     The flight starts when a guidance and the expected recorders and judges have agreed on it
     (see FlightMember). Where guidance has to plan first, the count is held: it gets the first
     navigation state, and nothing else happens until it has its plan. Each navigation state waits
-    for the command that answers it, then the vehicle moves on.
+    for the command that answers it, then the vehicle moves on; in real time it waits for none.
     """
 
     def __init__(self, **kwargs: Any) -> None:
@@ -238,6 +287,10 @@ class VehicleSimNode(FlightNode):
         self._events_said: set[bytes] = set()
         self._forged = 0
         self._accepted: ThrustCommand | None = None
+        self._answered_ns = -1
+        self._oldest_ns = ns_from_seconds(values["longest_command_age_s"])
+        self._arrived: ThrustCommand | None = None
+        self._deadlines = Deadlines()
         self._nav_message = StateMessage(NavState)
         self._truth_message = StateMessage(VehicleState)
         self._steering = np.zeros(1, STEERING)
@@ -567,8 +620,26 @@ class VehicleSimNode(FlightNode):
         if self.simulator.complete:
             self._end()
             return
+        if self._real_time and self._accepted is not None:
+            self._publish_measured()
+            self._fly_on()
+            return
         self._await_answer()
         self._publish_measured()
+
+    @property
+    def _real_time(self) -> bool:
+        """Whether the vehicle waits for nobody."""
+        return self._oldest_ns > 0 and self.values["pace"] > 0.0
+
+    def _fly_on(self) -> None:
+        """In real time: go on by the newest command, however old it is."""
+        age = self.simulator.time_ns - self._answered_ns
+        self._deadlines.age_ns = max(self._deadlines.age_ns, age)
+        if age > self._oldest_ns and not self._link_lost:
+            self._note_loss()
+            self._lose_link(f"no command younger than {self._oldest_ns / NANOSECONDS:g} s")
+        self._step()
 
     def _publish_measured(self) -> None:
         data = self._nav_message.data(*self._head, self.simulator.measured)
@@ -589,6 +660,9 @@ class VehicleSimNode(FlightNode):
         if simulator.complete and simulator.escaped:
             # before the event of the end: who judges hears no more after it
             self._report(Level.WARN, simulator.escaped)
+        if simulator.complete and self._real_time:
+            level = Level.WARN if self._deadlines.missed else Level.OK
+            self._report(level, str(self._deadlines))
         for event in simulator.new_events():
             self._say_event(self._event_message(event))
 
@@ -621,8 +695,9 @@ class VehicleSimNode(FlightNode):
             self._refuse(f"of a guidance without part, {id_text(message.guidance_id)}")
             return
         answered = ns_from_stamp(message.nav_stamp)
-        if answered != self.simulator.time_ns:
-            if answered > self.simulator.time_ns:
+        age = self.simulator.time_ns - answered
+        if not 0 <= age <= self._oldest_ns or answered < self._answered_ns:
+            if age < 0:
                 self._note_forged("a command that answers a state which was not said yet")
             self._refuse(
                 f"nav_stamp is {answered / NANOSECONDS:.9g} s; expected "
@@ -633,18 +708,32 @@ class VehicleSimNode(FlightNode):
         if self._counting:
             # the word that there is a plan is under way
             self._lift_off()
-        if not self._unanswered:
+        if not self._unanswered and answered == self._answered_ns:
             if self._accepted and canonical(message) != canonical(self._accepted):
                 self._note_forged("two answers to one state in the name of guidance")
             self._refuse("this navigation state has its answer")
             return
+        if self._real_time and self._accepted is None:
+            # the time that the first answer takes is before the flight
+            self._begin_pace()
         self._unanswered = False
+        self._answered_ns = answered
         self._accepted = message
         self._deafness = 0
         self._regain_link(0)
         if self._unguided:
             self._unguided = False
             self._node_event(GUIDANCE_BACK)
+        if self._waiting or not self._real_time:
+            self._obey(message)
+        else:
+            self._arrived = message
+        if self._waiting:
+            self._waiting = False
+            self._step()
+
+    def _obey(self, message: ThrustCommand) -> None:
+        """Fly by a command from the present state on."""
         steering = self._steering
         for name in ("reference_time", "direction", "direction_rate", "cutoff_time"):
             steering[name] = getattr(message, name)
@@ -656,9 +745,6 @@ class VehicleSimNode(FlightNode):
             self.simulator.command(steering)
         except CommandRefused as error:
             self._refuse(f"{error}; flying on with the last good one")
-        if self._waiting:
-            self._waiting = False
-            self._step()
 
     def _on_late_answer(self) -> None:
         """On a lost link a sign of life: wait for the next answer; seldom, if that is in vain."""
@@ -688,6 +774,8 @@ class VehicleSimNode(FlightNode):
             self._held = True
             return
         delay = self._delay_for_pace()
+        if self._real_time:
+            delay = max(delay, LEAST_DELAY)
         if delay > 0.0:
             self._paced = self.wall_timer(delay, self._on_pace)
         else:
@@ -699,6 +787,10 @@ class VehicleSimNode(FlightNode):
         except CommandRefused as error:
             self._refuse(f"{error}; withheld")
         self.simulator.advance()
+        if self._arrived is not None:
+            # what came within the period acts from its end on
+            message, self._arrived = self._arrived, None
+            self._obey(message)
         self._publish()
 
     def _on_pace(self) -> None:
@@ -717,6 +809,8 @@ class VehicleSimNode(FlightNode):
         flown = (self.simulator.time_ns - self._start_ns) / NANOSECONDS
         due = self._started_at + (flown + self.values["navigation_period_s"]) / pace
         left = due - time.monotonic()
+        if self._real_time:
+            self._deadlines.count(-left, self.values["navigation_period_s"] / pace)
         if left < -LONGEST_CATCH_UP:
             # what was missed is not flown in a rush
             self._started_at -= left

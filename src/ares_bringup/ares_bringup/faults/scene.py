@@ -106,6 +106,7 @@ class Scene:
         arguments: Mapping[str, Sequence[str]] | None = None,
         modules: Mapping[str, str] | None = None,
         program: str = "ares_bringup.faults.flight",
+        relay: Callable[[Node], Relay] = Relay,
     ) -> None:
         """Nothing runs yet.
 
@@ -114,7 +115,9 @@ class Scene:
             arguments: further ones of nodes.
             modules: in place of the nodes' own.
             program: module that flies.
+            relay: makes what is between simulator and guidance.
         """
+        self._make_relay = relay
         self._program = program
         self.facts: dict[str, Any] = {}
         self._options = {**FLOWN, **(options or {})}
@@ -155,7 +158,7 @@ class Scene:
         if self._options.get("sealed"):
             # the relay is one of those who have it
             held.enter_context(new_key())
-        self.relay = Relay(self.node)
+        self.relay = self._make_relay(self.node)
         if "bag" in self._options:
             self._options["bag"] = str(self.folder / self._options["bag"])
         held.callback(lambda: leftovers(self._mark))
@@ -249,10 +252,10 @@ class Scene:
         finally:
             self.node.destroy_client(client)
 
-    def finish(self) -> Flown:
-        """Let the flight come to its end; what came of it."""
+    def finish(self, timeout: float = PATIENCE) -> Flown:
+        """Let the flight come to its end, for so many s of wall time; what came of it."""
         self.relay.let_go()
-        ended = self.spin(lambda: False) or self.process.poll() is not None
+        ended = self.spin(lambda: False, timeout) or self.process.poll() is not None
         if not ended:
             self.process.kill()
         self.process.wait()
