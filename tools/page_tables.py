@@ -1,21 +1,20 @@
-"""The table of docs/reliability.md, from what benchmarks/faults.py has kept.
+"""Tables of pages from what benchmarks have kept: faults in flights, flights over a link.
 
-python3 tools/reliability_table.py    writes it into the page
+python3 tools/page_tables.py    writes them into their pages
 """
 
 import json
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGE = ROOT / "docs" / "reliability.md"
-RESULT = ROOT / "benchmarks" / "results" / "faults.json"
-BEGIN, END = "<!-- table: tools/reliability_table.py -->", "<!-- end of the table -->"
+BEGIN, END = "<!-- table: tools/page_tables.py -->", "<!-- end of the table -->"
 SUMS = ("injected", "survived", "degraded", "wrong")
 
 
-def table(result: dict[str, Any]) -> str:
-    """The table as Markdown, with the line that says when and on what it was made."""
+def faults(result: dict[str, Any]) -> str:
+    """The table of benchmarks/faults.py, with the line that says when and on what it was made."""
     made = f"{result['injected']:,} faults, seed {result['seed']}; {result['measured']}, "
     again = "; ".join(result.get("flown_again", ()))
     lines = [
@@ -31,12 +30,58 @@ def table(result: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def page(text: str, result: dict[str, Any]) -> str:
-    """The page with the table of a result in place of its own."""
-    before, _, rest = text.partition(BEGIN)
-    _, _, after = rest.partition(END)
-    return f"{before}{BEGIN}\n\n{table(result)}\n\n{END}{after}"
+def latency(result: dict[str, Any]) -> str:
+    """The table of benchmarks/latency.py: final masses, and the verdict where it is no target."""
+    losses = sorted({row["loss"] for row in result["rows"]})
+    flights = {(row["law"], row["latency_s"], row["loss"]): row for row in result["rows"]}
+    lines = [
+        f"{len(flights)} flights; {result['measured']}, {result['machine']}.",
+        "",
+        "| law | one way, ms | " + " | ".join(f"{loss:.0%} lost" for loss in losses) + " |",
+        "|---|---|" + "---|" * len(losses),
+    ]
+    for law, delay in dict.fromkeys((row["law"], row["latency_s"]) for row in result["rows"]):
+        cells = [_flight(flights.get((law, delay, loss))) for loss in losses]
+        lines.append(f"| `{law}` | {1e3 * delay:,.0f} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
 
+
+def _flight(row: dict[str, Any] | None) -> str:
+    if row is None:
+        return "not flown"
+    words = [] if row["outcome"] == "target" else [row["outcome"].replace("_", " ")]
+    if row["status"] and not words:
+        words = [f"status {row['status']}"]
+    return ", ".join([f"{row['mass_kg']:,.1f}", *words])
+
+
+class Table(NamedTuple):
+    """One table.
+
+    Attributes:
+        page: where it stands.
+        result: what a benchmark has kept.
+        make: Markdown of it.
+    """
+
+    page: Path
+    result: Path
+    make: Callable[[dict[str, Any]], str]
+
+    def filled(self) -> str:
+        """The page with the table in place of its own."""
+        made = self.make(json.loads(self.result.read_text()))
+        before, _, rest = self.page.read_text().partition(BEGIN)
+        _, _, after = rest.partition(END)
+        return f"{before}{BEGIN}\n\n{made}\n\n{END}{after}"
+
+
+KEPT = ROOT / "benchmarks" / "results"
+TABLES = (
+    Table(ROOT / "docs" / "reliability.md", KEPT / "faults.json", faults),
+    Table(ROOT / "docs" / "hardware_in_the_loop.md", KEPT / "latency.json", latency),
+)
 
 if __name__ == "__main__":
-    PAGE.write_text(page(PAGE.read_text(), json.loads(RESULT.read_text())))
+    for table in TABLES:
+        table.page.write_text(table.filled())

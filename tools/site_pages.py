@@ -32,6 +32,8 @@ CHAPTERS = {
         "your_rocket",
         "missions",
         "your_law",
+        "your_node",
+        "hardware_in_the_loop",
         "live",
         "report",
         "replay",
