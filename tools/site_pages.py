@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Pages of the site, as Markdown: docs/, and what is made of the sources, so that it stays true.
 
 Messages are read from their definitions, parameters from the nodes' tables, help from the command
@@ -18,6 +19,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PAGES = {
     "README.md": "index.md",
     "CONTRIBUTING.md": "contributing.md",
+    "QUALITY_DECLARATION.md": "quality_declaration.md",
     "benchmarks/README.md": "benchmarks.md",
 } | {
     f"src/{path.parent.name}/README.md": f"packages/{path.parent.name}.md"
@@ -45,6 +47,7 @@ CHAPTERS = {
         "launchers",
         "optimization",
         "contributing",
+        "quality_declaration",
     ),
     "Theory": ("guidance", "optimal_guidance", "igm", "peg_thesis", "analytic", "reproduction"),
     "Inside": (
