@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The abort maps of two missions: how many flights are as good as the optimizer that knew.
 
     ./ares exec python benchmarks/aborts.py [--step-s S] [--proofs N] [--keep]

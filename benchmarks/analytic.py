@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Time of the analytic solution of the default mission; asked for is 1 ms or less.
 
 The search alone, in a warm process: jettison target, part one, part two, Python around the

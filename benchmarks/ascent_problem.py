@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The default mission as plain numbers, and the guesses, the same for every solver.
 
 Variables of the 11-parameter problem, in the order and units of the optimizer: B (3), the rate

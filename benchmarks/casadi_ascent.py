@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The 11-parameter problem in CasADi SX, for IPOPT, with an exact Hessian.
 
 Single shooting with the Nystroem method of order 6 that the optimizer uses (RK4 needs four

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The program of a planned mission in CasADi SX, for IPOPT: derivatives are CasADi's own.
 
 Variables, rows, intervals and bounds are those of ``Transcription``, so that both solvers have one

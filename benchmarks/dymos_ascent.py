@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The 11-parameter problem in Dymos, for SLSQP: Gauss-Lobatto or Radau collocation.
 
 Three linked phases (core, upper stage with and without fairing); the steering parameters are

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How surely guidance finds what fails: false alarms, and the time from a failure to its finding.
 
     ./ares exec python benchmarks/failures.py [--only found|alarms] [--flights N] [--others N]

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How often navigation gate and monitors speak in standard dispersed flights: never, it should be.
 
     ./ares exec python benchmarks/false_alarms.py [--flights N] [--others N]

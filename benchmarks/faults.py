@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Faults into real flights: how many were survived. Writes the table of docs/reliability.md."""
 
 import argparse

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a benchmark has measured: printed as it comes, and kept as JSON for the site."""
 
 import argparse

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Time from a fresh clone to the end of the first flight, with empty caches, and its parts.
 
     python3 benchmarks/first_flight.py [TARGET]

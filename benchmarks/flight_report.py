@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Time of `ares report`: the whole command, and its parts in a warm process."""
 
 import argparse

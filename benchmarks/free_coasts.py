@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Vehicles with free coasts: which `indirect` solves from the mission alone, and how fast.
 
 Beside each solution stands a grid over the lengths of the coasts, each point solved as a flight of

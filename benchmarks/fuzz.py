@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Hostile input for all that reads what others have written, by the million.
 
     ./ares exec python benchmarks/fuzz.py [--inputs N] [--seed S] [--only WORD ...] [--keep]

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Hostile input led by coverage (atheris, of libFuzzer) for one target of benchmarks/fuzz.py.
 
     make atheris TARGET="mission files" FLAGS="-max_total_time=600"

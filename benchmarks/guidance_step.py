@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Time of one compiled guidance cycle and of whole compiled flights.
 
 Navigation states of a nominal 1 Hz flight are recorded first; then the cycles are run over

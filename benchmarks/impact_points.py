@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How surely the impact point is kept out of an area, where a failure leaves no orbit.
 
     ./ares exec python benchmarks/impact_points.py [--failures N] [--seed S] [--keep]

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A recorded flight in one process against a bare exchange of the same messages, in turn.
 
     ./ares exec python benchmarks/in_process_flight.py [--rounds N]

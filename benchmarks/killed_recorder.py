@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Recorders killed by SIGKILL at a random byte of their file: what the repaired bag still holds.
 
     ./ares exec python benchmarks/killed_recorder.py [--trials N] [--seed S] [--keep]

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Laws over a link that takes time and loses messages (docs/hardware_in_the_loop.md)."""
 
 import argparse

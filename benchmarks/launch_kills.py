@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Each process of a flight under the real `ros2 launch`, killed, stopped and ended at random times.
 
     ./ares exec python benchmarks/launch_kills.py [-n N] [--seed S] [--workers W] [--keep]

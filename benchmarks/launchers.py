@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Real launchers by public figures: what `auto` finds beside another program, and what laws lose.
 
 The answers in `launchers/answers.json` are of a program that shares nothing with the project:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Flights in lock-step with and without the live page, in turn; updates of a reader.
 
     ./ares exec python benchmarks/live_flight.py [--rounds N] [--chromium]

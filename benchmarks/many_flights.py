@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Flights one after the other: memory, handles, threads and shared memory of who flies them.
 
     ./ares exec python benchmarks/many_flights.py [--flights N] [--processes N] [--keep]

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Flights per second of a campaign: ours on one core and on all, RocketPy's, Basilisk's.
 
     ./ares exec python benchmarks/montecarlo.py [--flights N] [--peers N] [--law peg]

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Basilisk's Monte Carlo: our ascent's length and dispersions without guidance.
 
     python benchmarks/montecarlo_basilisk.py FLIGHTS PROCESSES

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Time of the optimal law's solves: after a kick, from a PEG guess, and under dispersions.
 
 The call is that of the guidance cycle, through Python: a few microseconds of each figure are the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Time to the optimum of the default mission: ours, CasADi SX with IPOPT, Dymos with SLSQP.
 
 All solve the 11-parameter problem with the same physics and the same density table, from the

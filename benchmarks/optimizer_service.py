@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What an answer of `solve_trajectory` costs beside the bare solve, the node in its own process."""
 
 import argparse

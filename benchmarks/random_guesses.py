@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How often, how fast and how honestly the optimizer solves the default mission from anywhere.
 
 Guesses: B within 60 deg of V0 (even over the cap), each component of A within +-2e-3 1/s,

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Vehicles that no law was made for: which are flown, and what that costs.
 
 Of the missions of some seeds (`ares_studies.random_vehicles`) those that `indirect` solves are

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Guidance lost at any time of flight and begun anew: which flights arrive, by mission and law.
 
     ./ares exec python benchmarks/restarts.py [--times N] [--planned N] [--away S ...] [--keep]

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Time to a plan of transfers in two burns: `auto` from the file alone beside CasADi in one run.
 
 CasADi has the same collocation: variables, rows, intervals, and the flown guesses of as many

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`ares aborts` as one types it, and its page as a browser shows it."""
 
 import json

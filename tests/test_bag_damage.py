@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A wrong bit or a cut anywhere in a bag: what is intact is saved, what is lost is said."""
 
 import json

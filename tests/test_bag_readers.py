@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The reference flight, read by readers that are not ours."""
 
 from pathlib import Path

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The launch file in a launch file of somebody else: two flights beside other nodes."""
 
 import json

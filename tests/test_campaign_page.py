@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The page of a campaign, as a browser shows it: the globe with its flights, the histograms."""
 
 import json

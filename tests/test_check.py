@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`ares replay BAG --check`: the recorded navigation, given to guidance as it is now."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`ares optimize --method analytic`, and the service that gives guidance its analytic guess."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`ares fly` on the real mission with the real nodes: the measured flights, both layouts."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`ares montecarlo` as one types it."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`ares optimize`: what it prints, and its exit statuses."""
 
 import json

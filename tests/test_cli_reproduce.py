@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`ares reproduce`: where the files go, and what is refused. The page itself is tested apart."""
 
 import json

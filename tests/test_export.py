@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`ares export`: a recorded flight as tables and on globes, read again by other libraries."""
 
 import csv

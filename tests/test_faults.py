@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Faults into real flights: one trial of each kind, and how trials are judged."""
 
 import importlib.util

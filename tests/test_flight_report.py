@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`ares report`: the page on a recorded flight, and on two, as a browser shows them."""
 
 import re

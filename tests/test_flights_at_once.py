@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Flights that start in the same second: each flies as if it were alone.
 
 $ARES_FLIGHTS flights (default 4) in $ARES_ROUNDS rounds (default 1); one in four by `ros2 launch`,

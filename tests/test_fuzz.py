@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Hostile input, a little of each kind; the same every time. By the million: benchmarks/fuzz.py."""
 
 import io

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The nodes in one graph: what they refuse, and how the flight goes on."""
 
 import math

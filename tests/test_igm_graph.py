@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The iterative guidance mode through the nodes."""
 
 import math

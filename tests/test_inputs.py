@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the schemas accept flies, or is solved, or is refused in one line; all else is refused."""
 
 import json

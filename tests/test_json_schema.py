@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The JSON Schemas of files: what a loader takes they take, what no file may hold they refuse."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The launch file and its parameters, held against the nodes. Launch need not be installed."""
 
 import ast

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What other tools open: the layout for Foxglove and Lichtblick, the displays of RViz."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A lifecycle manager's view: other missions, other bags, pauses in flight."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A link that takes time and loses messages, and the vehicle that flies over it."""
 
 import numpy as np

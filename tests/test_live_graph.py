@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Pause and pace in flight; the live node beside flights, and who it obeys."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The live page in a browser, beside flights by `ares fly --live`."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Flights one after the other hold no more than the first ones did."""
 
 import gc

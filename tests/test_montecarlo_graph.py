@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Flight k of a campaign, flown again alone: through the graph it is the same flight."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`ares missions new`, `ares dispersions new`, their schemas: what is written is good as it is."""
 
 import json

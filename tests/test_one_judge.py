@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One table of ends through all who judge: a flight, a campaign, an abort map, a proof."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Optimal guidance through the nodes: it flies the optimum, and says when it cannot."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The optimizer's service in a graph, and guidance that asks it, in time or in vain."""
 
 import math

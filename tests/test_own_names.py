@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Flights of two namespaces in one domain: neither hears of the other by a name that all share."""
 
 import subprocess

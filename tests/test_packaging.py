@@ -1,10 +1,13 @@
+# SPDX-License-Identifier: Apache-2.0
 """package.xml and requirements/ say what the sources need."""
 
 import ast
 import json
 import re
 import runpy
+import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -252,3 +255,65 @@ def test_the_containers_have_what_the_readme_asks_for():
     # what git ignores is not copied, the reference flight is
     copied = (ROOT / ".dockerignore").read_text().splitlines()
     assert {".venv", "build", "install", "bags/*", "!bags/reference"} <= set(copied)
+
+
+MANIFESTS = sorted(ROOT.glob("src/*/package.xml"))
+SPDX = "SPDX-License-Identifier: Apache-2.0"
+#: How a source file's comment begins and ends, by the end of its name.
+COMMENTS = {
+    ".py": ("# ", ""),
+    ".js": ("// ", ""),
+    ".css": ("/* ", " */"),
+    "CMakeLists.txt": ("# ", ""),
+}
+#: Sources that have no such end.
+SCRIPTS = ("ares", "tools/real_launch", "tests/stand_ins/ros2")
+
+
+def sources() -> dict[str, tuple[str, str]]:
+    """Source files of the project by their paths in it, with the marks of their comments."""
+    command = ["git", "ls-files"]
+    listed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    if listed.returncode:
+        pytest.skip("not a checkout: " + listed.stderr.strip())
+    names = [name for name in listed.stdout.splitlines() if (ROOT / name).exists()]
+    ends = {name: next(filter(name.endswith, COMMENTS), "") for name in names}
+    marks = {name: COMMENTS[end] for name, end in ends.items() if end}
+    return marks | dict.fromkeys(SCRIPTS, ("# ", ""))
+
+
+def test_each_source_file_names_its_licence_on_one_line():
+    assert "Apache License" in (ROOT / "LICENSE").read_text()
+    found = sources()
+    assert len(found) > 600
+    unlicensed = []
+    for name, (begin, end) in found.items():
+        lines = (ROOT / name).read_text().splitlines()
+        first = [line for line in lines[:2] if not line.startswith("#!")]
+        if first[:1] != [f"{begin}{SPDX}{end}"]:
+            unlicensed.append(name)
+    assert unlicensed == []
+
+
+def test_all_packages_carry_one_version_before_the_first():
+    versions = {next(iter(declared(path.parent, "version"))) for path in MANIFESTS}
+    assert len(MANIFESTS) == 10
+    (version,) = versions
+    assert re.fullmatch(r"0\.\d+\.\d+", version)
+    for package in PACKAGES:
+        assert f'version="{version}"' in (package / "setup.py").read_text(), package.name
+
+
+@pytest.mark.parametrize("manifest", MANIFESTS, ids=lambda path: path.parent.name)
+def test_a_package_has_a_changelog_and_an_author(manifest):
+    package = manifest.parent
+    lines = (package / "CHANGELOG.rst").read_text().splitlines()
+    title = f"Changelog for package {package.name}"
+    assert lines[:3] == ["^" * len(title), title, "^" * len(title)]
+    headings = [above for above, line in pairwise(lines) if set(line) == {"-"}]
+    (version,) = declared(package, "version")
+    assert re.fullmatch(rf"Forthcoming|{re.escape(version)} \(\d{{4}}-\d\d-\d\d\)", headings[0])
+    assert any(line.startswith("* ") for line in lines)
+    assert declared(package, "author") == {"Ares maintainers"}
+    # the tree knows no address where the project is to be found
+    assert declared(package, "url") == set()

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Law peg_thesis in a graph: it asks the optimizer, and says what it flies without an answer."""
 
 import json

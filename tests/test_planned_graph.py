@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Free arcs through the nodes: guidance asks for its plan, and flies it."""
 
 import time

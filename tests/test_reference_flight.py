@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The flight that is kept in bags/: still what we fly. What guidance answers: test_check.py."""
 
 from pathlib import Path

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The page of `ares reproduce` in a browser: legible, complete, and without a network."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Who hears a flight, who may speak in it; and that nothing starts unprotected in silence."""
 
 import os

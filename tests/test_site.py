@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The site builds without a warning, holds what the sources hold, asks a network for nothing."""
 
 import importlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the project is made of: pins with hashes, their licences, and whether one is vulnerable."""
 
 import importlib.util

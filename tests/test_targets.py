@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A mission to a transfer orbit by its elements, through the commands."""
 
 import json

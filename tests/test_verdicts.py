@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One table of causes, three ways to fly: the same exit status and the same words.
 
 `ros2 launch` is the real one where launch is installed; elsewhere `stand_ins/ros2` runs the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The view node in the graph: what other tools see of a flight."""
 
 import asyncio

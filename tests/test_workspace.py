@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The preparation of the workspace, without preparing one."""
 
 import fcntl

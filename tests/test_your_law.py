@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """docs/your_law.md, followed to the letter but for the place of installation."""
 
 import json

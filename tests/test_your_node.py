@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """docs/your_node.md: its nodes as printed, with each other and with the nodes that are there."""
 
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """docs/your_rocket.md, followed to the letter."""
 
 import re

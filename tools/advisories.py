@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether a pin is known to be vulnerable, by a database of advisories on this machine.
 
     ./ares exec python tools/advisories.py [FOLDER]

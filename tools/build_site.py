@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The site of the project, by Sphinx: `make site` puts it into build/site.
 
 Any warning is an error: a link that leads nowhere, a page that no other leads to.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Hold our settings of Fast DDS against Fast DDS 3, from the wheels of ROS 2 Kilted.
 
     ./ares exec python tools/check_kilted.py [FOLDER]

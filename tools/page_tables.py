@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Tables of pages from what benchmarks have kept: faults in flights, flights over a link.
 
 python3 tools/page_tables.py    writes them into their pages

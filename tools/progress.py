@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Lines on standard error while the workspace is made, and on a terminal a bar below them.
 
 Needs nothing but the standard library: nothing else is installed by then.

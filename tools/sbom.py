@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The bill of materials of the pinned packages: requirements/sbom.json, CycloneDX.
 
 `make sbom` lists the prepared environment by the tool cyclonedx-py and hands that list over.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Prepare the workspace, then run the project's command line in it.
 
 Needs nothing but a Python with its standard library and a compiler. What it makes:

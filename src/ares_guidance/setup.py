@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Packaging of ares_guidance."""
 
 from setuptools import find_packages, setup

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Bags: cut, flipped, overwritten; and bags with right checksums over hostile contents."""
 
 import contextlib

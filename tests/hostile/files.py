@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Files that people write: missions, dispersions, parameters; and the names they are found by."""
 
 import os

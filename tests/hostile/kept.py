@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What several runs have come to, in one file: which inputs, on which code, and what came of them.
 
 No input counts twice: a run that gives a target inputs of a seed that it has had is refused.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Hostile messages of any class: good ones with some fields changed, as bytes and back."""
 
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Hostile bytes, texts, numbers and YAML, made of good ones."""
 
 import math

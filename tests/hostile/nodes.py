@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every message callback of every node, called as the middleware would, without a network.
 
 An input is the number of a callback and the CDR of a message for it.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What comes to the server of the live page over its socket: HTTP, WebSocket frames, neither."""
 
 import json

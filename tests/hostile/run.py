@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The loop: inputs by number from a seed, what came of them, and each failing one as a file."""
 
 import faulthandler

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is set of nodes, by whoever may: parameters, and failures that are written as texts."""
 
 import contextlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The optimizer: what it is asked, and what guidance makes of its answers."""
 
 import contextlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is fuzzed: something that takes bytes, and what must never come of it."""
 
 from abc import ABC, abstractmethod

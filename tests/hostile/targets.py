@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """All targets."""
 
 from pathlib import Path

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Command lines: verbs with hostile options and arguments, parsed and checked in this process."""
 
 import contextlib

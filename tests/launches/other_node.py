@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A node of somebody else: says once a second what it finds in its environment."""
 
 import json

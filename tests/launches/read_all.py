@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Read all topics, as `ros2 bag record -a` does, and say at the end how many messages came."""
 
 import json

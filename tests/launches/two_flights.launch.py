@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A bigger system: two flights, a node of somebody else, and a reader of all topics.
 
 ros2 launch two_flights.launch.py bags:=FOLDER ports:=PORT,PORT

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """An MCAP file in the making: messages into chunks, chunks into a stream."""
 
 # mypy: allow-untyped-calls

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Schemas and channels of an MCAP file, seen while reading it from its beginning."""
 
 from dataclasses import dataclass, field

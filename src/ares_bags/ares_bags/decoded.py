@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Walking through the objects that mcap-ros2-support decodes messages into."""
 
 import io

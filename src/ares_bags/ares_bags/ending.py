@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The end of an MCAP file: metadata record, end of data, summary with the index, footer."""
 
 # mypy: allow-untyped-calls

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which files a bag is made of: those of ours are one, those of `ros2 bag record` may be many."""
 
 import re

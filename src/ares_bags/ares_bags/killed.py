@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A recorder killed in the middle of its work, and what its bag must still hold.
 
 For tests and benchmarks; nothing else uses this module.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Messages of one size: their numbers lie at the same place in each, and are read all at once."""
 
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`metadata.yaml` and the `rosbag2` record of a bag, version 9, as rosbag2 Jazzy writes them."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How a replay goes on: paused, faster, slower, elsewhere. Told by keys, or by another thread."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Reading a bag: topics, decoded messages, columns of numbers. Needs no ROS."""
 
 import errno

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The recorder node: every flight message to a bag, as it was sent."""
 
 import struct

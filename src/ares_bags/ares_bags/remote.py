@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A replay that others may pause and pace: parameters of its node."""
 
 # mypy: allow-untyped-calls

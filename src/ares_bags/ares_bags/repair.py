@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Saving what is intact of a bag whose recorder was killed or whose file was damaged."""
 
 import shutil

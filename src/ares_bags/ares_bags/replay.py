@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Publishing a bag again: the messages as recorded, with the clock that belongs to them."""
 
 # mypy: allow-untyped-calls

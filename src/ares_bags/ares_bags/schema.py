@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a bag says about its topics: message definition, type hash, offered QoS.
 
 Definition text and type hash come from the files that every built interface package

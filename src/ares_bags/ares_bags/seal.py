@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A new end for an MCAP file whose writer could not go on.
 
 A full disk leaves complete chunks without the index that readers ask for. The index is

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is where in an MCAP file that may be damaged anywhere.
 
 The index at the end of the file, if its checksum is right, says where each chunk is; without

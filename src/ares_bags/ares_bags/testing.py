@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Made-up flights for tests; nothing else uses this module."""
 
 from collections import Counter

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Message classes by name, and where a message keeps its time."""
 
 import importlib

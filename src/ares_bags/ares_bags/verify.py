@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether a bag is whole: every checksum, index, count and message held against each other."""
 
 import zlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Writing a bag: a folder with one MCAP file and `metadata.yaml`, as rosbag2 has it.
 
 The file reaches the disk in complete chunks, at a bounded interval of time and of bytes, so

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Writes bags where there is no room for them; run as a process by test_full_disk.py.
 
 Arguments: folder, limits on the size of a file in bytes; none: the folder is a small disk, which is

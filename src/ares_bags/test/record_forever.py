@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Writes a bag until it is killed; run as a process by test_repair.py. Argument: folder."""
 
 import itertools

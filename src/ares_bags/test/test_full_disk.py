@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A file that may not grow: the bag ends there, is readable by everybody, and says why."""
 
 import errno

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Messages read all at once say what they say when read one by one."""
 
 from pathlib import Path

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The pace of a replay, and the keys that change it."""
 
 import math

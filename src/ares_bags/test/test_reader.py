@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Reading bags: columns, names, and one line for whatever is wrong."""
 
 import shutil

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The recorder node: what was published is in the bag, whatever ends the recording."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Killed recorders, cut files, damaged files: what is complete is saved, the rest is named."""
 
 import hashlib

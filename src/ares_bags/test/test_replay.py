@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Replay: equal messages in equal order, with the clock, at a pace."""
 
 import itertools

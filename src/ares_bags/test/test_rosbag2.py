@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Bags as `ros2 bag record` writes them: chunked in every way, split, packed, by the wall clock."""
 
 from pathlib import Path

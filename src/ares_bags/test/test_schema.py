@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Definitions and type hashes against those that the rosbags library works out by itself."""
 
 import pytest

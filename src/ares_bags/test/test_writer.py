@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A bag as rosbag2 Jazzy writes it, held against two other readers."""
 
 import math

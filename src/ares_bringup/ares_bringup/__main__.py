@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The `ares` command and the judge's process: what runs before any slow import."""
 
 import gc

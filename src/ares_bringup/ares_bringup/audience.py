@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The page that follows a flight, in a process of its own: no flight needs it."""
 
 import os

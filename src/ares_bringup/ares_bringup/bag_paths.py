@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where a new bag goes and what it is called."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A recorded flight held against guidance as it is now: every command, every status.
 
 The navigation states of the bag are given to a guidance that has heard nothing else, by the code

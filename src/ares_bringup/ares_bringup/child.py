@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Run a node's module as a child of `ares fly` that never outlives its parent.
 
     python -m ares_bringup.child MODULE [ARGUMENT...]

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The child processes of a flight: started together, watched, never left behind. No ROS."""
 
 import json

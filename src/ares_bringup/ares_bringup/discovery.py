@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """ROS environment of a flight: who may join, and how fast nodes find each other. No ROS."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a command says of a mission that is hardly meant. No ROS."""
 
 import sys

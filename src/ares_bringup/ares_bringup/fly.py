@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One flight from start to summary: the nodes as processes of their own, or all in this one."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a process holds, and what is left in shared memory; for tests, benchmarks and faults."""
 
 import fcntl

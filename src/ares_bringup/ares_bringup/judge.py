@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Judge node: watches one flight, prints what it came to, ends with its exit status."""
 
 import signal

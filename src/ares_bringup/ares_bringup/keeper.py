@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What follows when a node of a flight ends, for `ares fly` and for launch alike. No ROS."""
 
 from ares_bringup.audience import LIVE, PAGELESS

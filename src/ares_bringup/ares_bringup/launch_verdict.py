@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One verdict and one exit status for a flight under `ros2 launch`. Needs neither ROS nor launch.
 
 The judge's node says what the flight came to. Launch knows besides how each process ended, and

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What watches a flight for its verdict: events, guidance status, diagnostics."""
 
 import time

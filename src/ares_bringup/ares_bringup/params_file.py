@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Reading a ROS parameter file without ROS, for what a launch must know before it starts."""
 
 import stat

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Who may publish, hear and ask what: policies for SROS2, from the endpoints that nodes create.
 
     ./ares exec python -m ares_bringup.policies

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is shown of work that takes long: how much is done, since when, how long it takes still."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A flight as its bag has it, and the verdict on it. No ROS."""
 
 import tempfile

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A flight's summary for people: legible at 80 columns, with or without colours."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a flight came to: collected while it flies, judged when it is over. No ROS."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A flight on the terminal while it goes on: where it is, what guidance makes of it."""
 
 import time

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Flights made up for tests: a mission with one jettison, and events as one likes them."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """When a flight is over, and when it is given up. No ROS."""
 
 import math

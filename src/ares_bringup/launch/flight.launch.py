@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One flight under `ros2 launch`: simulator, guidance, recorder and judge, each a process.
 
     ros2 launch ares_bringup flight.launch.py mission:=ares_v pace:=1.0

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Stand-ins for the nodes of a flight that fly nothing: for the layout, not the physics.
 
     python -m fake_nodes NAME --ros-args ...    with NAME vehicle_sim, guidance or recorder

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Names and places of new bags."""
 
 from datetime import UTC, datetime

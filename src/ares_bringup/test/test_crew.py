@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Children: started with their parameters, ended in every case."""
 
 import os

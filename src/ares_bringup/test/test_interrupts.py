@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A signal ends a command at any time, and nothing of Python's is printed."""
 
 import signal

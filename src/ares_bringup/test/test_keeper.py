@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which node is started again, how often, and what is said."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What follows for a launch when its processes end."""
 
 import signal

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Flights with stand-ins for the nodes: what happens to the flight when one of them fails."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The tables: legible in 80 columns, plain when piped."""
 
 import io

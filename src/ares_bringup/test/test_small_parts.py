@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Options, discovery settings and parameter files."""
 
 import fcntl

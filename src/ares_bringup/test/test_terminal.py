@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a flight shows on the terminal while it goes on."""
 
 import io

@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """Ascent guidance: the laws, and the node that flies them."""

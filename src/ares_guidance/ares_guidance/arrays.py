@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Structured dtypes of the guidance laws: named settings, state between cycles."""
 
 from typing import Any, NamedTuple

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What guidance found failed, in words."""
 
 from typing import Any

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How low a plan goes, and whether it may: nothing is flown into the ground by a plan."""
 
 import math

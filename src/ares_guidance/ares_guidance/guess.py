@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a trajectory found off line tells a guidance law before it starts."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A guidance law as an object: navigation states in, steering out."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The law between messages: navigation states in, commands and status out.
 
 The node answers with it, and so does whoever gives it the states of a bag.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Guidance node: answers every navigation state with a thrust command."""
 
 import math

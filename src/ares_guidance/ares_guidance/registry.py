@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which guidance laws are installed, without importing any. Standard library only."""
 
 from functools import cache

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Made-up navigation states and a mission for tests; nothing else uses this module."""
 
 from typing import Any

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How low a plan goes: by the samples, and along the coasts between them."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The iterative guidance mode alone: self-start, K1 to K4 against quadrature, plane, gates."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The law alone: self-start, gates, hold, and what it does with bad input."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """PEG as the thesis flew it, step by step: what it is told, its modes, what it refuses."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What guidance predicts of thrust and primer, against integration."""
 
 import math

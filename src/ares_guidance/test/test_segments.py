@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Thrust integrals against quadrature, on plans with staging, drops and coasts."""
 
 import math

@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """Physics and mission data: no ROS, no guidance."""

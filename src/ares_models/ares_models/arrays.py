@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Structured dtypes: the plain data that kernels, nodes and campaigns share.
 
 A mission is compiled once into :class:`MissionArrays`; the first kernel gets that, those that

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Atmospheres behind one interface: a table of cubics in log density.
 
 Every model ends as the same table, shape (n, 5): altitude in m and the coefficients

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A file as its schema explains it: every key with what it is, its unit and its range.
 
 Nothing is said here that the models do not say: they hold descriptions, ranges and defaults.

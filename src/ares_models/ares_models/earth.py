@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The figure and the rotation of the Earth (Eqs. 2.14 to 2.16)."""
 
 import math

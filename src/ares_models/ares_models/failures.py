@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What can fail on the way: one failure, as the vehicle suffers it and an optimizer may know of it.
 
 A burn here is all arcs of a stage that follow one another without a coast: an engine cut-off or a

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Changes of axes as 3x3 matrices (Eqs. 2.6 to 2.11).
 
 A matrix ``T_b_from_a`` turns the components of a vector in axes a into those in axes b;

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Places on the Earth that turns: Earth-fixed positions, geodetic coordinates."""
 
 from dataclasses import dataclass

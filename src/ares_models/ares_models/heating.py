@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Free molecular heating of the fairing (Eqs. 2.2 and 2.3)."""
 
 #: 1 / 777.65: turns ft lbf into BTU. The thesis' "empirical constant" c of Eq. 2.2.

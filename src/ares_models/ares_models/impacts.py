@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where a flight falls, in words that people use: latitude, longitude, the area it is in."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Reading a file that people write: YAML 1.2 scalars, no surprises, errors that name the line."""
 
 import difflib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The one decorator under which every compiled kernel of the project lives."""
 
 import importlib.util

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Schemas of the files that people write as JSON Schema, for editors.
 
 A schema knows keys, types, ranges and choices, not what several keys must be together: the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The one judge, for people and programs: what was reached, what is off, and what is short of it.
 
 A flight, a campaign, an abort map and the proof of an optimum ask it alike.

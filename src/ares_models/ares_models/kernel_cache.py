@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where compiled kernels are kept: one folder per state of what they are made from.
 
 numba compiles what a kernel calls, and the constants it reads, into the kernel, but its own

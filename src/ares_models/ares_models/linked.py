@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A kernel has two forms: what other kernels link, and what Python calls.
 
 numba makes of every function both at once, and machine code of its own for each, though most

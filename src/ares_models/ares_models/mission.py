@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Missions: read, checked, and turned into the arrays that kernels take.
 
 The file format is described key by key in ``docs/missions.md``.

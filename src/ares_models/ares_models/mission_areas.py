@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Areas that impacts are kept out of: on the mission's own body, checked, as kernels take them."""
 
 import math

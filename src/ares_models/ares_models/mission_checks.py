@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What only the whole mission can show: masses that close, times in order, a target in reach."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Masses of a mission: of each stage with all above it, or by item; whether they close.
 
 By item every mass stands once: dry mass, propellant and residuals of each stage, what is dropped,

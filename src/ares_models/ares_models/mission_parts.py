@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The parts of a mission as validated data: what each key is, and its range.
 
 A key that carries a number ends in its unit; ``_deg`` keys are for people, everything

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether a mission can be flown at all: a body that holds together, engines, a flight that ends.
 
 Each number is within its own range by then; here they are seen together.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where a mission begins: the forms of an initial state, and what makes no sense in one.
 
 Three forms are inertial, two are relative to the body that turns below.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where a mission goes: the forms of a target, what makes no sense in one, and its record."""
 
 import math

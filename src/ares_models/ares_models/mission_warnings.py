@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a mission may say but hardly means: slips of a unit, an orbit inside the air.
 
 A warning is sure, not complete: all shipped missions are without one.

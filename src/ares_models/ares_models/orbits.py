@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Keplerian elements and back, and the quantities of an insertion.
 
 Source: Bate, Mueller, White, *Fundamentals of Astrodynamics*, chapter 2. Angles come from

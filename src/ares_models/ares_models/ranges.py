@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Ranges of the numbers in a file that people write."""
 
 from dataclasses import dataclass

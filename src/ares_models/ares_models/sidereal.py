@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Dates and the direction of the Earth: sidereal time, the node of a local time.
 
 UTC is taken for UT1; they differ by 0.9 s at most, 0.004 deg.

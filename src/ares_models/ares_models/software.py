@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What computes: told with what was computed."""
 
 import os

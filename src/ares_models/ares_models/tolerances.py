@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Flown to the target: an end within these of what the target asks for.
 
 They are wider than what an undisturbed flight does, so that a limited attitude rate, a long

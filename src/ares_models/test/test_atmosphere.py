@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Atmospheres against their sources; value and slope continuous."""
 
 import csv

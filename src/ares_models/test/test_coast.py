@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Coasts with the oblateness: against the same field integrated."""
 
 import math

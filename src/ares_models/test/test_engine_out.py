@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Engines lost during a burn: the others burn its propellant, and guidance does not foresee it."""
 
 from importlib import resources

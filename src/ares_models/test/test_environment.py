@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Gravity, altitude, air and heating: values of the thesis, gradients, units."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Axes: orthonormal, right-handed, and back again."""
 
 import math

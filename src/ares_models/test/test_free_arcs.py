@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Missions with free arcs, held attitude and throttled burns, from the file to the arrays."""
 
 import math

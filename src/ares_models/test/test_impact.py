@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The impact point against falls integrated on a body that turns, and areas of all shapes."""
 
 import math

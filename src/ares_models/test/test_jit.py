@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What `make boundscheck` relies on: a kernel that leaves its arrays raises, wherever it is."""
 
 import os

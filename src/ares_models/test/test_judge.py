@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The one judge: what is off, how much of it may be, and what an end is."""
 
 import math

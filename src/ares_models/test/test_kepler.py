@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Closed-form propagation: constants of the motion, the way back, an integrator."""
 
 import math

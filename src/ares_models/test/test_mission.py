@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Missions: what the shipped ones hold, and what becomes of them as arrays."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Broken mission files: one line each, with file, line, key, value and what was expected."""
 
 import errno

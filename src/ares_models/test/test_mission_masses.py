@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Masses by item: each once, what is ignited follows; both forms of one vehicle are one."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where a mission begins: five forms of one state, the ground they are relative to."""
 
 import math

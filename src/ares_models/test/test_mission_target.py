@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Targets by elements: what a file may say, what it comes to, and what is refused."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is hardly meant is said, with line and key; of what flies nothing is."""
 
 import pytest

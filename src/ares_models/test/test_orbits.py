@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Elements and back, circular, equatorial, retrograde and hyperbolic too."""
 
 import math

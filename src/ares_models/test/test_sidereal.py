@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sidereal time and local time, against printed examples."""
 
 from datetime import UTC, datetime, timedelta, timezone

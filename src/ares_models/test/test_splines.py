@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The splines of the atmospheres beside SciPy's."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One-line reports: on /diagnostics with flight time, what is wrong on /rosout too."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A ROS domain of one's own: claimed with a file lock that ends with the process. No ROS."""
 
 import fcntl

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The first thing that a node's process runs, before any slow import.
 
 Standard library only, so that an interrupt or a missing package ends the process with at most

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A word of each node once a second: that it lives, how busy it is, how long it takes.
 
 By the conventions of diagnostic_updater: one status per task, named `node: task`, at the level of

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Identities of flights and of who takes part in them. No ROS."""
 
 import secrets

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The key of a flight: handed over in the environment, and keyed digests by it. No ROS."""
 
 import os

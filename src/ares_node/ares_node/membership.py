@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Who takes part in a flight: agreed on before its first navigation state.
 
 The protocol is that of ares_msgs/FlightMember. A node that takes part makes a `Membership` at

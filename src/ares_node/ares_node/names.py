@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Name what all flights of a ROS domain would share. No ROS."""
 
 #: Namespace of the nodes of a flight that is told none.

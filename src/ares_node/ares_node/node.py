@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Base class of the lifecycle nodes: refusals with a reason, an end, an exit status."""
 
 import threading

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parameters from a table: declared with descriptors, checked before the node starts."""
 
 import math

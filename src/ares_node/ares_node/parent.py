@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """End with the process that started the flight. Standard library only.
 
 `ros2 launch` leaves its nodes behind when it gets SIGTERM or SIGKILL. Nodes that it starts for a

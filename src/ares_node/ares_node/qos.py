@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Names and QoS profiles of the graph, in one place.
 
 The depth of the flight topics covers a reader that falls behind for a while: at lock-step

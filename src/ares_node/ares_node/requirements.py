@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Find what is missing before it is imported: packages of the Python Package Index, middleware.
 
 Each package's `setup.py` says it in `install_requires`, in the forms `name` and

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The process around a node: start, spin, stop on a signal, exit status."""
 
 import os

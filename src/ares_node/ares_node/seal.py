@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What proves that a message of a flight was said by who has the flight's key.
 
 A flight without a key has none of it: `ares_node.key` says how a flight gets one.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether ROS security that is asked for can be had; if not, nothing starts unprotected. No ROS.
 
 rcl takes ROS_SECURITY_ENABLE as asked for when it is exactly `true`, and a node without keys starts

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Spinning in compiled code, with a look around now and then."""
 
 from types import TracebackType

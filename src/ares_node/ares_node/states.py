@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """States and clock as bytes: what is sent at the full rate is not converted field by field.
 
 NavState and VehicleState have a fixed size. As CDR they are a head and a NumPy record; to make,

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Fixtures for tests that talk over ROS: a private context on a domain of one's own.
 
 Import the fixtures in a package's `test/conftest.py`. Two tests that run at the same time,

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Flight time: mission elapsed time as seconds, as integer nanoseconds and as a stamp."""
 
 from builtin_interfaces.msg import Time

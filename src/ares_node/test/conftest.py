@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Fixtures of the tests of this package."""
 
 from ares_node.testing import ros_context, ros_domain, ros_environment

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A node with every way to end, run as a process by test_run.py."""
 
 import hashlib

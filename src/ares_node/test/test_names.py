@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Names that flights of one domain would share."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parameters: types, ranges, unknown names, descriptors."""
 
 import math

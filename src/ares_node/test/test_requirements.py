@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is not installed, or too old, is one line."""
 
 import subprocess

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """States as bytes, held against the middleware's own conversion."""
 
 import struct

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Flight time keeps every nanosecond."""
 
 import math

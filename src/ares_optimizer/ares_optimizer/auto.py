@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The method that the mission asks for: the fast one where it is enough, collocation else.
 
 A mission with one free arc at its end is solved by ``indirect`` in milliseconds; collocation from

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A wall-clock limit that searches ask between their steps, compiled ones too."""
 
 import math

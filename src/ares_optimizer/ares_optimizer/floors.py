@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How low a flight may be, arc by arc."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A mission whose failure is known all along: its arrays, with the burn cut where it fails.
 
 An optimum of them is the best that could have been flown with the failure, by one who steered

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the optimizer is asked and answers, as messages of the service or of the action.
 
 The node serves with it, and so does whoever has to find the answer of a recorded flight again.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Optimizer node: serves optimal trajectories, from a mission or from where a flight is."""
 
 import time

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What stands in the way of any method: one line each, empty where there is nothing."""
 
 from ares_models.arrays import TARGET_KEPLERIAN, MissionArrays

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The greatest payload that a mission brings to its target."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What follows from the pieces that a flight is cut into."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Arcs whose ends guidance decides: their lengths, and the mission with these lengths given."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a figure of the target is worth, from the costates at cut-off."""
 
 import numpy as np

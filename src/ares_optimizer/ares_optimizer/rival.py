@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """An extremal set beside a direct solution: necessary conditions alone do not make an optimum.
 
 Close to cut-off the two-point problem has a root that leaves the target, flies a loop of

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What every method of the optimizer returns, and how it is printed.
 
 Times are mission elapsed time in s, vectors stand in the frame ``ares_eci``.

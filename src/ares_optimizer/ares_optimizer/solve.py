@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One call for every method: a mission in, a proven solution or a named reason out."""
 
 from collections.abc import Mapping

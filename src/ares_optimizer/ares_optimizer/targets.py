@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a target asks for, figure by figure."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One thread that solves what it is asked, one request after the other. No ROS."""
 
 import threading

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The small dense algebra against NumPy, and the dual programme against brute force."""
 
 from itertools import combinations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Chapter 5 as printed and improved: against the optimum, other missions, other starts."""
 
 import json

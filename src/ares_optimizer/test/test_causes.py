@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How a request ended is a status, and what a check is about is a key: no prose is read."""
 
 import math

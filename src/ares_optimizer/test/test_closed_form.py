@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Closed form: exact under linear gravity, and how far from the truth otherwise."""
 
 import math

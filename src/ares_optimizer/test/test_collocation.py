@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Planning by collocation: derivatives, published answers, floors, words."""
 
 import math

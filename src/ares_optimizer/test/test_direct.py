@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The direct methods against the figures of two independent programs, and their robustness."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Targets by elements against those that say the same in another way, and what is left free."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Failures that the optimizer knows of all along: the arrays that are left, and their optima."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Missions with free arcs: published answers, exact derivatives, bounds, minima."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From a state within the flight: the optimum, or an honest failure, whichever state it is."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Exact derivatives of the shooting against complex step on a copy of it in plain NumPy.
 
 The copy below shares the layout of events and the problem's arrays with the kernels, and

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The heating may rise again after the jettison: reported, and held down if asked."""
 
 from itertools import pairwise

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Burns in held attitude: exact derivatives, the optimum by two methods, what it costs."""
 
 import math

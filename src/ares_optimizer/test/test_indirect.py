@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The indirect method against published optima, exact derivatives and its own invariants."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Missions that cannot be flown: a named reason, never a wrong success."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The analytic jump condition: it converges, and the multipliers agree with it."""
 
 import numpy as np

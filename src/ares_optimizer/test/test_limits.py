@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Room, time and work of the searches: none is overrun, whatever the mission."""
 
 import math

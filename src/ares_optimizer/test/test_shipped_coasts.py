@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Shipped missions with free coasts, beside what is published of them."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The one call: what it returns, prints and refuses."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The independent integration: its own sequence, its physics, and what it catches."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a flight in one compiled loop is made of."""
 
 from typing import NamedTuple

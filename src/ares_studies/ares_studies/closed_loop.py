@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Closed-loop flights without ROS: the nodes' two steps, called in turn."""
 
 from dataclasses import dataclass

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Words for what happens in a flight."""
 
 from collections.abc import Sequence

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What happens along a flight, in columns: a closed loop as it is flown, or an optimum.
 
 Angles are in degrees: these columns are for people.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A whole flight in one compiled loop, through the same two steps as the nodes.
 
 `guarded_step` is PEG's; see `ares_studies.loops` for the other laws.

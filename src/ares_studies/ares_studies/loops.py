@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The compiled loops over flights, by law: a copy of each for each law that is flown."""
 
 from collections.abc import Callable

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the thesis' PEG costs, pin by pin (section 6.4, Figs. 6.14, 6.16 and 6.17)."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Pictures of a flight, drawn from the columns of its bag."""
 
 import math

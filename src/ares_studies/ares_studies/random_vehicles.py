@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Vehicles that nobody built: what a guidance law has to fly that was made for none of them.
 
 One to three stages of 0.4 to 2 g each at ignition, with or without coasts and fairing, from

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Guidance lost in flight and begun anew, at any time: does the flight arrive?
 
 As the nodes do it, without them: until the new guidance is there the vehicle flies on by its last

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What start and stop transients cost, and how near they bring the optimum to a published one.
 
 The thesis leaves them out (section 4.2.1) and sets its optimum beside one of OTIS, which had

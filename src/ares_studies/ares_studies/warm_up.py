@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compile kernels once, so that the next start finds them in numba's cache.
 
     python -m ares_studies.warm_up [LAW]

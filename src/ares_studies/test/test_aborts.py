@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The abort map: ends, their optima, and a coarse map of two missions."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whole flights without ROS: accuracy, robustness, and the two ways to fly agree."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whole flights to targets by elements: what is named is met, what is free is left to the law."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One of five core engines lost at any time: guidance plans anew with the longer burn."""
 
 import math

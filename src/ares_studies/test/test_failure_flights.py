@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What fails on the way is found on board, and what is left flies to the best end within reach."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A recorded flight as series, places and charts: no bag, no browser."""
 
 import dataclasses

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The last seconds: the cut-off that was predicted is the one that is flown."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Columns of flights: what is recorded is what was flown."""
 
 import numpy as np

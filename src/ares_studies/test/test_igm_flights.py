@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whole flights under the iterative guidance mode: accuracy, robustness, and what it costs."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where no orbit is in reach, the impact point is kept out of named areas; or it is said."""
 
 import math

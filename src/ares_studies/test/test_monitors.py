@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Monitors: each rule, and that no dispersed flight breaks one."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Campaigns: flights by number, their judgement, the folder, who flies, what is said."""
 
 import json

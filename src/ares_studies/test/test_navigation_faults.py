@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Navigation that is wrong for a while, in closed loop: refused, the solution held, inserted."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Optimal guidance, closed loop: it flies the optimum, and PEG when there is none."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Law `optimal` on missions with free arcs: the optimum, flown, and around it."""
 
 from functools import cache

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Engines that are not those of the mission: guidance measures them and plans with them."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """PEG as the thesis flew it, in whole flights: where it arrives, and what its pins cost."""
 
 import math

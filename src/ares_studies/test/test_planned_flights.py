@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Missions with free arcs before the last, flown by a plan: leg by leg, each burn cut off."""
 
 import math

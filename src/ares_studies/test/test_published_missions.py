@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Shipped missions flown and solved, beside what is published of each."""
 
 from functools import cache

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Free coasts of vehicles that nobody built, planned by `indirect` from the mission alone."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Real launchers, planned from their files alone and flown by every law, first try."""
 
 from functools import cache

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The report: its numbers are right, complete, and say what they mean."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Guidance lost in flight and begun anew from the navigation state alone: the flight arrives."""
 
 from dataclasses import replace

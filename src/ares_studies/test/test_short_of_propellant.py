@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A target beyond the propellant: said, and the best within reach is flown."""
 
 import math

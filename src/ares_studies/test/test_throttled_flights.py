@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Throttled burns and burns in held attitude, flown closed loop to the target."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Start and stop transients: the mission that has them, its flights, and what each costs."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Structured dtypes of the plant, and what a simulated flight carries."""
 
 from typing import Any, NamedTuple

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a dispersions file says: how the truth of a flight may differ from the mission file.
 
 The format is described key by key in ``docs/montecarlo.md``; ``draws`` draws from it.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The draws of a flight: what differs, from the seed and the flight's number alone.
 
 Every quantity has a stream of its own, keyed by the seed and the quantity's name, and a flight

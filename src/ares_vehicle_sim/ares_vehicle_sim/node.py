@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Vehicle simulator node: owns /clock and flies in lock-step with guidance."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Dispersions that fit a vehicle, proposed from its mission alone.
 
 The rules, and what came of them, are in ``docs/montecarlo.md``.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The vehicle as an object: commands in, navigation states and events out. No ROS."""
 
 import math

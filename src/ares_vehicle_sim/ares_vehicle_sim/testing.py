@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A made-up vehicle for tests; nothing else uses this module."""
 
 import math

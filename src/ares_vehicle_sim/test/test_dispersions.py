@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The dispersions file: what it may say, and one clear line when it is wrong."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Draws: a stream for each quantity, a place in it for each flight, and what becomes of them."""
 
 from importlib import resources

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What fails in the plant: the vehicle that is left, and nothing else."""
 
 import math

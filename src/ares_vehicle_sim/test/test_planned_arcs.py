@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Free arcs: the plant ends them as planned, to the nanosecond, within their bounds."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The plant against closed forms and an independent integrator."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Throttled burns against their closed form, and burns in held attitude."""
 
 import math

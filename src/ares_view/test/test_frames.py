@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Frames, rotations and the path, without ROS."""
 
 import numpy as np

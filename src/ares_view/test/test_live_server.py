@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The server of the live page: who may come in, what is refused, who reads slowly."""
 
 import asyncio

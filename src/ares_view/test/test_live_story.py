@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the live page is told: bounded, in order, each page what it lacks."""
 
 import math

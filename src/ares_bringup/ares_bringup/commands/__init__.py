@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """The `ares` command: a module per verb, read when the verb is asked for."""

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What `ares optimize --method analytic` does and prints. No ROS."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What `ares bag` and `ares replay` print. ROS is needed for the replay only."""
 
 import json

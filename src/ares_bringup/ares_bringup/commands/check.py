@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What `ares replay BAG --check` prints."""
 
 import json

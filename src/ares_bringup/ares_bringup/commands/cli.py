@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The `ares` command: every verb, and what its end means to the shell."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What `ares export` does: a flight from its bag for other tools. No ROS."""
 
 import sys

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """SIGINT and SIGTERM end a command at any time: between bytecodes, in a kernel, in an import.
 
 Python runs its handlers between bytecodes, and a kernel has none. A thread hears of the signal

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Listing and checking for `ares missions` and `ares dispersions`. No ROS."""
 
 import sys

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What `ares montecarlo` does and prints. No ROS."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What `ares missions new`, `ares dispersions new` and their `schema` write. No ROS."""
 
 import os

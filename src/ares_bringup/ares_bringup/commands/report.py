@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What `ares report` does: flights from their bags onto a page. No ROS."""
 
 import math

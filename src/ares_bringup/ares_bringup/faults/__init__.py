@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """Faults from outside into real flights: `ares faults`."""

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is done to a flight, each at times and in sizes that a generator draws."""
 
 import copy

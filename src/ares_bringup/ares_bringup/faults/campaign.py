@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Many trials, some at a time, and the table of what they came to."""
 
 import ctypes

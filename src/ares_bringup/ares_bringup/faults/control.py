@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The flight without any fault, by which the others are drawn and judged."""
 
 from collections.abc import Mapping

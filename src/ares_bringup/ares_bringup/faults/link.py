@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A link between simulator and guidance that takes time and loses messages.
 
 In lock-step it is counted in flight time: the simulator waits until the link has handed on what is

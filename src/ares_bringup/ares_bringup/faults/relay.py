@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A node between simulator and guidance: it hands on what each says, or does worse."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The rows of the campaign as data: what is done, and what is expected of the flight then."""
 
 from collections.abc import Callable, Mapping, Sequence

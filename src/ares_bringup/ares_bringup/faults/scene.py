@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A real flight in processes of its own, looked at and touched from outside."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What can happen to messages on their way, as functions that a relay applies."""
 
 from collections.abc import Callable

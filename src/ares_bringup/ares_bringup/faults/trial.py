@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One trial: a fault of a row, drawn by a seed, and what the flight came to under it."""
 
 from dataclasses import asdict, dataclass

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The whole sweep: every input, everything done with it. Exit status 1: something broke.
 
 python -m ares_bringup.sweep

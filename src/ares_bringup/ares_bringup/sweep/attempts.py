@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is done with an input: read, flown by each law, solved by each method, in a campaign."""
 
 import io

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Input files made from a schema: at each bound, beyond it, and far from any sense.
 
 The models say what there is to try: a new key is tried without a word here.

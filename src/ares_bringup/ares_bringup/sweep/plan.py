@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which files are tried, and what is done with each."""
 
 from collections.abc import Mapping

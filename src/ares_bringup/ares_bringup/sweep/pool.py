@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Worker processes that may crash or hang: both are a finding, and neither ends the sweep."""
 
 import ctypes

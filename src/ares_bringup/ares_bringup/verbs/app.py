@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The command line itself, and the options that several verbs have.
 
 What only one verb needs is imported by that verb: the command line starts fast.

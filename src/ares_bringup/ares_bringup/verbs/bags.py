@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Recorded flights: look into them, play them, draw them, hand them on."""
 
 from pathlib import Path

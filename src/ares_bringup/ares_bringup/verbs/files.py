@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Missions and dispersions: list, check, write anew."""
 
 from pathlib import Path

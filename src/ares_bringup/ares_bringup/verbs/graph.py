@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Take part in a graph that others have started."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Many flights, the optimum, the thesis."""
 
 from pathlib import Path

@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled guidance laws on plain records."""

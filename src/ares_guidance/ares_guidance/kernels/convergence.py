@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A law that repeats a pass until it settles.
 
 `iterate` and `LAW` are PEG's. A law with another pass has a copy of this module

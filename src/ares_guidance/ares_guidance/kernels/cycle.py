@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The guidance cycle that every law shares: start, solve, gates, hold, cut-off, jettison.
 
 `seek` is PEG's. Each other law has a copy of this module with a `seek` of its own

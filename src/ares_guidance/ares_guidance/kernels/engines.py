@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the engines give, against what the mission says: measured between two cycles."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where Python enters a law: the arrays of a flight become records.
 
 `guarded_step` is PEG's; each law has a copy of this module with its own.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What has failed, found from what navigation senses, and the vehicle that is left.
 
 Every second the thrust since the last look is held against what the same engines gave before

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How low a trajectory goes that was found off line: at its samples, and all along its coasts."""
 
 import math

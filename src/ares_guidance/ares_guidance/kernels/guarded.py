@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What every law is flown in: nothing gets in that is not navigation, nor out what breaks a rule.
 
 `guidance_step` is PEG's; each law has a copy of this module with its own step.

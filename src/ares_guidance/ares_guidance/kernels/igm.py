@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Iterative Guidance Mode, the law that flew the Saturn V: one pass.
 
 Sources: Chandler and Smith, "Development of the Iterative Guidance Mode with Its

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The last resort: where no orbit is in reach, the impact point is kept out of the named areas.
 
 As range safety sees it the instantaneous impact point sweeps down-range as long as there is thrust,

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """When the heating will allow a jettison, on the predicted path."""
 
 import math

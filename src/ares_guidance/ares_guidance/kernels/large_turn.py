@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Steering through large angles: thrust along a primer, its integrals by quadrature.
 
 PEG expands the thrust about its mean direction, other laws their angles; that holds for

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Flights by a plan: leg by leg where arcs before the last are free.
 
 A leg is the arcs up to and including the next free burn, its coasts and other free arcs as long

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rules that every answer keeps, whatever the law: one that breaks a rule is not let out.
 
 The last good answer is held instead, or a jettison alone held back, and what was broken is counted.

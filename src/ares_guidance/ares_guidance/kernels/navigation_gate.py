@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether a navigation state may be steered by: the last accepted one, carried on, against it.
 
 Whatever the engines do, good navigation leaves three sums as they are:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Close to the end, after a failure: the target but for its radius.
 
 Engines that give less there come to the target's speed later and, in a climb, higher. To mend the

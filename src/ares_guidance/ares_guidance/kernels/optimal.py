@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Optimal guidance: the two-point problem with its jettison, solved anew in every cycle.
 
 The costates of the last cycle are carried to the new navigation state and corrected: by one

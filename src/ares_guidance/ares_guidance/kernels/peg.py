@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Powered Explicit Guidance for any number of stages: one pass of predictor and corrector.
 
 The multi-stage form of Brand, Brown and Higgins (NTRS 19740004402) and Jaggers (1977):

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """PEG as the thesis flew it: one target after the other (sections 5.3.4 and 6.4).
 
 Mode 1 steers from the start through staging, mode 2 from staging, both to the jettison with

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What thrust and gravity do to position and velocity over the burn to come."""
 
 import cmath

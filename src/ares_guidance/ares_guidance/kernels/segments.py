@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The burn still to come, cut into segments of constant thrust or constant acceleration.
 
 A segment ends where the mission's arc ends, where something is dropped: a jettison is the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """When the propellant does not reach the target: the highest energy that it does reach.
 
 Where that is no orbit that is safe, and one is within reach, it is the lowest safe orbit.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Law `optimal` on missions with free arcs before the last: the whole flight in every cycle.
 
 What the cycle shares with the other laws sees a mission whose arcs are as long as the last

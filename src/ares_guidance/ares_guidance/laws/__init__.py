@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every guidance law by its name, from whichever package."""
 
 from functools import cache

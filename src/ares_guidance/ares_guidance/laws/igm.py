@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Law `igm`: the iterative guidance mode's pass in the shared cycle."""
 
 from ares_guidance.arrays import LAW_IGM

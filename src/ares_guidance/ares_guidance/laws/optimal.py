@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Law `optimal`: the two-point problem solved on board, in the shared cycle."""
 
 from ares_guidance.arrays import LAW_OPTIMAL

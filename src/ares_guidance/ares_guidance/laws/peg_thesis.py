@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Law `peg_thesis`: PEG as the thesis flew it (section 6.4)."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A coast: a conic, and with J2 a conic between kicks by the oblateness.
 
 Source: Wisdom, Holman, "Symplectic maps for the N-body problem", Astron. J. 102 (1991).

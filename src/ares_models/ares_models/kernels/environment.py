@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Gravity, altitude, density, relative velocity and heating (thesis chapter 2).
 
 ``environment`` is a record of dtype ``arrays.ENVIRONMENT``; ``atmosphere`` is the table of

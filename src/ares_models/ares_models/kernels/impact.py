@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where a vehicle would fall if its thrust ended now: the instantaneous impact point.
 
 A Kepler arc without air, down to where the mission's altitude is zero, on a body that turns below.

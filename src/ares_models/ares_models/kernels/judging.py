@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The one judge: by how much an end misses its target, how much it may, and what was reached."""
 
 import math

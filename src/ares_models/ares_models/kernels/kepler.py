@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Two-body motion in closed form, in universal variables.
 
 Sources: Battin, *An Introduction to the Mathematics and Methods of Astrodynamics*,

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Size, shape and place of an orbit, and how far the errors allowed to a state move them.
 
 What may be missed is what those errors come to together: radius, speed and flight-path angle off

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From the arrays that Python hands over to the records that kernels work on.
 
 A record does not keep its array alive: only who was handed the arrays makes records of them.

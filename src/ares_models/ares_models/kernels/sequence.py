@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What burns, what drops and what is left: the rules of a flight's sequence.
 
 The plant flies by them, guidance plans by them, the optimizer counts by them. Bit j of

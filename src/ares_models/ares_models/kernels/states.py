@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Position and velocity from the angles of a flight, and back (Eqs. 2.14 and 2.18)."""
 
 import math

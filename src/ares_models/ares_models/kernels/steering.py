@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """An answer of guidance: what it must be to be flown, where it goes out and comes in; copies."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the cut-off point must be, given where the prediction puts it."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Burns throttled to a thrust acceleration: T = min(T_full, max(m a_max, least T_full)).
 
 As the mass falls there are three stretches: full thrust, constant acceleration, under which the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A thrust-time curve: fraction of full thrust, linear between knots, constant beyond them.
 
 Curves are given as ``times`` and ``fractions`` of a record ARC with their number of knots.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Three-vectors as tuples of floats: they live in registers and allocate nothing."""
 
 import math

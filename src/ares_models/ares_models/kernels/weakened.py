@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Arcs of a stage whose engines give less.
 
 The plant flies them after a failure, guidance plans with them once it has found it.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Flights in their plane, as chapters 5 and 6 of the thesis draw them, and polynomials fitted."""
 
 import math

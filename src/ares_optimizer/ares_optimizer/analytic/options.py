@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How the analytic method is asked to work: chapter 5 as printed, or improved."""
 
 from dataclasses import dataclass

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The two parts of the analytic method: records, guesses, iteration. See `analytic.py`."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which plane the thrust of an analytic solution lies in."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Analytic solutions: chapter 5 of the thesis, as printed and improved.
 
 The ascent in its plane, cut at the jettison. Part one goes from the start to the jettison

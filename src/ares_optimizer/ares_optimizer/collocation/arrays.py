@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Structured dtypes of the sparse program.
 
 Inside the program lengths are in equatorial radii, times in ``sqrt(R^3/mu)`` and masses in those

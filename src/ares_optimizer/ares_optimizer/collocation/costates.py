@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Costates, Hamiltonian and prices out of the multipliers of the sparse program.
 
 With defects D x = h f and multipliers L_i of an interval, the costate at Radau point i is L_i

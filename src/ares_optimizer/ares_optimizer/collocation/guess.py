@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Flights to begin a search with: flown by a few steering constants, brought near the target.
 
 A group is the burns between two free coasts. Each has a pitch and a yaw that are linear in time,

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Values, Jacobian and Hessian of the sparse program.
 
 Radau IIA collocation: in an interval of width h the derivative of the polynomial through the

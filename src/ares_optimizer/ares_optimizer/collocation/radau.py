@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Radau IIA points and the derivative of the polynomials through them."""
 
 from functools import cache

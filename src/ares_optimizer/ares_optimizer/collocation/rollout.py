@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A flight by a few steering constants: what a search begins with."""
 
 import math

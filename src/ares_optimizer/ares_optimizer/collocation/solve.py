@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From mission to solution by collocation: several starts, the best made fine and proven."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The sparse program solved by IPOPT (Waechter and Biegler, Math. Program. 106, 2006)."""
 
 from dataclasses import dataclass

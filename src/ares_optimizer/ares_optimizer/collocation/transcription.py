@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A mission as a sparse program: what follows what, which variables, which rows.
 
 The order of events is that of a timetable (``kernels/timetable.py``) for trial times; which

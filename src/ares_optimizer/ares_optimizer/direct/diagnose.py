@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Why a mission has no solution: the constraint in the way, and by how much."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Direct methods with free arcs: their lengths are sought around the search for the steering.
 
 With its arcs of given lengths a flight is an ordinary one. What it takes of propellant is a

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Costates and prices out of the multipliers of a direct solution.
 
 The multipliers of the terminal equations are the costates at cut-off; they are carried back

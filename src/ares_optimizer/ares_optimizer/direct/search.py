@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Direct solutions: linear-tangent steering, optimised on exact gradients.
 
 The 11-parameter problem is solved first, from the caller's guess if there is one, else (or

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The direct methods: a mission in, a proven solution or a named reason out."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From a mission to the finite problem that the direct methods solve.
 
 One linear-tangent law (Eq. 3.36) per piece of the flight, its rate free or continuous at

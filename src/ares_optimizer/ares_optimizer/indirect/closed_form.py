@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The closed form beside the exact flight: errors of linear gravity, measured.
 
 Table 3.1 of the thesis compares the two gravities (its linear column is not

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The two-point problem with free arcs, from the mission alone.
 
 With its free arcs held at given lengths a flight is an ordinary one, and the solver's own

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The indirect method: the optimum as the root of a two-point problem.
 
 Costates of Eqs. 3.15-3.21 under inverse-square or linear gravity, thrust along lambda_v,

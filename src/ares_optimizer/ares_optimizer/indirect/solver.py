@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The two-point problem of one mission, solved and flown by the kernels."""
 
 import math

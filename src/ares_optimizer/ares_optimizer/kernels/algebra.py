@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Dense linear algebra of a dozen unknowns, without calls into LAPACK."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Targets by orbital elements as equations, each written once, differentiated by complex step.
 
 Every row is of order 1 where the orbit is missed by its own size, a plane by a radian. What

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Runge-Kutta-Nystroem method of order 6 for r'' = f(t, r): the tableau.
 
 Source: Dormand, El-Mikkawy, Prince, "Families of Runge-Kutta-Nystrom formulae", IMA J. Numer.

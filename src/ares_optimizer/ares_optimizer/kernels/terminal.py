@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Terminal sets (Eq. 3.1) as equations with gradients.
 
 Every row is scaled: 1 is one hundredth of the size of the orbit, of its speed, or of a

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The flight cut into segments of smooth thrust, for given cut-off and jettison times.
 
 The sequence is the plant's: arcs in flight order, a burn that is fixed ends by the clock or

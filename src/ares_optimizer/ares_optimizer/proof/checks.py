@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A flight judged: figures, and constraint by constraint what holds.
 
 Whether the target is met is the word of the judge of every flight (:mod:`ares_models.judge`).

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Proof by an integrator of another make.
 
 The flight is flown again from the mission's plain data by SciPy's DOP853 (Hairer, Norsett,

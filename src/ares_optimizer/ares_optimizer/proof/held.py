@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Burns in held attitude: is the direction flown the best one?
 
 The best direction lies along the integral of lambda_v T/m over the burn. Thrust and mass are

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Gravity, heating and the orbit, in NumPy."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Who thrusts when, and where the mass changes: laid out from the mission's plain data."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Records of the two-point problem: what is asked, and the memory to work in."""
 
 from typing import NamedTuple

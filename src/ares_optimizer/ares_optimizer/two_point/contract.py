@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What flight software may call of the optimizer: the two-point problem, solved on board.
 
 Law `optimal` imports from here and from `arrays.py` beside it, and from nothing else in this

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The abort map: every failure at every second, flown and set beside the optimizer that knew."""
 
 import math

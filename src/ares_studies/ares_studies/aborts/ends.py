@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where a flight after a failure comes to: what the judge says, the mass, and where it falls."""
 
 import math

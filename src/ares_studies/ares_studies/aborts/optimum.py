@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The optimizer that knew of the failure all along: the best end, from neighbour to neighbour.
 
 What fails a second earlier is flown nearly as what fails now: each optimum is the guess of the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The page of an abort map: time and failure, coloured by the end; masses beside the optimum."""
 
 import math

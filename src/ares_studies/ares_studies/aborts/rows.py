@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The failures of a mission, from its data: what can fail at which second."""
 
 import math

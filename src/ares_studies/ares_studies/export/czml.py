@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Flights as CZML, for Cesium: JSON, in packets."""
 
 import json

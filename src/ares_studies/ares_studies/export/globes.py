@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What other globes are given of a flight, in whatever format.
 
 All of them want a date: mission elapsed time 0 is EPOCH, which means nothing.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Flights as KML 2.2, for Google Earth and maps: elements in the order that its schema asks for."""
 
 from collections.abc import Sequence

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is exported of a flight, put together once for all formats."""
 
 from collections.abc import Sequence

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Flights as tables: CSV and Parquet, each number's unit in its column's name."""
 
 import io

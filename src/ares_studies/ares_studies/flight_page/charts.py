@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The charts of a page on flights: what each shows, in which unit."""
 
 from collections.abc import Callable, Sequence

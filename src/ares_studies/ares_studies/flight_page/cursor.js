@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One time for all: the cursor of every chart, the numbers beside the legends, the vehicle.
 const FIRST = Math.min(...EARTH.flights.map((flight) => flight.time_s[0]));
 const LAST = Math.max(...EARTH.flights.map((flight) => flight.time_s.at(-1)));

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a flight's columns say, as series for charts and for the globe. SI; degrees for people."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where a vehicle is over the ground, where its thrust points, where it would fall."""
 
 import math

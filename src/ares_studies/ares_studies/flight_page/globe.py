@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The globe: ways over the Earth, in places and heights, and the land below."""
 
 import json

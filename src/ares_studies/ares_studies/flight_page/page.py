@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A page on one flight, or on several that lie over each other."""
 
 from collections.abc import Sequence

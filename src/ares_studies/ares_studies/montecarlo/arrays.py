@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Structured dtype of a judged flight."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A campaign from its first chunk to the file of all flights."""
 
 from collections.abc import Callable, Iterator

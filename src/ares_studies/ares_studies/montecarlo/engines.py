@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Who flies: this thread, all cores of this machine, or the workers of a Dask cluster.
 
 An engine takes chunks (first flight, count) and gives each as a table, in the order in which

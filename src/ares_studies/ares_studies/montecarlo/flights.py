@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Flights of a campaign by their numbers, without Python in any of them."""
 
 from collections.abc import Sequence

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Many dispersed flights in one compiled loop, each judged as it ends."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether a vehicle was able to do what it failed to do: the optimum of what was drawn.
 
 No guidance is asked: the optimizer flies the drawn vehicle in the drawn atmosphere and gravity,

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A campaign's page: what came of it, why, and the flights worth a second look."""
 
 import math

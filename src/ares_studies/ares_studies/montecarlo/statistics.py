@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a campaign says: counts, intervals, reserve, sensitivities, worst flights.
 
 Everything is gathered from the file of flights one group of rows at a time, so that the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A campaign's folder: what is flown, the flights as they come, and all of them in the end.
 
 campaign.json     what is flown; another run with other settings is refused

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Flights as rows of a table: what was drawn, what came of it, and what was wrong with it."""
 
 from collections.abc import Sequence

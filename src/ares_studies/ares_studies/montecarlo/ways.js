@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A flight that is pointed at on the globe says which one it is.
 const said = document.querySelector(".pointed");
 const asked = said.textContent;

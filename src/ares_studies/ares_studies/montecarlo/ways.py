@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Ways of a campaign's flights over the Earth: some of them flown again, for its globe."""
 
 from collections.abc import Iterable, Mapping

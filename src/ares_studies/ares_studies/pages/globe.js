@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The globe: an orthographic view of the Earth with the flights over it, on a canvas.
 const EARTH = report.globe;
 const RADIANS = Math.PI / 180;

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Draws every figure from the numbers that the page carries, in the colours of the theme.
 // Says "drawn" to the document each time it has drawn them all.
 "use strict";

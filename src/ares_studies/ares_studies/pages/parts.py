@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parts of a report: plain data that both its page and its JSON file show.
 
 A number carries its text, so that the two files cannot say different things.

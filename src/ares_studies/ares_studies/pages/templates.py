@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Templates of pages: one HTML file with everything in it."""
 
 import base64

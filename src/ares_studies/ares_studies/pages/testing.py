@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What tests of pages ask of a browser; nothing else uses this module."""
 
 from typing import Any

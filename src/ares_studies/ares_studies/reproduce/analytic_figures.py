@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The figures of the analytic solutions: 5.3, 5.4 and 6.1 to 6.6."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The tables of the analytic solutions: 5.1, 5.2 and 6.1 to 6.6."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The few numbers that matter most."""
 
 from ares_studies.pages.parts import Column, Role, Row, Table, number, word

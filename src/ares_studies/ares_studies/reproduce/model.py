@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The report on the thesis as plain data, which both the page and the JSON file show."""
 
 from collections.abc import Mapping

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The page on the thesis: one HTML file with everything in it."""
 
 from collections.abc import Sequence

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What PEG flies: Tables 6.7 and 6.8, Figures 6.8 to 6.17."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the thesis prints: its numbers, the order of its tables and figures, its errors."""
 
 from functools import cache

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every solution and flight that the report shows, each computed once, when first asked for."""
 
 import math

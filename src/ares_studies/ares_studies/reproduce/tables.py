@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The tables of the thesis, each a function of the sources."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where Python enters the simulation: the arrays of a flight become records."""
 
 from typing import Any

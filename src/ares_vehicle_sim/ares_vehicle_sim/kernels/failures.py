@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What fails in a flight, and what the vehicle then does by itself (`ares_models.failures`).
 
 A failure changes the arcs of the flight where it strikes: what is flown from there on is the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What navigation reports: the truth, with the errors of the flight.
 
 Noise comes from a counter: the numbers of a state follow from the seed, the flight and the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The plant: Eq. 2.1 with staging, jettisons and cut-off at their exact times.
 
 Between events the state is integrated by Runge and Kutta's way; every discontinuity of the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The true vehicle of one flight, from the nominal one and the flight's variation."""
 
 import math

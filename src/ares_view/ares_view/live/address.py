@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where the page is served, and to whom. Standard library only."""
 
 import errno

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Follows a flight: what the server tells becomes numbers, lines, ways over the Earth.
 /* wall time in s without an update after which what is shown is not called live */
 const STALE = 1;

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Live node: follows a flight from the graph, and serves the page that shows it."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The page: what stands on it before anything has come."""
 
 from dataclasses import asdict, dataclass

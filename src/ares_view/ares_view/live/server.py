@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Serves the page and its WebSocket from a thread of its own. No ROS.
 
 Whoever reads slowly, or not at all, gets nothing new until it has taken what it was sent.

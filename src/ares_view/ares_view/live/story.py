@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is known of a flight that is under way, for pages that come and go. No ROS.
 
 One thread tells, another reads: every method may be called by any.

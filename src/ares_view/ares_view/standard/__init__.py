@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """A flight in messages that every ROS tool knows."""

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Process of the view node; the node's modules are imported later."""
 
 import sys

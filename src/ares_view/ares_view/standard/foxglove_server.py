@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A WebSocket server that gives Foxglove and Lichtblick messages as they come. No ROS graph."""
 
 from collections import deque

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Frames of a flight: which there are, and how one lies in another. No ROS."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is shown of a flight, as messages that every ROS tool knows."""
 
 from collections.abc import Sequence

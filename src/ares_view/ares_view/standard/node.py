@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """View node: a flight in standard messages, for RViz, maps and whatever else knows them."""
 
 import math

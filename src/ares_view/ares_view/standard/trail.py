@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The way of a flight in a bounded number of points. No ROS."""
 
 from collections.abc import Callable

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Chapter 5 of the thesis: burns in closed form, from polynomials in sin(gamma) and cos(alpha).
 
 A *burn* is a stretch of constant thrust, a *part* one or two burns under one steering law: start

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The iteration of section 5.3.3, and where it starts."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From the plane of chapter 5 into space.
 
 Thrust stays in a plane through the start. What velocity there is across that plane swings about

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The jettison target from the mission alone.
 
 Both parts in closed form, thrust continuous at the jettison, the heating limit met there, the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Objective and constraints of the finite problem, with gradients."""
 
 import math

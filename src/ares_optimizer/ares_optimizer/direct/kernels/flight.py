@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The flight as a function of the steering parameters, with exact first derivatives.
 
 Thrust enters Eq. 2.1 as a known function of time, so the motion is r'' = g(r) + q(t): a

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where the heating after the jettison has its peaks."""
 
 from ares_models.arrays import Record

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The steering law after a heating-limited jettison: Eqs. 3.44-3.51, corrected.
 
 Printed: the jump takes the heating for a function of position alone. It depends on the

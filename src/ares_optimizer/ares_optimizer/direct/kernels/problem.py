@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The optimal ascent as plain arrays: what the compiled solver works on."""
 
 from typing import Any, NamedTuple

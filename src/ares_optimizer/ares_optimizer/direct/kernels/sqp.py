@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sequential quadratic programming on exact gradients, compiled from end to end.
 
 Each step works in the null space of the equations: the part of the step that meets them is

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A start of the solver's own: the best of a coarse sweep of linear-tangent laws.
 
 The sweep stays in the vertical plane of the motion (or of the target, where its node is

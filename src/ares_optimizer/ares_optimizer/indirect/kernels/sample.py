@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The flight of a solved two-point problem, sampled."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Thrust integrals, states and costates in closed form under linear gravity.
 
 Eqs. 3.20-3.23 and 3.27-3.29. Printed: mixed arguments and scaling in 3.22, 3.23 and

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """States and costates along a segment, with their derivatives by the unknowns.
 
 In place of lambda_r the kernels carry the rate of the primer, lambda_v' = -lambda_r

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Conditions at the ends of free arcs: what a second more of each is worth.
 
 Along an arc the Hamiltonian is H = lambda_r . V + lambda_v . g + |lambda_v| T/m - (mu + c) b,

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Gravity of the two-point problem with its first two derivatives: sphere, J2, or linear.
 
 Of the oblateness, with k = 1.5 J2 mu R^2 (Eq. 2.13 with J2), s = r . r and z along the pole,

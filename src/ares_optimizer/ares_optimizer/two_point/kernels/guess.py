@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A first guess of the two-point problem, from the state alone."""
 
 import math

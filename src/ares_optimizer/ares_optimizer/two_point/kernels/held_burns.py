@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Burns in held attitude: one thrust direction w from ignition to cut-off, free to choose.
 
 Within such a burn the Hamiltonian has lambda_v . w in place of |lambda_v|. As w is a parameter,

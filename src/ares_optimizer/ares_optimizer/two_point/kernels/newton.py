@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Newton's method for the two-point problem, with backtracking."""
 
 import math

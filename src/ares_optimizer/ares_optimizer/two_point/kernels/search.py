@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The optimum from a guess or from nothing: restarts, limits that do not bind, soundness."""
 
 import math

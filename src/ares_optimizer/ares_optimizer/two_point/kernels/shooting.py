@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The optimum as a root: shooting and its Jacobian.
 
 Unknowns: lambda_v and lambda_r at the start, the cut-off time, and for every heating

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A first guess in orbit, made at the next ignition: thrust along the velocity, or by a plan."""
 
 import numpy as np

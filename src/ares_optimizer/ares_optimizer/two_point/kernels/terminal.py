@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The end of the two-point problem: the target and its reduced transversality."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Reduced transversality of any target, from the gradients of its rows.
 
 The costate at cut-off must be a sum of the rows' gradients: it has no part along a motion that
