@@ -337,7 +337,11 @@ def test_each_node_says_once_a_second_that_it_lives(graph, tmp_path):
     assert status.hardware_id == hardware_id(guidance.flight_id)
     # by the wall clock, and in no bag
     assert second > 1_600_000_000
-    reports = [message for _, message in open_bag(tmp_path / "bag").messages("/diagnostics")]
+    bag = open_bag(tmp_path / "bag")
+    reports = []
+    # there is no such topic where nothing else was said
+    if "/diagnostics" in bag.topics:
+        reports = [message for _, message in bag.messages("/diagnostics")]
     assert not any(is_heartbeat(status) for message in reports for status in message.status)
     assert guidance.trigger_deactivate() == TransitionCallbackReturn.SUCCESS
     graph.spin(lambda: heard["ares/guidance: heartbeat"][-1][0].message == "inactive")

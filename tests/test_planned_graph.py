@@ -328,7 +328,7 @@ def test_a_flight_without_pace_waits_for_a_restarted_guidance_that_plans(
     planner = Answers(missions["fixed"], "indirect", 60.0)
 
     def from_here(request):
-        request.mission = missions["fixed"]
+        request.mission, request.mission_text = missions["fixed"], ""
         return planner.answer(request)
 
     asked = optimizer(plan, from_here)
