@@ -205,6 +205,11 @@ class FlightNode(LifecycleNode):
             self.trigger_shutdown()
         self.abandon()
 
+    def destroy_node(self) -> None:
+        """Destroy the node with its lifecycle, which holds it and its participant otherwise."""
+        super().destroy_node()
+        self._state_machine.destroy_when_not_in_use()
+
     @property
     def _label(self) -> str:
         """The lifecycle state."""

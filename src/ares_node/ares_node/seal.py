@@ -24,7 +24,8 @@ from ares_node.qos import FLIGHT, FLIGHT_SEAL
 
 #: Seals and messages that wait for each other, of a kind.
 MOST_WAITING = 2000
-#: Wall time in s after which a message without a seal is a forged one, and between looks.
+#: Wall time in s after which a message without a seal is a forged one at the latest, and between
+#: looks.
 SEAL_TIMEOUT = 1.0
 LOOK_PERIOD = 0.25
 
@@ -150,10 +151,11 @@ class Seals:
                 take(message)
                 return
             own = digest_of(self.key, content(message))
+            now = time.monotonic()
             if own in self._seen:
-                take(message)
+                self._hand_on(reader, now, message)
                 return
-            reader.waiting[own] = time.monotonic(), message
+            reader.waiting[own] = now, message
             while len(reader.waiting) > MOST_WAITING:
                 reader.waiting.popitem(last=False)
                 self.note(f"a message on {name}")
@@ -179,7 +181,18 @@ class Seals:
         for reader in self._readers:
             waiting = reader.waiting.pop(own, None)
             if waiting is not None:
-                reader.take(waiting[1])
+                self._hand_on(reader, *waiting)
+
+    def _hand_on(self, reader: Reader, since: float, message: Any) -> None:
+        """Take a message with a seal, and count those that came before it.
+
+        Seals come in the order of their messages, so these have none.
+        """
+        for own, (came, _) in list(reader.waiting.items()):
+            if came < since:
+                del reader.waiting[own]
+                self.note(f"a message on {reader.name}")
+        reader.take(message)
 
     def _look(self) -> None:
         """Count what has waited too long."""

@@ -107,10 +107,21 @@ class OptimizerNode(FlightNode):
         if self._worker is not None:
             self._worker.close()
         if self.executor is None:
-            self._action.destroy()
+            self._withdraw(self._action)
         else:
             # behind the results that are on their way
-            self.executor.create_task(self._action.destroy)
+            self.executor.create_task(self._withdraw, self._action)
+
+    def destroy_node(self) -> None:
+        """Destroy the node, with actions that no executor has withdrawn."""
+        for waitable in list(self.waitables):
+            if isinstance(waitable, ActionServer):
+                self._withdraw(waitable)
+        super().destroy_node()
+
+    def _withdraw(self, action: ActionServer) -> None:
+        if action in self.waitables:
+            action.destroy()
 
     def abandon(self) -> None:
         """Wait for the last search, whose thread must not outlive the process."""
