@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The nodes in one graph: what they refuse, and how the flight goes on."""
 
+import gc
 import math
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,7 +23,9 @@ from ares_node.heartbeat import is_heartbeat
 from ares_node.membership import Membership, Role, State
 from ares_node.qos import FLIGHT, reliable
 from ares_node.states import StateMessage
+from ares_node.testing import ros_context_on
 from ares_node.time import NANOSECONDS, ns_from_stamp
+from ares_optimizer.node import OptimizerNode
 from ares_vehicle_sim.node import VehicleSimNode
 from ares_vehicle_sim.simulator import Simulator, SimulatorOptions
 
@@ -546,3 +550,25 @@ def test_a_pause_of_guidance_is_not_made_up_for_in_a_rush(graph):
     graph.spin(lambda: answers(graph) > 20)
     graph.wait_for_report("behind its pace by ")
     assert simulator._started_at - begun >= 0.9
+
+
+def threads() -> int:
+    return sum(1 for _ in Path("/proc/self/task").iterdir())
+
+
+@pytest.mark.parametrize("kind", [VehicleSimNode, GuidanceNode, OptimizerNode])
+def test_a_destroyed_node_leaves_no_thread(ros_domain, kind):
+    """Without help of the cycle collector, which comes when it likes."""
+    left = []
+    gc.disable()
+    try:
+        for _ in range(3):
+            with ros_context_on(ros_domain) as context:
+                node = kind(context=context)
+                assert node.start()
+                node.stop()
+                node.destroy_node()
+            left.append(threads())
+    finally:
+        gc.enable()
+    assert left == left[:1] * 3

@@ -4,10 +4,11 @@
 import math
 
 import pytest
+from rclpy.node import Node
 
-from ares_msgs.msg import FlightMember, ThrustCommand
+from ares_msgs.msg import FlightMember, Seal, ThrustCommand
 from ares_node.key import VARIABLE, FlightKeyError, flight_key, new_key
-from ares_node.seal import as_field, canonical, digest_of
+from ares_node.seal import Seals, as_field, canonical, digest_of
 
 KEY = bytes(range(32))
 
@@ -53,3 +54,38 @@ def test_a_digest_in_a_message_is_not_of_itself():
     assert canonical(word) == before
     # where one text ends and the next begins counts
     assert canonical(FlightMember(node="/ares/guidance", reason="ab")) != before
+
+
+class Sent:
+    """What a node would send and hear, one call after the other."""
+
+    def __init__(self, monkeypatch, ros_context):
+        monkeypatch.setenv(VARIABLE, KEY.hex())
+        self.complaints = []
+        self.taken = []
+        self.node = Node("guidance", context=ros_context)
+        self.seals = Seals(self.node, lambda: 7, self.complaints.append)
+        self.hear = self.seals.reader("thrust_command", self.taken.append)
+
+    def seal(self, message):
+        """A seal of the message comes, by whoever has the key."""
+        self.seals._on_seal(Seal(flight_id=7, digest=as_field(digest_of(KEY, message))))
+
+
+def test_a_message_without_a_seal_is_forged_once_a_later_one_has_its_own(monkeypatch, ros_context):
+    sent = Sent(monkeypatch, ros_context)
+    true = [command(flight_id=7, cutoff_time=float(k)) for k in range(3)]
+    sent.seal(true[0])
+    sent.hear(true[0])
+    sent.hear(command(flight_id=7, cutoff_time=9.0))
+    # a message may come before its seal
+    sent.hear(true[1])
+    assert not sent.complaints
+    sent.seal(true[1])
+    sent.seal(true[2])
+    sent.hear(true[2])
+    assert sent.taken == true
+    assert sent.seals.forged == 1
+    words = "forged: a message on thrust_command without the seal of the flight, refused"
+    assert sent.complaints == [words]
+    sent.node.destroy_node()

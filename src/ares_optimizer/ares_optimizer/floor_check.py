@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether a solution keeps the floors of its arcs."""
 
 import math

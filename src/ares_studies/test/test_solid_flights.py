@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A solid motor by its tables, planned and flown: laws, optimizer and plant against each other."""
 
 from importlib import resources
