@@ -42,7 +42,8 @@ def _value(kind: str, random: Random, good: Any) -> Any:
 
 def _field(kind: str, random: Random, good: Any) -> Any:
     if array := _ARRAY.fullmatch(kind):
-        values = list(good)
+        # plain numbers: a message takes no list of NumPy's
+        values = good.tolist()
         for at in random.sample(range(len(values)), random.randint(1, len(values))):
             values[at] = _value(array[1], random, values[at])
         return values
