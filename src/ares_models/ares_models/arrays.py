@@ -86,6 +86,29 @@ ENVIRONMENT = np.dtype(
     align=True,
 )
 
+TARGET = np.dtype(
+    [
+        ("kind", np.int64),  # TARGET_*
+        ("radius", np.float64),
+        ("speed", np.float64),
+        ("flight_path_angle", np.float64),
+        ("inclination", np.float64),
+        ("ascending_node", np.float64),  # from the ECI x axis
+        ("semi_major_axis", np.float64),
+        ("eccentricity", np.float64),
+        ("argument_of_perigee", np.float64),
+        # of TARGET_ELEMENTS alone: size, shape and anomaly of the orbit that is aimed at, and
+        # what of it the mission names; the rest is free
+        ("named", np.int64),  # NAMES_*
+        ("perigee_radius", np.float64),
+        ("apogee_radius", np.float64),  # inf: escape
+        ("c3", np.float64),  # m2/s2, twice the energy
+        ("true_anomaly", np.float64),
+        ("safe_radius", np.float64),  # least perigee of an orbit that is safe; 0: none is named
+    ],
+    align=True,
+)
+
 ARC = np.dtype(
     [
         ("kind", np.int64),  # COAST or BURN
@@ -99,6 +122,7 @@ ARC = np.dtype(
         ("longest", np.float64),  # s; inf: none but the propellant
         ("min_altitude", np.float64),  # m, all along it; -inf: none is named
         ("min_perigee_radius", np.float64),  # m, of the orbit it is flown on; 0: any
+        ("orbit", TARGET),  # it is flown on, as far as it names it
         ("held", np.int64),  # 1: the direction at ignition is kept
         ("max_acceleration", np.float64),  # m/s2, to which it is throttled; inf: it is not
         ("min_throttle", np.float64),  # fraction of full thrust
@@ -127,29 +151,6 @@ JETTISON = np.dtype(
         ("criterion", np.int64),  # HEATING_LIMIT, MISSION_TIME or TIME_AFTER_IGNITION
         ("value", np.float64),  # W/m2, s or s
         ("stage", np.int64),  # not before the first burn of this stage
-    ],
-    align=True,
-)
-
-TARGET = np.dtype(
-    [
-        ("kind", np.int64),  # TARGET_*
-        ("radius", np.float64),
-        ("speed", np.float64),
-        ("flight_path_angle", np.float64),
-        ("inclination", np.float64),
-        ("ascending_node", np.float64),  # from the ECI x axis
-        ("semi_major_axis", np.float64),
-        ("eccentricity", np.float64),
-        ("argument_of_perigee", np.float64),
-        # of TARGET_ELEMENTS alone: size, shape and anomaly of the orbit that is aimed at, and
-        # what of it the mission names; the rest is free
-        ("named", np.int64),  # NAMES_*
-        ("perigee_radius", np.float64),
-        ("apogee_radius", np.float64),  # inf: escape
-        ("c3", np.float64),  # m2/s2, twice the energy
-        ("true_anomaly", np.float64),
-        ("safe_radius", np.float64),  # least perigee of an orbit that is safe; 0: none is named
     ],
     align=True,
 )

@@ -54,6 +54,8 @@ from ares_models.mission_target import (
     TargetOrbit,
     TargetState,
     leaves_end_free,
+    orbit_record,
+    parking_orbit,
     target_record,
 )
 from ares_models.sidereal import greenwich_sidereal_time_deg, turns_as_earth
@@ -359,14 +361,21 @@ class Mission(Part):
                 row["exhaust_velocity"] = 1.0
                 row["kind"] = layout.COAST
                 rows.append(row)
-                if isinstance(arc, CoastArc) and arc.min_perigee_altitude_m is not None:
-                    equator = self.environment.earth.equatorial_radius_m
-                    row["min_perigee_radius"] = equator + arc.min_perigee_altitude_m
+                if isinstance(arc, CoastArc):
+                    self._write_coast(arc, row)
                 if isinstance(arc, BurnArc):
                     self._write_burn(arc, row)
                     if arc.engine_out:
                         rows.append(_lose_engines(row, arc.engine_out, foreseen))
         return np.concatenate(rows)
+
+    def _write_coast(self, arc: CoastArc, row: NDArray[np.void]) -> None:
+        if arc.min_perigee_altitude_m is not None:
+            equator = self.environment.earth.equatorial_radius_m
+            row["min_perigee_radius"] = equator + arc.min_perigee_altitude_m
+        orbit = parking_orbit(arc)
+        if orbit is not None:
+            row["orbit"] = orbit_record(orbit, self)
 
     def _write_burn(self, arc: BurnArc, row: NDArray[np.void]) -> None:
         g0 = self.environment.g0_m_s2

@@ -29,6 +29,7 @@ def check_mission(mission: "Mission") -> None:
     check_mass_forms(mission)
     check_body(mission)
     _check_free_arcs(mission)
+    _check_parking_orbits(mission)
     _check_curves_fit(mission)
     check_masses(mission)
     check_engines(mission)
@@ -84,6 +85,20 @@ def _check_free_arcs(mission: "Mission") -> None:
         fail((*path, "coast_s"), last.coast_s, "a burn as the last arc of the last stage")
     if not any(burn.free for stage in mission.stages for burn in stage.burns):
         fail((*path, "burn_time_s"), last.burn_time_s, "free, for at least one burn")
+
+
+def _check_parking_orbits(mission: "Mission") -> None:
+    """Report a coast that names its orbit, with no burn before it to reach that."""
+    burnt = False
+    for i, stage in enumerate(mission.stages):
+        for k, arc in enumerate(stage.flight_arcs):
+            burnt = burnt or isinstance(arc, BurnArc)
+            if isinstance(arc, CoastArc) and arc.perigee_altitude_m is not None and not burnt:
+                fail(
+                    ("stages", i, *stage.arc_path(k, "perigee_altitude_m")),
+                    arc.perigee_altitude_m,
+                    "no such key in a coast before the first burn",
+                )
 
 
 def _check_curves_fit(mission: "Mission") -> None:

@@ -91,6 +91,7 @@ KnotTime = Annotated[float, Range(0.0, 3600.0)]
 Acceleration = Annotated[float, Range(1e-3, 1e4)]
 Fraction = Annotated[float, Range(0.0, 1.0)]
 FloorAltitude = Annotated[float, Range(-1e6, 1e9)]
+Altitude = Annotated[float, Range(0.0, 1e9)]
 SafeAltitude = Annotated[float, Range(0.0, 1e8)]
 AreaRadius = Annotated[float, Range(1e3, 1e7)]
 EngineCount = Annotated[int, Range(1, 100)]
@@ -666,6 +667,10 @@ class BurnArc(Part):
         return 0.0 if self.min_throttle is None else self.min_throttle
 
 
+#: Keys of a coast that name the orbit it is flown on.
+ORBIT_KEYS = ("perigee_altitude_m", "apogee_altitude_m", "inclination_deg")
+
+
 class CoastArc(Part):
     """A stretch without thrust."""
 
@@ -684,16 +689,36 @@ class CoastArc(Part):
         exclude_if=not_there,
         description="least perigee of the orbit it is flown on, above the equatorial radius",
     )
+    perigee_altitude_m: Altitude | None = Field(
+        default=None,
+        exclude_if=not_there,
+        description="perigee of the orbit it is flown on, above the equatorial radius",
+    )
+    apogee_altitude_m: Altitude | None = Field(
+        default=None, exclude_if=not_there, description="its apogee; both are named, or neither"
+    )
+    inclination_deg: Inclination | None = Field(
+        default=None, exclude_if=not_there, description="of that orbit, to the equator"
+    )
 
     @model_validator(mode="after")
     def _bounds(self) -> "CoastArc":
         check_bounds("coast_s", self.coast_s, self.min_s, self.max_s)
-        if self.min_perigee_altitude_m is not None and not self.free:
-            fail(
-                ("min_perigee_altitude_m",),
-                self.min_perigee_altitude_m,
-                "no such key where coast_s is not free",
-            )
+        given = [key for key in ORBIT_KEYS if getattr(self, key) is not None]
+        for key in ("min_perigee_altitude_m", *given):
+            if getattr(self, key) is not None and not self.free:
+                fail((key,), getattr(self, key), "no such key where coast_s is not free")
+        if not given:
+            return self
+        perigee, apogee = self.perigee_altitude_m, self.apogee_altitude_m
+        if perigee is None or apogee is None:
+            missing = "perigee_altitude_m" if perigee is None else "apogee_altitude_m"
+            fail((missing,), None, f"a number in m, beside {given[0]}")
+        if apogee < perigee:
+            fail(("apogee_altitude_m",), apogee, f"at least perigee_altitude_m, {perigee} m")
+        if self.min_perigee_altitude_m is not None:
+            least = self.min_perigee_altitude_m
+            fail(("min_perigee_altitude_m",), least, "no such key beside perigee_altitude_m")
         return self
 
     @property

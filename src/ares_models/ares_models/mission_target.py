@@ -11,8 +11,11 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from ares_models import arrays as layout
 from ares_models.mission_parts import (
+    ORBIT_KEYS,
+    Altitude,
     AnyEccentricity,
     AnySemiMajorAxis,
+    CoastArc,
     FlightPathAngle,
     Inclination,
     Latitude,
@@ -49,7 +52,6 @@ _FASTEST = 7.0
 # sine of the inclination below which an orbit has no node
 _FLAT = 1e-6
 
-Altitude = Annotated[float, Range(0.0, 1e9)]
 CharacteristicEnergy = Annotated[float, Range(-1e10, 1e10)]
 
 
@@ -634,16 +636,28 @@ def leaves_end_free(target: np.void) -> bool:
 
 def target_record(mission: "Mission") -> NDArray[np.void]:
     """What kernels take of the target: shape (1,), dtype TARGET."""
-    target = mission.target
+    record = orbit_record(mission.target, mission)
+    if mission.abort is not None:
+        equatorial = mission.environment.earth.equatorial_radius_m
+        record["safe_radius"] = equatorial + mission.abort.safe_perigee_altitude_m
+    return record
+
+
+def parking_orbit(coast: CoastArc) -> TargetOrbit | None:
+    """Return the orbit that a coast names; None: it names none."""
+    if coast.perigee_altitude_m is None:
+        return None
+    return TargetOrbit(**{key: getattr(coast, key) for key in ORBIT_KEYS})
+
+
+def orbit_record(target: Target, mission: "Mission") -> NDArray[np.void]:
+    """What kernels take of an orbit that is to be reached: shape (1,), dtype TARGET."""
     record = np.zeros(1, layout.TARGET)
     if target.inclination_deg is not None:
         record["inclination"] = math.radians(target.inclination_deg)
     node = target.node_deg(mission)
     if node is not None:
         record["ascending_node"] = math.radians(node)
-    if mission.abort is not None:
-        equatorial = mission.environment.earth.equatorial_radius_m
-        record["safe_radius"] = equatorial + mission.abort.safe_perigee_altitude_m
     target.write(record, mission)
     return record
 

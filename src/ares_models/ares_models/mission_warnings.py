@@ -14,7 +14,7 @@ import numpy as np
 from ares_models.heating import free_molecular_heating
 from ares_models.input_file import KeyPath, at_line, format_number, read_input
 from ares_models.mission_parts import BurnArc
-from ares_models.mission_target import TargetOrbit
+from ares_models.mission_target import TargetOrbit, parking_orbit
 
 if TYPE_CHECKING:
     from ares_models.mission import Mission
@@ -119,9 +119,12 @@ def _stage(mission: "Mission", i: int) -> Iterator[Doubt]:
     stage, g0 = mission.stages[i], mission.environment.g0_m_s2
     mass = mission.ignition_mass(i)
     for k, burn in enumerate(stage.flight_arcs):
-        if not isinstance(burn, BurnArc):
-            continue
         path = ("stages", i)
+        if not isinstance(burn, BurnArc):
+            orbit = parking_orbit(burn)
+            if orbit is not None:
+                yield from _orbit(mission, (*path, *stage.arc_path(k)), orbit)
+            continue
         acceleration = burn.full_thrust_n / mass
         exhaust = burn.exhaust_velocity(g0)
         thrust_key = "thrust_n" if burn.thrust_table is None else "thrust_table"
@@ -190,13 +193,17 @@ def _target(mission: "Mission") -> Iterator[Doubt]:
     c3 = target.c3_m2_s2
     if c3 is not None and 0.0 < abs(c3) < LEAST_C3:
         yield Doubt(("target", "c3_m2_s2"), f"is {c3:g} m2/s2; is it in m2/s2?")
+    yield from _orbit(mission, ("target",), target)
+
+
+def _orbit(mission: "Mission", path: KeyPath, target: TargetOrbit) -> Iterator[Doubt]:
     for apsis in ("perigee", "apogee"):
         radius = target.sizes(mission).get(f"{apsis}_radius")
         if radius is None:
             continue
         thick = _over_equator(mission, radius)
         if thick > THICK_AIR:
-            yield Doubt(("target", target.key_of(apsis)), _inside(thick))
+            yield Doubt((*path, target.key_of(apsis)), _inside(thick))
             return
 
 

@@ -915,3 +915,61 @@ def test_numbers_are_those_of_yaml_1_2(tmp_path):
     assert load_mission(path).stages[0].thrust_n == 17437041.0
     path = edited(tmp_path, "mu_m3_s2: 3.986e14", "mu_m3_s2: 3.986E+14")
     assert load_mission(path).environment.mu_m3_s2 == 3.986e14
+
+
+ORBIT = "        perigee_altitude_m: 185000.0\n        apogee_altitude_m: 200000.0\n"
+PARK = "        coast_s: free\n"
+GTO = resources.files("ares_models").joinpath("missions", "vulcan_gto.yaml").read_text()
+
+# (what takes the place of the free coast's first line, key, rest of the message)
+BROKEN_ORBITS = {
+    "perigee above apogee": (
+        PARK + ORBIT.replace("185", "205"),
+        "apogee_altitude_m",
+        "is 200000.0; expected at least perigee_altitude_m, 205000.0 m",
+    ),
+    "no apogee": (
+        PARK + ORBIT.splitlines(keepends=True)[0],
+        "apogee_altitude_m",
+        "is missing; expected a number in m, beside perigee_altitude_m",
+    ),
+    "no perigee": (
+        PARK + ORBIT.splitlines(keepends=True)[1],
+        "perigee_altitude_m",
+        "is missing; expected a number in m, beside apogee_altitude_m",
+    ),
+    "an inclination alone": (
+        PARK + "        inclination_deg: 28.5\n",
+        "perigee_altitude_m",
+        "is missing; expected a number in m, beside inclination_deg",
+    ),
+    "a least perigee too": (
+        PARK + ORBIT + "        min_perigee_altitude_m: 150000.0\n",
+        "min_perigee_altitude_m",
+        "is 150000.0; expected no such key beside perigee_altitude_m",
+    ),
+}
+
+
+@pytest.mark.parametrize("slip", BROKEN_ORBITS)
+def test_a_broken_parking_orbit_is_one_line(tmp_path, slip):
+    new, key, rest = BROKEN_ORBITS[slip]
+    text = message(edited(tmp_path, PARK, new, GTO))
+    assert f"stages[0].arcs[2].{key} {rest}" in text
+
+
+def test_a_coast_of_fixed_length_names_no_orbit(tmp_path):
+    old = "        coast_s: free\n        min_s: 300.0\n        max_s: 2000.0\n"
+    text = message(edited(tmp_path, old, "        coast_s: 500.0\n" + ORBIT, GTO))
+    assert (
+        "stages[0].arcs[2].perigee_altitude_m is 185000.0; expected no such key where coast_s is "
+        "not free" in text
+    )
+
+
+def test_a_coast_before_the_first_burn_names_no_orbit(tmp_path):
+    text = message(edited(tmp_path, "        coast_s: 13.0\n", PARK + ORBIT, GTO))
+    assert (
+        "stages[0].arcs[0].perigee_altitude_m is 185000.0; expected no such key in a coast before "
+        "the first burn" in text
+    )

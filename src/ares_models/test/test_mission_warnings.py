@@ -105,6 +105,13 @@ def test_an_energy_in_km2_s2(tmp_path):
     assert warnings(load_mission(file)) == ["target.c3_m2_s2 is 12.5 m2/s2; is it in m2/s2?"]
 
 
+def test_a_parking_orbit_in_km(tmp_path):
+    orbit = {"perigee_altitude_m": 185.0, "apogee_altitude_m": 185.0}
+    changes = {f"stages.0.arcs.2.{key}": value for key, value in orbit.items()}
+    (line,) = warnings(load_mission(changed(tmp_path, changes, base="vulcan_gto")))
+    assert line.startswith("stages[0].arcs[2].perigee_altitude_m is inside the air, 1.2e+00 kg/m3")
+
+
 def test_a_cut_off_deep_in_the_air(tmp_path):
     low = {"target.radius_m": 6_448_000.0}
     (line,) = warnings(load_mission(changed(tmp_path, low, base="ares_v")))

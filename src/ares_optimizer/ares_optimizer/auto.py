@@ -13,7 +13,7 @@ from dataclasses import replace
 from ares_optimizer.collocation.solve import VALLEYS, solve_collocation
 from ares_optimizer.direct.solve import solve_direct
 from ares_optimizer.floor_check import below_floor
-from ares_optimizer.floors import floors_of
+from ares_optimizer.floors import floors_of, orbits_of
 from ares_optimizer.indirect.solve import polished, solve_indirect
 from ares_optimizer.indirect.solver import TwoPointOptions
 from ares_optimizer.plan import plans_arcs, saving_stage, throttled_ahead
@@ -65,6 +65,9 @@ def solve_auto(request: Request) -> Solution:
         steps.append(f"collocation: nothing better from {found.restarts + 1} starts")
         return replace(fast, steps=tuple(steps))
     steps.append(step("collocation", found))
+    if orbits_of(request.arrays, request.state):
+        # no other method keeps them
+        return replace(found, steps=tuple(steps))
     if found.flyable:
         other = _beside_valleys(request, found)
         if other is not None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a solution keeps the floors of its arcs."""
+"""Whether a solution keeps the floors of its arcs, and the orbits that they name."""
 
 import math
 
@@ -7,10 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import MissionArrays
+from ares_models.judge import judge
 from ares_models.kernels.environment import altitude
 from ares_models.orbits import Elements
 from ares_models.tolerances import FLOOR_M
-from ares_optimizer.floors import floors_of
+from ares_optimizer.floors import floors_of, orbits_of
 from ares_optimizer.plan import with_lengths
 from ares_optimizer.proof.flight import flown_arcs
 from ares_optimizer.solution import Solution, Trajectory
@@ -19,7 +20,7 @@ _SAME_TIME = 1e-3  # s
 
 
 def below_floor(arrays: MissionArrays, start: NDArray[np.void], solution: Solution) -> str:
-    """Name the floor that a flight does not keep, and by how much; empty: it keeps all.
+    """Name the floor or orbit that a flight does not keep, and by how much; empty: it keeps all.
 
     Args:
         arrays: the mission.
@@ -51,6 +52,17 @@ def below_floor(arrays: MissionArrays, start: NDArray[np.void], solution: Soluti
                 f"perigee radius in arc {floor.arc} {orbit.perigee_radius:,.0f} m; at least "
                 f"{floor.perigee_m:,.0f} m"
             )
+    environment = arrays.environment[0]
+    mu, ground = float(environment["mu"]), float(environment["equatorial_radius"])
+    for k, named in orbits_of(arrays, start).items():
+        if k not in arcs:
+            continue
+        # what still burns as the coast begins belongs to the burn before it
+        begin = arcs[k].start_s + float(arrays.arcs[k - 1]["tail_time"].max())
+        at = int(np.searchsorted(track.time_s, begin - _SAME_TIME))
+        judged = judge(track.position[at], track.velocity[at], named[0], mu, ground)
+        if misses := judged.misses():
+            return f"orbit of arc {k}: " + "; ".join(misses)
     return ""
 
 

@@ -46,6 +46,18 @@ def edge_of_air(arrays: MissionArrays) -> float:
     return high
 
 
+def orbits_of(arrays: MissionArrays, start: NDArray[np.void]) -> dict[int, NDArray[np.void]]:
+    """Return the orbits that coasts from the start on name: by arc, shape (1,), dtype TARGET.
+
+    Args:
+        arrays: the mission.
+        start: shape (1,), dtype NAVIGATION. The orbit of a coast that has begun is as it is.
+    """
+    ahead = range(int(start["arc"][0]) + 1, len(arrays.arcs))
+    orbits = {k: arrays.arcs["orbit"][k : k + 1] for k in ahead}
+    return {k: orbit for k, orbit in orbits.items() if orbit["named"][0]}
+
+
 def floors_of(arrays: MissionArrays, start: NDArray[np.void]) -> tuple[Floor, ...]:
     """Return the floors of the arcs from the start on.
 

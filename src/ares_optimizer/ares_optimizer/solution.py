@@ -80,6 +80,8 @@ class Check(StrEnum):
     PROPELLANT = "propellant"
     #: of one free arc each
     ARC_LENGTH = "arc_length"
+    #: of one figure of the orbit that a coast names
+    PARKING_ORBIT = "parking_orbit"
     #: of one burn in held attitude each
     HELD_DIRECTION = "held_direction"
 

@@ -18,6 +18,7 @@ from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.free_arcs import solve_direct_planned
 from ares_optimizer.direct.solve import solve_direct
 from ares_optimizer.floor_check import below_floor
+from ares_optimizer.floors import orbits_of
 from ares_optimizer.kernels.timetable import MAX_HELD, last_tail
 from ares_optimizer.plan import (
     free_arcs,
@@ -138,6 +139,10 @@ def _check_arcs(request: Request) -> None:
     fixed = saving_stage(request.arrays, request.state[0]) < 0
     if fixed and request.method not in (AUTO, COLLOCATION):
         raise UnfitMethod("no burn is free, which is planned by auto or collocation")
+    named = orbits_of(request.arrays, request.state)
+    if named and request.method not in (AUTO, COLLOCATION):
+        arc = min(named)
+        raise UnfitMethod(f"arc {arc}: it names its orbit, which is planned by auto or collocation")
     if not plans_arcs(request.arrays, request.state[0]):
         return
     if request.method in (ANALYTIC_METHOD, "closed_form"):

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from ares_models.arrays import MissionArrays
-from ares_models.mission import Mission, load_mission
+from ares_models.input_file import read_input
+from ares_models.mission import MISSION, Mission, load_mission
+from ares_models.orbits import Elements
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.guess import Trial, guess_of, trials
 from ares_optimizer.collocation.radau import radau
@@ -19,9 +21,10 @@ from ares_optimizer.collocation.solver import Point
 from ares_optimizer.collocation.transcription import Times, Transcription
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.free_arcs import _Search as DirectSearch
+from ares_optimizer.floor_check import below_floor
 from ares_optimizer.floors import edge_of_air, floors_of
 from ares_optimizer.request import Heating, Request, arrays_and_state
-from ares_optimizer.solution import Check, Solution, Status
+from ares_optimizer.solution import Check, Solution, Status, UnfitMethod
 from ares_optimizer.solve import solve
 
 MISSIONS = Path(__file__).parent / "missions"
@@ -181,6 +184,73 @@ def test_a_parking_orbit_keeps_its_perigee() -> None:
     assert found.status is Status.CONVERGED, found.reason
     # 21,419.17 kg by the independent program
     assert found.m_f_kg == pytest.approx(21_419.17, rel=2e-5)
+
+
+def parked(name: str, perigee_m: float, apogee_m: float, **keys: float) -> Mission:
+    """Return a shipped mission whose first free coast names its orbit."""
+    data, _ = read_input(MISSION.find(name), MISSION)
+    arcs = [arc for stage in data["stages"] for arc in stage.get("arcs", [])]
+    coast = next(arc for arc in arcs if arc.get("coast_s") == "free")
+    coast |= {"perigee_altitude_m": perigee_m, "apogee_altitude_m": apogee_m, **keys}
+    return Mission.model_validate(data)
+
+
+@pytest.mark.parametrize(
+    ("name", "perigee_m", "apogee_m"),
+    [
+        ("falcon9_gto", 185e3, 185e3),
+        ("vulcan_gto", 185e3, 185e3),
+        ("vulcan_gto", 185e3, 185.5e3),
+    ],
+)
+def test_a_coast_is_flown_on_the_orbit_it_names(
+    solutions: dict[str, Solution], name: str, perigee_m: float, apogee_m: float
+) -> None:
+    mission = parked(name, perigee_m, apogee_m)
+    found = solve(mission, "auto")
+    assert found.status is Status.CONVERGED, found.reason
+    assert not found.steps[-1].startswith("indirect")
+    assert found.by_legs
+    assert found.m_f_kg < solved(solutions, name).m_f_kg
+    track = found.trajectory
+    assert track is not None
+    coast = next(arc for arc in found.flown if mission.arrays().arcs[arc.arc]["orbit"]["named"])
+    at = int(np.searchsorted(track.time_s, coast.start_s - 1e-3))
+    assert track.time_s[at] == pytest.approx(coast.start_s, abs=1e-3)
+    orbit = Elements.from_state(track.position[at], track.velocity[at], 3.986004418e14)
+    equator = mission.environment.earth.equatorial_radius_m
+    assert orbit.perigee_radius - equator == pytest.approx(perigee_m, abs=100.0)
+    apogee = orbit.semi_major_axis * (1.0 + orbit.eccentricity)
+    assert apogee - equator == pytest.approx(apogee_m, abs=100.0)
+
+
+def test_a_parking_orbit_may_name_its_inclination() -> None:
+    found = solve(parked("vulcan_gto", 185e3, 185e3, inclination_deg=29.5), "collocation")
+    assert found.flyable, found.reason
+    tilt = next(c for c in found.constraints if c.name == "inclination in arc 2")
+    assert tilt.value == pytest.approx(29.5, abs=1e-4)
+    assert tilt.satisfied
+
+
+def test_the_price_of_a_parking_orbit_is_what_another_one_costs() -> None:
+    low, high = (solve(parked("vulcan_gto", 185e3, a), "collocation") for a in (186e3, 187e3))
+    prices = [
+        next(c.multiplier for c in found.constraints if c.name == "apogee radius in arc 2")
+        for found in (low, high)
+    ]
+    assert high.m_f_kg - low.m_f_kg == pytest.approx(1e3 * np.mean(prices), rel=0.02)
+
+
+@pytest.mark.parametrize("method", ["indirect", "direct11"])
+def test_other_methods_refuse_a_named_parking_orbit(method: str) -> None:
+    with pytest.raises(UnfitMethod, match="arc 2: it names its orbit, which is planned by auto"):
+        solve(parked("vulcan_gto", 185e3, 185e3), method)
+
+
+def test_a_flight_off_its_parking_orbit_is_told(solutions: dict[str, Solution]) -> None:
+    free = solved(solutions, "vulcan_gto")
+    arrays, start = arrays_and_state(parked("vulcan_gto", 185e3, 185e3), None)
+    assert re.match(r"orbit of arc 2: radius_m off by ", below_floor(arrays, start, free))
 
 
 def test_short_coasts_between_the_burns_of_an_ascent_are_tried() -> None:

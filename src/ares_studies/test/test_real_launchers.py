@@ -7,13 +7,16 @@ import numpy as np
 import pytest
 
 from ares_models.arrays import COAST
+from ares_models.input_file import read_input
 from ares_models.judge import End, judge
 from ares_models.kernels.environment import altitude
-from ares_models.mission import load_mission
+from ares_models.mission import MISSION, Mission, load_mission
+from ares_models.orbits import Elements
 from ares_optimizer.floors import edge_of_air
 from ares_optimizer.solution import Solution
 from ares_optimizer.solve import solve
-from ares_studies.closed_loop import ready_law
+from ares_studies.closed_loop import fly_compiled, ready_law
+from ares_vehicle_sim.arrays import ARC_ENDED
 from ares_vehicle_sim.simulator import Simulator, SimulatorOptions
 
 LAUNCHERS = ("ariane5_eca", "electron_sso", "falcon9_gto", "soyuz_fregat", "vulcan_gto")
@@ -57,3 +60,21 @@ def test_a_real_launcher_arrives_with_what_its_plan_says(name: str, law_name: st
     assert float(plant["mass"]) > (1.0 - MOST_LOST) * optimum(name).m_f_kg
     # the parking coast keeps above the air
     assert lowest > edge_of_air(arrays) - 1e3
+
+
+@pytest.mark.parametrize("law_name", LAWS)
+def test_every_law_flies_the_parking_orbit_that_a_coast_names(law_name: str) -> None:
+    data, _ = read_input(MISSION.find("vulcan_gto"), MISSION)
+    coast = data["stages"][0]["arcs"][2]
+    coast |= {"perigee_altitude_m": 185e3, "apogee_altitude_m": 185e3}
+    mission = Mission.model_validate(data)
+    environment = mission.arrays().environment[0]
+    mu, equator = float(environment["mu"]), float(environment["equatorial_radius"])
+    plant = fly_compiled(mission, law=law_name).plant
+    target = mission.arrays().target[0]
+    assert judge(plant["position"], plant["velocity"], target, mu, equator).end is End.TARGET
+    burns = [e for e in plant["events"] if e["type"] == ARC_ENDED and e["index"] == 1]
+    orbit = Elements.from_state(burns[0]["position"], burns[0]["velocity"], mu)
+    apogee = orbit.semi_major_axis * (1.0 + orbit.eccentricity)
+    assert orbit.perigee_radius - equator == pytest.approx(185e3, abs=100.0)
+    assert apogee - equator == pytest.approx(185e3, abs=100.0)

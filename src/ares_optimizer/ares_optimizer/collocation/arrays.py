@@ -55,6 +55,7 @@ RULE = np.dtype(
         ("node", np.int64),
         ("row", np.int64),  # first row
         ("rows", np.int64),
+        ("target", np.int64),  # which of the program's, of a TARGET_RULE
         ("level", np.float64),  # log of a heating in W/m2, altitude in m, or perigee radius in m
     ],
     align=True,

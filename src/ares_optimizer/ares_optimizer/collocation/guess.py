@@ -25,10 +25,11 @@ from ares_models.arrays import (
     TARGET_KEPLERIAN,
     TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
     MissionArrays,
+    Record,
 )
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.transcription import Times, Transcription
-from ares_optimizer.floors import Floor
+from ares_optimizer.floors import Floor, orbits_of
 from ares_optimizer.kernels import timetable
 from ares_optimizer.kernels.terminal import MAX_ROWS, terminal_rows
 from ares_optimizer.plan import free_arcs, last_begin, longest_burn
@@ -138,15 +139,22 @@ class Pilot:
             burnt = burnt or arc["kind"] == BURN
             self.groups[k] = group
         self.count = group + 1
+        self._orbits = orbits_of(arrays, start)
         mu = float(arrays.environment[0]["mu"])
         r, v = start["position"][0], start["velocity"][0]
         h = np.cross(r, v)
         energy = 0.5 * float(v @ v) - mu / float(np.linalg.norm(r))
         e = math.sqrt(max(0.0, 1.0 + 2.0 * energy * float(h @ h) / mu**2))
-        #: Radius and period of a first parking orbit, m and s.
+        #: Radius, of its apogee too, and period of a first parking orbit, m and s.
         highest = max((f.altitude_m for f in floors if math.isfinite(f.altitude_m)), default=0.0)
         self.parking_m = float(arrays.environment[0]["equatorial_radius"])
         self.parking_m += max(_PARKING_M, highest + _CLEAR_M)
+        self.apogee_m = self.parking_m
+        for k, orbit in self._orbits.items():
+            if self.groups[k] == 1:
+                self.parking_m = float(orbit["perigee_radius"][0])
+                self.apogee_m = float(orbit["apogee_radius"][0])
+                break
         self.period = math.tau * math.sqrt(self.parking_m**3 / mu)
         self.ascends = float(h @ h) / mu / (1.0 + e) < float(arrays.environment[0]["polar_radius"])
         self._segments = np.zeros(timetable.MAX_SEGMENTS, timetable.SEGMENT)
@@ -244,16 +252,11 @@ class Pilot:
 
     def miss_of(self, track: Array) -> Array:
         """How far the end of a track is from the target, and coasts from their floors."""
-        c, gradient = np.zeros(MAX_ROWS), np.zeros((MAX_ROWS, 6))
-        end = track[-1]
-        rows = terminal_rows(
-            self._mission.target,
-            float(self.arrays.environment[0]["mu"]),
-            tuple(end[rollout.POSITION : rollout.POSITION + 3].tolist()),
-            tuple(end[rollout.VELOCITY : rollout.VELOCITY + 3].tolist()),
-            c,
-            gradient,
-        )
+        missed = [self._miss(self._mission.target, track[-1])]
+        for k, orbit in self._orbits.items():
+            # the last row of a burn is where the coast begins
+            before = np.flatnonzero(track[:, rollout.ARC] < k)
+            missed.append(self._miss(orbit[0], track[before[-1] if before.size else 0]))
         radius = float(self.arrays.environment[0]["equatorial_radius"])
         deep = [
             _DEEP * max(0.0, floor.altitude_m - self._lowest(track, floor)) / radius
@@ -261,7 +264,20 @@ class Pilot:
             if math.isfinite(floor.altitude_m)
         ]
         ground = min(0.0, float(track[:, rollout.ALTITUDE].min())) / radius
-        return np.concatenate((0.01 * c[:rows], deep, [_DEEP * ground]))
+        return np.concatenate((*missed, deep, [_DEEP * ground]))
+
+    def _miss(self, target: Record, row: Array) -> Array:
+        """Return how far a row of a track is from a target, record TARGET."""
+        c, gradient = np.zeros(MAX_ROWS), np.zeros((MAX_ROWS, 6))
+        rows = terminal_rows(
+            target,
+            float(self.arrays.environment[0]["mu"]),
+            tuple(row[rollout.POSITION : rollout.POSITION + 3].tolist()),
+            tuple(row[rollout.VELOCITY : rollout.VELOCITY + 3].tolist()),
+            c,
+            gradient,
+        )
+        return 0.01 * c[:rows]
 
     @staticmethod
     def _lowest(track: Array, floor: Floor) -> float:
@@ -411,7 +427,7 @@ def _choices(pilot: Pilot, coasts: list[int]) -> Iterator[tuple[list[_Begin], tu
     if not coasts:
         yield list(_start_constants(pilot)), ()
         return
-    parking = _ascent_alone(pilot, pilot.parking_m)
+    parking = _ascent_alone(pilot, pilot.apogee_m)
     ascents = [parking] if parking is not None else list(_start_constants(pilot))
     longest = pilot.longest(coasts[0]) / pilot.period
     firsts = [*COASTS, *(part for part in _LATER_COASTS if part < longest)]

@@ -44,6 +44,7 @@ class Program(NamedTuple):
         phases: dtype PHASE.
         points: dtype POINT.
         rules: dtype RULE.
+        targets: dtype TARGET: the mission's, then the orbits that coasts name.
         derivative: shape (d, d + 1), D.
         controls: shape (n,), index of the first variable of each direction.
         oblateness: of gravity, with mu and the equatorial radius 1.
@@ -54,6 +55,7 @@ class Program(NamedTuple):
     phases: NDArray[Any]
     points: NDArray[Any]
     rules: NDArray[Any]
+    targets: NDArray[Any]
     derivative: Array
     controls: NDArray[np.int64]
     oblateness: float
@@ -126,6 +128,7 @@ def mass_at_end(phase: Record, length: float, mass: float) -> tuple[float, float
 @kernel
 def rule_rows(
     rule: Record,
+    targets: NDArray[Any],
     mission: MissionRecords,
     scales: tuple[float, float],
     state: tuple[Vector, Vector],
@@ -136,6 +139,7 @@ def rule_rows(
 
     Args:
         rule: record RULE.
+        targets: dtype TARGET, of the program.
         mission: its records.
         scales: one unit of length, m, and of speed, m/s.
         state: position and velocity, scaled.
@@ -171,7 +175,7 @@ def rule_rows(
             gradient[0, i] = per * scales[0] * by_r[i]
             gradient[0, 3 + i] = per * scales[1] * by_v[i]
         return
-    rows = terminal_rows(mission.target, mu, r, v, c, gradient)
+    rows = terminal_rows(targets[rule.target], mu, r, v, c, gradient)
     for row in range(rows):
         c[row] /= SCALE
         for i in range(3):
@@ -229,7 +233,7 @@ def fill_rules(x: Array, program: Program, mission: MissionRecords, g: Array) ->
     for i in range(program.rules.shape[0]):
         rule = program.rules[i]
         state = (vector_at(x, 6 * rule.node), vector_at(x, 6 * rule.node + 3))
-        rule_rows(rule, mission, scales, state, c, gradient)
+        rule_rows(rule, program.targets, mission, scales, state, c, gradient)
         for row in range(rule.rows):
             g[rule.row + row] = c[row]
 
@@ -301,7 +305,7 @@ def fill_jacobian(x: Array, program: Program, mission: MissionRecords, values: A
     for i in range(program.rules.shape[0]):
         rule = program.rules[i]
         state = (vector_at(x, 6 * rule.node), vector_at(x, 6 * rule.node + 3))
-        rule_rows(rule, mission, scales, state, missed, gradient)
+        rule_rows(rule, program.targets, mission, scales, state, missed, gradient)
         for row in range(rule.rows):
             for j in range(6):
                 values[k] = gradient[row, j]
@@ -400,7 +404,7 @@ def fill_hessian(
             for side in range(2):
                 step = _STEP if side == 0 else -_STEP
                 moved = (axpy(step, AXES[j], r), v) if j < 3 else (r, axpy(step, AXES[j - 3], v))
-                rule_rows(rule, mission, scales, moved, missed, sides[side])
+                rule_rows(rule, program.targets, mission, scales, moved, missed, sides[side])
             for other in range(6):
                 whole[j, other] = 0.0
                 for row in range(rule.rows):

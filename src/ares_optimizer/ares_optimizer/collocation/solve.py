@@ -20,6 +20,7 @@ from ares_models.arrays import (
     TIME_AFTER_IGNITION,
     MissionArrays,
 )
+from ares_models.judge import judge
 from ares_models.kernels.environment import altitude, heating_rate
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.arrays import COASTING, GUIDED
@@ -51,7 +52,7 @@ from ares_optimizer.solution import (
     failed,
     next_to_nothing,
 )
-from ares_optimizer.targets import target_rows
+from ares_optimizer.targets import in_unit, target_rows
 
 Array = NDArray[np.float64]
 
@@ -960,6 +961,7 @@ def _solution(
     checks = (
         *_priced(search, proven, proven.checks),
         *floor_checks,
+        *_orbit_checks(proven),
         *_length_checks(program, point, times),
     )
     nodes = _nodes(program, point)
@@ -1178,6 +1180,40 @@ def _perigee_check(found: Found, floor: Floor) -> ConstraintCheck:
         perigee >= floor.perigee_m - _SAG,
         float(found.point.multipliers[row]) * program.mass * slope,
     )
+
+
+def _orbit_checks(proven: _Proven) -> Iterator[ConstraintCheck]:
+    """Yield the figures of the orbits that coasts name, and what a unit of each costs."""
+    program, adjoint = proven.found.program, proven.adjoint
+    environment = program.arrays.environment[0]
+    mu, ground = float(environment["mu"]), float(environment["equatorial_radius"])
+    for orbit, (k, p) in zip(program.targets[1:], program.orbit_phases.items(), strict=True):
+        at = int(np.argmax(adjoint.phase == p))
+        state = adjoint.state[at]
+        # the costates jump by what the orbit is worth
+        jump = np.concatenate(
+            [
+                costate[at - 1] - costate[at]
+                for costate in (adjoint.by_position, adjoint.by_velocity)
+            ]
+        )
+        judged = judge(state[:3], state[3:], orbit, mu, ground)
+        rows = target_rows(orbit)
+        worth = target_worth(orbit, mu, state, jump)
+        for row, price in zip(rows, worth, strict=True):
+            limit = in_unit(orbit, row)
+            error, allowed = judged.error_of(row.key)
+            name = f"{row.name.removesuffix(' at cut-off')} in arc {k}"
+            yield ConstraintCheck(
+                Check.PARKING_ORBIT,
+                name,
+                limit + error,
+                limit,
+                True,
+                row.unit,
+                abs(error) <= allowed,
+                -float(price),
+            )
 
 
 def _priced(

@@ -33,7 +33,7 @@ from ares_optimizer.collocation.kernels import (
     fill_rules,
 )
 from ares_optimizer.collocation.radau import radau
-from ares_optimizer.floors import Floor
+from ares_optimizer.floors import Floor, orbits_of
 from ares_optimizer.kernels import timetable
 from ares_optimizer.kernels.terminal import MAX_ROWS, terminal_rows
 from ares_optimizer.plan import SHORTEST, free_arcs, saving_stage
@@ -127,6 +127,18 @@ def segments_of(arrays: MissionArrays, start: NDArray[np.void], times: Times) ->
     return segments[:count]
 
 
+def count_rows(target: Record, start: NDArray[np.void]) -> int:
+    """Return how many equations a target, record TARGET, comes to.
+
+    Args:
+        target: of kind TARGET_*.
+        start: any state, shape (1,), dtype NAVIGATION.
+    """
+    room = np.zeros(MAX_ROWS), np.zeros((MAX_ROWS, 6))
+    r, v = (tuple(start[name][0].tolist()) for name in ("position", "velocity"))
+    return int(terminal_rows(target, 1.0, r, v, *room))
+
+
 class Transcription:
     """The program of one mission and one order of events.
 
@@ -197,6 +209,7 @@ class Transcription:
             self.phases,
             self.points,
             self.rules,
+            self.targets,
             radau(degree)[1],
             self.controls,
             field,
@@ -441,14 +454,11 @@ class Transcription:
 
     def _lay_out_rules(self, floors: tuple[Floor, ...]) -> None:
         """Write the rules of single states: target, heating, floors."""
-        rules: list[tuple[int, int, int, int, float]] = []
+        rules: list[tuple[int, int, int, int, int, float]] = []
         rows = self._rows
 
-        def add(kind: int, name: str, node: int, count: int, level: float, high: float) -> None:
-            first = len(rows.lower)
-            for _ in range(count):
-                rows.add(name, 0.0, high)
-            rules.append((kind, node, first, count, level))
+        def add(kind: int, name: str, node: int, level: float) -> None:
+            rules.append((kind, node, rows.add(name, 0.0, INFINITE), 1, 0, level))
 
         waiting = [
             j
@@ -462,7 +472,7 @@ class Transcription:
             self.heating_rows[j] = len(rows.lower)
             level = math.log(float(self.arrays.jettisons[j]["value"]))
             node = int(self.first[p + 1])
-            add(HEATING_RULE, f"heating at jettison {j}", node, 1, level, INFINITE)
+            add(HEATING_RULE, f"heating at jettison {j}", node, level)
         self.floor_rows: dict[int, list[int]] = {}
         for floor in floors:
             phases = self.arc_phases.get(floor.arc, [])
@@ -472,26 +482,26 @@ class Transcription:
             if math.isfinite(floor.altitude_m):
                 for node in dict.fromkeys(nodes):
                     name = f"altitude in arc {floor.arc}"
-                    add(FLOOR_RULE, name, int(node), 1, floor.altitude_m, INFINITE)
+                    add(FLOOR_RULE, name, int(node), floor.altitude_m)
             if math.isfinite(floor.perigee_m) and nodes:
                 name = f"perigee in arc {floor.arc}"
-                add(PERIGEE_RULE, name, int(nodes[0]), 1, floor.perigee_m, INFINITE)
+                add(PERIGEE_RULE, name, int(nodes[0]), floor.perigee_m)
             self.floor_rows[floor.arc] = list(range(before, len(rows.lower)))
-        c, gradient = np.zeros(MAX_ROWS), np.zeros((MAX_ROWS, 6))
-        start = self.start[0]
-        count = terminal_rows(
-            self.arrays.target[0],
-            float(self.arrays.environment[0]["mu"]),
-            tuple(start["position"].tolist()),
-            tuple(start["velocity"].tolist()),
-            c,
-            gradient,
-        )
-        add(TARGET_RULE, "target", self.nodes - 1, count, 0.0, 0.0)
-        self.target_rows = range(len(rows.lower) - count, len(rows.lower))
-        self.rules = np.zeros(len(rules), RULE)
-        for row, rule in zip(self.rules, rules, strict=True):
-            row["kind"], row["node"], row["row"], row["rows"], row["level"] = rule
+        orbits = orbits_of(self.arrays, self.start)
+        #: of each coast that names its orbit, the phase that begins on it
+        self.orbit_phases = {k: self._after_thrust(k) for k in orbits if k in self.arc_phases}
+        places = [(f"orbit of arc {k}", int(self.first[p])) for k, p in self.orbit_phases.items()]
+        self.targets = np.concatenate((self.arrays.target, *(orbits[k] for k in self.orbit_phases)))
+        for i, (name, node) in enumerate([("target", self.nodes - 1), *places]):
+            count = count_rows(self.targets[i], self.start)
+            numbers = [rows.add(name, 0.0, 0.0) for _ in range(count)]
+            rules.append((TARGET_RULE, node, numbers[0], count, i, 0.0))
+        self.rules = np.array(rules, RULE)
+
+    def _after_thrust(self, arc: int) -> int:
+        """Return the first phase of a coast in which nothing burns any more."""
+        phases = self.arc_phases[arc]
+        return next((p for p in phases if self.steering[p] == COASTING), phases[-1])
 
     def move_floor(self, arc: int, altitude_m: float) -> None:
         """Ask for another altitude in an arc."""
