@@ -36,6 +36,7 @@ from ares_bringup.options import (
     InitialGuess,
     domain_id,
 )
+from ares_bringup.rehearsal import rehearse
 from ares_bringup.summary import (
     EXIT_CANNOT_START,
     EXIT_INTERRUPTED,
@@ -340,6 +341,8 @@ def fly(
         bag = str((options.bag or new_bag(facts.name)).absolute())
     summary = FlightSummary(facts, options.guidance, bag, new_id(), namespace=namespace)
     parameters = node_parameters(options, bag, summary.flight_id)
+    if line := rehearse(parameters[SIMULATOR] | parameters[GUIDANCE]):
+        say(line)
     audience = Audience(options, summary, say)
     apply_discovery_settings()
     with ExitStack() as held:

@@ -61,6 +61,7 @@ from ares_bringup.options import (
     domain_id,
 )
 from ares_bringup.params_file import node_values
+from ares_bringup.rehearsal import rehearse
 from ares_node.domains import claim_domain
 from ares_node.identity import id_text, new_id
 from ares_node.names import own_frames, own_names
@@ -215,6 +216,7 @@ class Flight:
         bag = values.get("bag") or str(new_bag(Path(mission).stem)) if record else ""
         self.namespace = self._namespace()
         check_inputs(flown, bag)
+        expected = rehearse(flown)
         self.restarts = self._restarts()
         self.verdict.keeper = Keeper(self.restarts)
         self.environment = {
@@ -276,6 +278,7 @@ class Flight:
         return [
             LogInfo(msg=f"{self.name}: {where}, namespace {self.namespace}"),
             *([LogInfo(msg=f"recording to {bag}")] if bag else []),
+            *([LogInfo(msg=expected)] if expected else []),
             *self._handlers(),
             *self.nodes.values(),
         ]

@@ -72,13 +72,13 @@ def offline_trajectory(solution: Solution) -> OfflineTrajectory:
     )
 
 
-def arc_plan(
+def plan_solution(
     mission: Mission,
     law: LawKind,
     state: NDArray[np.void] | None = None,
     time_limit_s: float | None = None,
-) -> ArcPlan | None:
-    """The optimizer's plan of what a mission leaves free, for a law that needs one; else None.
+) -> Solution:
+    """Solve for what a mission leaves free.
 
     Args:
         mission: what is flown.
@@ -87,20 +87,37 @@ def arc_plan(
         time_limit_s: wall time of the search; None: no limit.
 
     Raises:
-        ValueError: the optimizer finds none, or one through the ground; one line.
+        ValueError: the optimizer finds no plan, or one through the ground; one line.
     """
-    arrays = mission.arrays(foreseen=True)
-    if not needs_plan(arrays):
-        return None
     from ares_optimizer.solve import solve  # slow to import
 
+    arrays = mission.arrays(foreseen=True)
     solution = solve(mission, "auto", state=state, verify=False, time_limit_s=time_limit_s)
     if not solution.flyable:
         raise ValueError(why_no_plan(law.name, arrays, solution.reason))
     try:
-        return offline_trajectory(solution).arc_plan(arrays)
+        offline_trajectory(solution).arc_plan(arrays)
     except ValueError as error:
         raise ValueError(why_no_plan(law.name, arrays, str(error))) from error
+    return solution
+
+
+def arc_plan(
+    mission: Mission,
+    law: LawKind,
+    state: NDArray[np.void] | None = None,
+    time_limit_s: float | None = None,
+) -> ArcPlan | None:
+    """The optimizer's plan of what a mission leaves free, for a law that needs one; else None.
+
+    Args: as of :func:`plan_solution`.
+
+    Raises: as there.
+    """
+    arrays = mission.arrays(foreseen=True)
+    if not needs_plan(arrays):
+        return None
+    return offline_trajectory(plan_solution(mission, law, state, time_limit_s)).arc_plan(arrays)
 
 
 def ready_law(
