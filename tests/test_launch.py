@@ -263,6 +263,12 @@ def test_the_simulator_owns_the_clock(description):
         ({"seed": "1.5"}, "seed is '1.5'; expected an integer"),
         ({"domain_id": "233"}, "domain id is '233'; expected an integer from 0 to 232"),
         ({"params_file": "/none"}, "params_file: [Errno 2] No such file or directory: '/none'"),
+        (
+            {"mission": str(ROOT / "benchmarks" / "launchers" / "ariane5eca_jwst.yaml")},
+            "law peg needs a plan of the end on the target's orbit, the optimizer has none: arc 2, "
+            "a burn, goes through the ground, 4,252 m deep; try another method of `ares optimize`, "
+            "other bounds of these arcs or fixed ones",
+        ),
     ],
 )
 def test_wrong_input_starts_nothing(description, capsys, given, complaint):

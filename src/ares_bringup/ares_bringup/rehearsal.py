@@ -55,8 +55,7 @@ def rehearse(flown: Mapping[str, Any]) -> str:
         flown: parameters of guidance and simulator by name, as far as given.
 
     Returns:
-        what the law is expected to lose, in a line; empty: next to nothing, or there is no plan
-        to lose of.
+        what the law is expected to lose, in a line; empty: next to nothing, or no plan is needed.
 
     Raises:
         CannotStart: no plan is found, or the law does not reach the target by it; one line.
@@ -68,22 +67,20 @@ def rehearse(flown: Mapping[str, Any]) -> str:
         return ""
     law = str(flown.get("law", PEG))
     stage = _stage(mission, law, flown)
+    plan_kg = stage.plan.m_f_kg
     end = _fly_ahead(stage, law)
-    if end.mass_kg >= stage.plan.m_f_kg * (1.0 - TOLERATED):
-        return ""
-    others = _others(stage, law)
     if not end.mass_kg:
-        ways = [other for other in others if others[other].mass_kg]
-        advice = f"; try law {' or '.join(ways)}" if ways else ", nor does any other law"
         raise CannotStart(
             f"guidance is {law!r}; expected a law that reaches the target by the plan: flown "
-            f"ahead, this one ends {end.word}{advice}"
+            f"ahead, this one ends {end.word}{_advice(stage, law)}"
         )
-    best = max(others, key=lambda other: others[other].mass_kg)
-    line = f"law {law} is expected to lose {_lost(stage, end)} of the plan's final mass"
-    if others[best].mass_kg > end.mass_kg:
-        line += f", law {best} {_lost(stage, others[best])}"
-    return line
+    lost = 1.0 - end.mass_kg / plan_kg
+    if lost <= TOLERATED:
+        return ""
+    return (
+        f"law {law} is expected to end with {end.mass_kg:,.1f} kg, {100.0 * lost:.2f} % less than "
+        f"the plan's {plan_kg:,.1f} kg"
+    )
 
 
 def _stage(mission: "Mission", law: str, flown: Mapping[str, Any]) -> _Stage:
@@ -118,11 +115,11 @@ def _stage(mission: "Mission", law: str, flown: Mapping[str, Any]) -> _Stage:
 
 def _fly_ahead(stage: _Stage, law: str) -> _End:
     from ares_models.judge import End, judge
-    from ares_studies.closed_loop import fly_compiled, ready_law
+    from ares_studies.closed_loop import fly_stepwise, ready_law
 
     try:
         ready = ready_law(stage.mission, law, stage.settings, stage.plan)
-        plant = fly_compiled(stage.mission, stage.options, law=ready).plant
+        plant = fly_stepwise(stage.mission, stage.options, law=ready).plant
     except ValueError as error:
         return _End(f"at once: {error}")
     arrays = stage.mission.arrays()
@@ -136,12 +133,10 @@ def _fly_ahead(stage: _Stage, law: str) -> _End:
     return _End(end.replace("_", " "), float(plant["mass"]) if end is End.TARGET else 0.0)
 
 
-def _others(stage: _Stage, law: str) -> dict[str, _End]:
-    """What the other laws come to, of those that start by themselves."""
+def _advice(stage: _Stage, law: str) -> str:
+    """Name the other laws that do, of those that start by themselves."""
     from ares_guidance.laws import self_starting_laws
 
-    return {name: _fly_ahead(stage, name) for name in self_starting_laws() if name != law}
-
-
-def _lost(stage: _Stage, end: _End) -> str:
-    return f"{100.0 * (1.0 - end.mass_kg / stage.plan.m_f_kg):.2f} %"
+    others = [name for name in self_starting_laws() if name != law]
+    ways = [name for name in others if _fly_ahead(stage, name).mass_kg]
+    return f"; try law {' or '.join(ways)}" if ways else ", nor does any other law"

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Planned missions are flown ahead: what does not arrive is not begun, what is lost is told."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from ares_bringup.options import CannotStart
+from ares_bringup.rehearsal import rehearse
+
+LAUNCHERS = Path(__file__).parent.parent / "benchmarks" / "launchers"
+
+
+def parameters(name, law):
+    return {"mission": str(LAUNCHERS / f"{name}.yaml"), "law": law}
+
+
+def test_a_mission_that_needs_no_plan_is_not_flown_ahead():
+    assert rehearse({"mission": "ares_v"}) == ""
+
+
+def test_a_law_that_arrives_with_what_is_planned_is_no_matter():
+    assert rehearse(parameters("atlas401_gto", "peg")) == ""
+
+
+def test_a_loss_is_told_before_anything_starts():
+    said = rehearse(parameters("soyuz_molniya", "igm"))
+    found = re.fullmatch(
+        r"law igm is expected to end with ([\d,.]+) kg, ([\d.]+) % less than the plan's "
+        r"([\d,.]+) kg",
+        said,
+    )
+    flown, lost, planned = (float(text.replace(",", "")) for text in found.groups())
+    assert planned == pytest.approx(4_404.3, abs=0.1)
+    assert lost > 0.3
+    assert lost == pytest.approx(100.0 * (1.0 - flown / planned), abs=0.006)
+
+
+def test_a_law_that_misses_is_refused_and_one_that_arrives_named(ares, tmp_path):
+    bag = tmp_path / "bag"
+    words = parameters("f9_tli", "igm")
+    done = ares("fly", "--mission", words["mission"], "--guidance", "igm", "--bag", str(bag))
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert re.fullmatch(
+        r"ares: guidance is 'igm'; expected a law that reaches the target by the plan: flown "
+        r"ahead, this one ends suborbital; try law (peg or )?optimal\n",
+        done.stderr,
+    )
+    assert not bag.exists()
+
+
+def test_where_no_law_arrives_that_is_said():
+    with pytest.raises(CannotStart, match=r"this one ends lowered, nor does any other law$"):
+        rehearse(parameters("soyuz_gto", "optimal"))
