@@ -15,6 +15,7 @@ import math
 
 from ares_guidance.arrays import STEEPEST, Onboard
 from ares_guidance.kernels.jettison import predict_jettisons
+from ares_guidance.kernels.near import lets_place_go
 from ares_guidance.kernels.prediction import LinearTangent
 from ares_guidance.kernels.segments import (
     Integrals,
@@ -25,7 +26,12 @@ from ares_guidance.kernels.segments import (
 from ares_models.arrays import MissionRecords
 from ares_models.jit import kernel
 from ares_models.kernels.environment import gravity
-from ares_models.kernels.targets import desired_state, plane_normal, project_to_plane
+from ares_models.kernels.targets import (
+    aim_at_radius,
+    desired_state,
+    plane_normal,
+    project_to_plane,
+)
 from ares_models.kernels.vectors import (
     Vector,
     add,
@@ -161,10 +167,13 @@ def iterate(mission: MissionRecords, onboard: Onboard) -> tuple[float, float, bo
     k_3, k_4 = yaw_terms(dot(coast, eta) + s_sum * math.sin(yaw), yaw, integrals)
     s_p, q_p, ratio = pitch_integrals(yaw, k_3, k_4, integrals)
     d_p = s_p - ratio * q_p
-    miss = dot(coast, xi) - norm(wanted_r) + s_p * math.sin(pitch)
+    risen = dot(coast, xi) + s_p * math.sin(pitch)
+    miss = risen - norm(wanted_r)
     k_1 = within_limit(miss / (d_p * math.cos(pitch)))
     k_2 = ratio * k_1
     solution.turn = max(abs(k_1), abs(k_3))
+    if lets_place_go(mission, onboard, abs(k_1)):
+        aim_at_radius(target, risen)
 
     # the plan is expanded about chi-tilde, where the chi that is flown stands at J / L
     middle = thrust_direction(frame, pitch, yaw)

@@ -18,6 +18,7 @@ from ares_models.arrays import (
     Record,
 )
 from ares_models.jit import kernel
+from ares_models.kernels.targets import leaves_place_free
 from ares_models.kernels.vectors import add, axpy, load, norm, scale, store, unit
 
 #: Part of the mass that the radius is worth.
@@ -46,6 +47,19 @@ def may_let_go(mission: MissionRecords, onboard: Onboard, cold: bool) -> bool:
         and state.saved.time_to_go <= onboard.settings.restart_time
         and kind in (TARGET_RADIUS_SPEED_ANGLE_INCLINATION, TARGET_RADIUS_SPEED_ANGLE_PLANE)
     )
+
+
+@kernel
+def lets_place_go(mission: MissionRecords, onboard: Onboard, turn: float) -> bool:
+    """Whether a burn is met by its orbit wherever it comes to it: too short to mend the place.
+
+    Args:
+        mission: as of :func:`may_let_go`; so the next.
+        onboard: what is on board.
+        turn: that the place on the target's orbit asks for, rad.
+    """
+    late = onboard.state.solution.time_to_go <= onboard.settings.restart_time
+    return late and turn > CHEAP_TURN and leaves_place_free(mission.target)
 
 
 @kernel

@@ -9,11 +9,17 @@ full target at staging and jettison as well; here only the cut-off is targeted.
 
 from ares_guidance.arrays import STEEPEST, Onboard
 from ares_guidance.kernels.jettison import predict_jettisons
+from ares_guidance.kernels.near import lets_place_go
 from ares_guidance.kernels.prediction import LinearTangent, gravity_effect, steered_thrust
 from ares_guidance.kernels.segments import burn_time_to_go, note_tail_off, thrust_integrals
 from ares_models.arrays import MissionRecords
 from ares_models.jit import kernel
-from ares_models.kernels.targets import desired_state, plane_normal, project_to_plane
+from ares_models.kernels.targets import (
+    aim_at_radius,
+    desired_state,
+    plane_normal,
+    project_to_plane,
+)
 from ares_models.kernels.vectors import (
     add,
     axpy,
@@ -77,6 +83,10 @@ def iterate(mission: MissionRecords, onboard: Onboard) -> tuple[float, float, bo
     solution.turn = norm(rate) * max(k, t_go - k)
     if solution.turn > STEEPEST:
         rate = scale(STEEPEST / solution.turn, rate)
+    let_go = lets_place_go(mission, onboard, solution.turn)
+    if let_go:
+        rate = (0.0, 0.0, 0.0)
+        r_go = scale(s_sum, direction)
     steering = LinearTangent(direction, rate, k)
 
     # prediction
@@ -87,6 +97,8 @@ def iterate(mission: MissionRecords, onboard: Onboard) -> tuple[float, float, bo
     moved = predict_jettisons(mission, onboard, steering)
 
     # correction
+    if let_go:
+        aim_at_radius(target, norm(r_p))
     normal, reachable = plane_normal(target, r_p, cross(r_p, v_p))
     wanted_r, wanted_v, _ = desired_state(target, mu, project_to_plane(r_p, normal), normal)
     miss = sub(wanted_v, v_p)

@@ -181,6 +181,29 @@ def desired_state(
 
 
 @kernel
+def leaves_place_free(target: Record) -> bool:
+    """Whether a target may be met anywhere on its orbit, where its record aims or elsewhere."""
+    named = names(target, NAMES_TRUE_ANOMALY) or names(target, NAMES_ARGUMENT_OF_PERIGEE)
+    return target.kind == TARGET_ELEMENTS and not named
+
+
+@kernel
+def aim_at_radius(target: Record, radius: float) -> None:
+    """Aim a target by elements at where its orbit has a radius, m, or at the nearest apsis.
+
+    Args:
+        target: record TARGET. Its true anomaly is changed, not which side of perigee it is on.
+        radius: m.
+    """
+    e = target.eccentricity
+    if not e > 0.0:
+        return
+    cosine = (target.perigee_radius * (1.0 + e) / radius - 1.0) / e
+    anomaly = math.acos(min(1.0, max(-1.0, cosine)))
+    target.true_anomaly = math.copysign(anomaly, math.sin(target.true_anomaly))
+
+
+@kernel
 def target_speed(target: Record, mu: float, radius: float) -> float:
     """Speed to reach: the target's own, or that of its energy at ``radius``, m/s."""
     if target.kind == TARGET_KEPLERIAN:
