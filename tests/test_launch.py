@@ -265,9 +265,11 @@ def test_the_simulator_owns_the_clock(description):
         ({"params_file": "/none"}, "params_file: [Errno 2] No such file or directory: '/none'"),
         (
             {"mission": str(ROOT / "benchmarks" / "launchers" / "ariane5eca_jwst.yaml")},
-            "law peg needs a plan of the end on the target's orbit, the optimizer has none: arc 2, "
-            "a burn, goes through the ground, 4,252 m deep; try another method of `ares optimize`, "
-            "other bounds of these arcs or fixed ones",
+            (
+                "law peg needs a plan of the end on the target's orbit, the optimizer has none: arc 2, "
+                "a burn, goes through the ground, 4,252 m deep; try another method of `ares optimize`, "
+                "other bounds of these arcs or fixed ones"
+            ),
         ),
     ],
 )

@@ -3,6 +3,7 @@
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
@@ -40,7 +41,7 @@ class _End:
     """What a law comes to.
 
     Attributes:
-        word: of the judge, or why the law does not fly at all.
+        word: of the judge.
         mass_kg: at cut-off; 0 where the target is not reached.
     """
 
@@ -68,7 +69,10 @@ def rehearse(flown: Mapping[str, Any]) -> str:
     law = str(flown.get("law", PEG))
     stage = _stage(mission, law, flown)
     plan_kg = stage.plan.m_f_kg
-    end = _fly_ahead(stage, law)
+    try:
+        end = _fly_ahead(stage, law)
+    except ValueError as error:
+        raise CannotStart(str(error)) from error
     if not end.mass_kg:
         raise CannotStart(
             f"guidance is {law!r}; expected a law that reaches the target by the plan: flown "
@@ -114,14 +118,16 @@ def _stage(mission: "Mission", law: str, flown: Mapping[str, Any]) -> _Stage:
 
 
 def _fly_ahead(stage: _Stage, law: str) -> _End:
+    """Return what a law comes to.
+
+    Raises:
+        ValueError: it does not fly such a mission; one line.
+    """
     from ares_models.judge import End, judge
     from ares_studies.closed_loop import fly_stepwise, ready_law
 
-    try:
-        ready = ready_law(stage.mission, law, stage.settings, stage.plan)
-        plant = fly_stepwise(stage.mission, stage.options, law=ready).plant
-    except ValueError as error:
-        return _End(f"at once: {error}")
+    ready = ready_law(stage.mission, law, stage.settings, stage.plan)
+    plant = fly_stepwise(stage.mission, stage.options, law=ready).plant
     arrays = stage.mission.arrays()
     end = judge(
         plant["position"],
@@ -138,5 +144,9 @@ def _advice(stage: _Stage, law: str) -> str:
     from ares_guidance.laws import self_starting_laws
 
     others = [name for name in self_starting_laws() if name != law]
-    ways = [name for name in others if _fly_ahead(stage, name).mass_kg]
+    ways = []
+    for name in others:
+        with suppress(ValueError):
+            if _fly_ahead(stage, name).mass_kg:
+                ways.append(name)
     return f"; try law {' or '.join(ways)}" if ways else ", nor does any other law"
