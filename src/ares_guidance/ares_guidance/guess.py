@@ -17,7 +17,7 @@ from ares_models.arrays import (
     MissionArrays,
 )
 from ares_models.mission_target import leaves_end_free
-from ares_models.orbits import Insertion
+from ares_models.orbits import Elements, Insertion
 
 Array = NDArray[np.float64]
 
@@ -48,19 +48,10 @@ def true_anomaly_of(state: Insertion, mu: float) -> float:
     return math.atan2(ahead, towards)
 
 
-def turns_orbit(target: np.void) -> bool:
-    """Return whether a target names where its perigee lies."""
+def names_perigee_direction(target: np.void) -> bool:
+    """Return whether a target names in which direction its perigee lies."""
     named = bool(int(target["named"]) & NAMES_ARGUMENT_OF_PERIGEE)
     return named or bool(target["kind"] == TARGET_KEPLERIAN)
-
-
-def argument_of_perigee_of(state: Insertion, position: Array, mu: float) -> float:
-    """Return the angle from the node to perigee, rad, of a state at a position, m; mu in m3/s2."""
-    node = np.array([math.cos(state.ascending_node), math.sin(state.ascending_node), 0.0])
-    up = np.array([0.0, 0.0, math.sin(state.inclination)])
-    ahead = math.cos(state.inclination) * np.cross([0.0, 0.0, 1.0], node) + up
-    from_node = math.atan2(float(position @ ahead), float(position @ node))
-    return from_node - true_anomaly_of(state, mu)
 
 
 def _expect(sound: NDArray[np.bool_], name: str, expected: str) -> None:
@@ -130,6 +121,7 @@ class ArcPlan:
         first_arc: index of the arc that it begins in: those before are over.
         by_legs: every law flies it leg by leg, `optimal` too, which elsewhere plans the whole
             flight anew: the plan keeps what the two-point problem on board does not know of.
+        orbits: that each of the free burns before the last ends on, where they are known.
     """
 
     lengths_s: dict[int, float]
@@ -141,6 +133,7 @@ class ArcPlan:
     jettison_time_s: float = math.nan
     first_arc: int = 0
     by_legs: bool = False
+    orbits: dict[int, Elements] = field(default_factory=dict)
 
     def record(self, arrays: MissionArrays) -> NDArray[np.void]:
         """The plan as the kernel reads it, shape (1,), dtype PLAN.
@@ -180,8 +173,8 @@ class ArcPlan:
             target["inclination"] = end.inclination
             # of an equatorial plane any
             target["ascending_node"] = np.nan_to_num(end.ascending_node)
-            if self.by_legs and turns_orbit(arrays.target[0]):
-                self._hold_perigee(target, int(k), mu)
+            if self.by_legs and names_perigee_direction(arrays.target[0]):
+                self._hold_perigee(target, int(k))
         for index, directions in self.directions.items():
             record["direction"][0, index] = directions
         for index, position in self.positions.items():
@@ -193,7 +186,7 @@ class ArcPlan:
         record["jettison_time"] = self.jettison_time_s
         return record
 
-    def _hold_perigee(self, target: np.void, k: int, mu: float) -> None:
+    def _hold_perigee(self, target: np.void, k: int) -> None:
         """Aim a leg at its plan's orbit, any place on it, where that is bound and elongated.
 
         A short burn after it turns no orbit back.
@@ -201,20 +194,14 @@ class ArcPlan:
         Args:
             target: record TARGET, with the plane. Changed.
             k: index of the burn that ends the leg.
-            mu: m3/s2.
         """
-        if k not in self.positions:
-            return
-        end = self._end(k)
-        axis = 1.0 / (2.0 / end.radius - end.speed**2 / mu)
-        momentum = end.radius * end.speed * math.cos(end.flight_path_angle)
-        eccentricity = math.sqrt(max(0.0, 1.0 - momentum**2 / (mu * axis)))
-        if not ELONGATED < eccentricity < 1.0:
+        orbit = self.orbits.get(k)
+        if orbit is None or not ELONGATED < orbit.eccentricity < 1.0:
             return
         target["kind"] = TARGET_KEPLERIAN
-        target["semi_major_axis"] = axis
-        target["eccentricity"] = eccentricity
-        target["argument_of_perigee"] = argument_of_perigee_of(end, self.positions[k], mu)
+        target["semi_major_axis"] = orbit.semi_major_axis
+        target["eccentricity"] = orbit.eccentricity
+        target["argument_of_perigee"] = orbit.argument_of_perigee
 
     def _end(self, k: int) -> Insertion:
         """The state at the end of a burn, by its index.
@@ -382,7 +369,7 @@ class OfflineTrajectory:
         self._check_arcs(arcs)
         check_floor(self, arrays)
         lengths, states, directions, positions = {}, {}, {}, {}
-        primers, ignitions = {}, {}
+        primers, ignitions, orbits = {}, {}, {}
         begin = -math.inf
         for k, start, end in zip(
             self.flown_arc, self.flown_start_time, self.flown_end_time, strict=True
@@ -401,7 +388,14 @@ class OfflineTrajectory:
             if last or (free and burns):
                 if self._first_piece(begin, end) is not None:
                     directions[int(k)] = self._directions(begin, end)
-                positions[int(k)] = self.sample_position[self._sample(end, f"the end of burn {k}")]
+                at = self._sample(end, f"the end of burn {k}")
+                positions[int(k)] = self.sample_position[at]
+                if not last:
+                    orbits[int(k)] = Elements.from_state(
+                        self.sample_position[at],
+                        self.sample_velocity[at],
+                        float(arrays.environment["mu"][0]),
+                    )
                 begin = end
                 # the last burn's tail-off included, where the target holds
                 reached = float(self.sample_time[-1]) if last else end
@@ -416,6 +410,7 @@ class OfflineTrajectory:
             self.jettison_time,
             int(self.flown_arc[0]),
             self.by_legs,
+            orbits,
         )
 
     def _check_arcs(self, arcs: NDArray[np.void]) -> None:
