@@ -8,8 +8,24 @@ import pytest
 
 from ares_bringup.options import CannotStart
 from ares_bringup.rehearsal import rehearse
+from ares_studies.closed_loop import plan_solution
 
 LAUNCHERS = Path(__file__).parent.parent / "benchmarks" / "launchers"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def plans():
+    """Each plan is searched once, whoever asks for it."""
+    found = {}
+
+    def once(mission, law):
+        if mission.name not in found:
+            found[mission.name] = plan_solution(mission, law)
+        return found[mission.name]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("ares_studies.closed_loop.plan_solution", once)
+        yield
 
 
 def parameters(name, law):
