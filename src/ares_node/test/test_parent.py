@@ -17,8 +17,8 @@ from ares_node.parent import end_with_launcher
 signal.signal(signal.SIGTERM, lambda *_: (print("asked to end", flush=True), os._exit(3)))
 end_with_launcher()
 print("up", flush=True)
-sys.stdin.read()
-time.sleep(600)
+while True:
+    time.sleep(0.05)
 """
 PATIENCE = 120.0
 

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from ares_guidance import laws
 from ares_guidance.arrays import ERROR_TIME_TO_GO_JUMP
-from ares_guidance.guess import ArcPlan, argument_of_perigee_of
+from ares_guidance.guess import ArcPlan
 from ares_guidance.law import LawSettings
 from ares_guidance.laws import FindsNoWay, check_law, find_law, make_law
 from ares_guidance.testing import RESTART
@@ -29,7 +29,6 @@ from ares_vehicle_sim.dispersions import STANDARD, Dispersions, load_dispersions
 from ares_vehicle_sim.simulator import CAMPAIGN, Simulator, SimulatorOptions
 
 LAUNCHERS = Path(__file__).parents[3] / "benchmarks" / "launchers"
-MU = 3.986004418e14
 BURN, COAST = 153.252950, 450.0
 #: Velocity of the optimum, m/s: what MechJeb2's tests have.
 OPTIMUM = 8101.8936
@@ -525,14 +524,6 @@ def test_a_short_last_burn_finds_perigee_where_the_plan_has_it():
     target = mission.arrays().target[0]
     assert orbit.argument_of_perigee == pytest.approx(target["argument_of_perigee"], abs=2e-4)
     assert orbit.semi_major_axis == pytest.approx(float(target["semi_major_axis"]), rel=1e-4)
-
-
-def test_the_plan_of_an_orbit_is_told_by_its_perigee():
-    """The angle from node to perigee, of a state anywhere on an orbit."""
-    orbit = Elements(2.4e7, 0.72, 0.4, 1.1, 2.3, true_anomaly=0.8)
-    position, velocity = orbit.state(MU)
-    found = argument_of_perigee_of(Insertion.from_state(position, velocity), position, MU)
-    assert math.remainder(found - 2.3, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_law_is_asked_with_the_plan_before_ignition(restart):

@@ -2,6 +2,7 @@
 """Which files are tried, and what is done with each."""
 
 from collections.abc import Mapping
+from copy import deepcopy
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -34,6 +35,12 @@ _TARGETS: Mapping[str, Mapping[str, object]] = {
     },
     "circle": {"perigee_altitude_m": 185000.0, "inclination_deg": 28.5},
     "escape": {"perigee_altitude_m": 185000.0, "c3_m2_s2": 1e6, "true_anomaly_deg": 5.0},
+}
+#: And Vulcan's coast with a whole orbit.
+_PARKING = {
+    "perigee_altitude_m": 185000.0,
+    "apogee_altitude_m": 185000.0,
+    "inclination_deg": 28.5,
 }
 #: And with an epoch, from which the node is counted.
 _DATED: Mapping[str, Mapping[str, object]] = {
@@ -106,6 +113,9 @@ def bases(kind: str) -> dict[str, dict[str, Any]]:
     if kind == MISSION:
         for key, others in (("target", _TARGETS), ("initial_state", _STARTS)):
             found |= {name: found["ares_v"] | {key: dict(of)} for name, of in others.items()}
+        parked = deepcopy(found["vulcan_gto"])
+        parked["stages"][0]["arcs"][2] |= _PARKING
+        found["parked"] = parked
         dated = found["ares_v"] | {"epoch": _EPOCH}
         found |= {name: dated | {"target": dict(of)} for name, of in _DATED.items()}
     return found
