@@ -54,7 +54,7 @@ SPARED = ("optimizer", "view", "live")
 
 
 class Trial(NamedTuple):
-    """What is done to whom, when (s of wall time after the start), and for how long if stopped."""
+    """Name an act, on whom, when (s of wall time after the start), and for how long if stopped."""
 
     name: str
     number: signal.Signals
@@ -64,7 +64,7 @@ class Trial(NamedTuple):
 
 @dataclass
 class End:
-    """How it came out.
+    """Hold the outcome of a trial.
 
     Attributes:
         trial: what was done.
@@ -98,7 +98,7 @@ def marked(mark: str) -> dict[int, str]:
 
 
 def wait_for(condition: Callable[[], bool], seconds: float) -> bool:
-    """Whether something becomes so in time."""
+    """Tell whether something becomes so in time."""
     deadline = time.monotonic() + seconds
     while not condition():
         if time.monotonic() > deadline:
@@ -178,7 +178,7 @@ def disturb(trial: Trial, process: "subprocess.Popen[bytes]", mark: str) -> str:
 
 
 def complaints(end: End, bag: Path) -> Iterator[str]:
-    """What of an end is not as documented."""
+    """Name what of an end is not as documented."""
     status, said = end.status, end.output
     arrived = "main-engine cut-off" in said
     if status is None or end.ended_s >= PATIENCE:
@@ -236,7 +236,7 @@ def documented(trial: Trial, end: End) -> set[int]:
 
 
 def trials(count: int, seed: int, duration: float) -> list[Trial]:
-    """What is done, drawn by a seed."""
+    """Draw the trials by a seed."""
     draw = random.Random(seed)
     return [
         Trial(

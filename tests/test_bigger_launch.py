@@ -32,7 +32,7 @@ SHARED = {"/clock": Clock, "/tf": TFMessage, "/tf_static": TFMessage}
 
 
 class Displays:
-    """What is shown of both flights, and what the node of somebody else says."""
+    """Hear what is shown of both flights, and the node of somebody else."""
 
     def __init__(self, graph):
         self.heard = {}

@@ -18,9 +18,9 @@ def plans():
     """Each plan is searched once, whoever asks for it."""
     found = {}
 
-    def once(mission, law):
+    def once(mission, law, time_limit_s):
         if mission.name not in found:
-            found[mission.name] = plan_solution(mission, law)
+            found[mission.name] = plan_solution(mission, law, time_limit_s=time_limit_s)
         return found[mission.name]
 
     with pytest.MonkeyPatch.context() as patch:

@@ -33,7 +33,7 @@ DOMAIN = "101"
 
 
 def complaints(folder: Path, settings: Mapping[str, str]) -> str:
-    """What a node says that starts with these settings; empty: nothing.
+    """Return the output of a node that starts with these settings; empty: there is none.
 
     Raises:
         RuntimeError: it did not come to its end.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is shown of work that takes long: how much is done, since when, how long it takes still."""
+"""Show how work goes on that takes long: how much is done, since when, how long it still takes."""
 
 import math
 import sys

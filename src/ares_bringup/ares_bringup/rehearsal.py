@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 from ares_bringup.options import PEG, CannotStart
+from ares_bringup.summary import facts_of, judgement
 
 if TYPE_CHECKING:
     from ares_guidance.law import LawSettings
@@ -21,7 +22,7 @@ TOLERATED = 3e-3
 
 @dataclass(frozen=True)
 class _Stage:
-    """What every law is tried with.
+    """Hold all that every law is tried with.
 
     Attributes:
         mission: what is flown.
@@ -38,7 +39,7 @@ class _Stage:
 
 @dataclass(frozen=True)
 class _End:
-    """What a law comes to.
+    """Hold the end that a law comes to.
 
     Attributes:
         word: of the judge.
@@ -67,9 +68,8 @@ def rehearse(flown: Mapping[str, Any]) -> str:
     if not mission.needs_plan:
         return ""
     law = str(flown.get("law", PEG))
-    stage = _stage(mission, law, flown)
-    plan_kg = stage.plan.m_f_kg
     try:
+        stage = _stage(mission, law, flown)
         end = _fly_ahead(stage, law)
     except ValueError as error:
         raise CannotStart(str(error)) from error
@@ -78,6 +78,7 @@ def rehearse(flown: Mapping[str, Any]) -> str:
             f"guidance is {law!r}; expected a law that reaches the target by the plan: flown "
             f"ahead, this one ends {end.word}{_advice(stage, law)}"
         )
+    plan_kg = stage.plan.m_f_kg
     lost = 1.0 - end.mass_kg / plan_kg
     if lost <= TOLERATED:
         return ""
@@ -91,7 +92,7 @@ def _stage(mission: "Mission", law: str, flown: Mapping[str, Any]) -> _Stage:
     """Find the plan.
 
     Raises:
-        CannotStart: there is none; one line.
+        ValueError: there is none; one line.
     """
     from ares_guidance.law import LawSettings
     from ares_guidance.laws import find_law
@@ -105,13 +106,9 @@ def _stage(mission: "Mission", law: str, flown: Mapping[str, Any]) -> _Stage:
     limit = float(flown.get("attitude_rate_limit_deg_s", 0.0))
     if limit > 0.0:
         known[SimulatorOptions]["attitude_rate_limit_rad_s"] = math.radians(limit)
-    try:
-        plan = plan_solution(mission, find_law(law))
-    except ValueError as error:
-        raise CannotStart(str(error)) from error
     return _Stage(
         mission,
-        plan,
+        plan_solution(mission, find_law(law), time_limit_s=flown.get("plan_timeout_s")),
         SimulatorOptions(**known[SimulatorOptions]),
         LawSettings(**known[LawSettings]),
     )
@@ -123,19 +120,12 @@ def _fly_ahead(stage: _Stage, law: str) -> _End:
     Raises:
         ValueError: it does not fly such a mission; one line.
     """
-    from ares_models.judge import End, judge
+    from ares_models.judge import End
     from ares_studies.closed_loop import fly_stepwise, ready_law
 
     ready = ready_law(stage.mission, law, stage.settings, stage.plan)
     plant = fly_stepwise(stage.mission, stage.options, law=ready).plant
-    arrays = stage.mission.arrays()
-    end = judge(
-        plant["position"],
-        plant["velocity"],
-        arrays.target[0],
-        float(arrays.environment[0]["mu"]),
-        float(arrays.environment[0]["equatorial_radius"]),
-    ).end
+    end = judgement(facts_of(stage.mission), plant["position"], plant["velocity"]).end
     return _End(end.replace("_", " "), float(plant["mass"]) if end is End.TARGET else 0.0)
 
 

@@ -367,7 +367,7 @@ class Flight:
         return [RegisterEventHandler(handler) for handler in handlers]
 
     def _on_shutdown(self, _event: Any, _context: LaunchContext) -> None:
-        """Whoever shuts launch down interrupts a flight under way."""
+        """Interrupt a flight under way where launch is shut down."""
         self.verdict.interrupt()
 
     def _on_start(self, name: str, _event: Any, _context: LaunchContext) -> None:

@@ -159,7 +159,7 @@ class Answers:
         return self._state_message.read(data)
 
     def content(self, data: bytes) -> bytes:
-        """What of a NavState as CDR its seal is of."""
+        """Return the part of a NavState as CDR that its seal covers."""
         return self._state_message.content(data)
 
     def step(self, now: int, measured: Any) -> bool:

@@ -651,7 +651,7 @@ def parking_orbit(coast: CoastArc) -> TargetOrbit | None:
 
 
 def orbit_record(target: Target, mission: "Mission") -> NDArray[np.void]:
-    """What kernels take of an orbit that is to be reached: shape (1,), dtype TARGET."""
+    """Return an orbit that is to be reached as kernels take it: shape (1,), dtype TARGET."""
     record = np.zeros(1, layout.TARGET)
     if target.inclination_deg is not None:
         record["inclination"] = math.radians(target.inclination_deg)

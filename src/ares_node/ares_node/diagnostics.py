@@ -34,6 +34,11 @@ VERDICT = "verdict"
 GOOD = "good"
 
 
+def worth_saying(count: int) -> bool:
+    """Tell whether a report of which there are so many is said: the first, and at every tenfold."""
+    return count > 0 and math.log10(count).is_integer()
+
+
 class Level(Enum):
     """Severity of a report, by the constants of diagnostic_msgs/DiagnosticStatus."""
 

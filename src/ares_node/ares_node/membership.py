@@ -6,7 +6,6 @@ the beginning of its `configure` and calls `listen` at the end of it, after its 
 whoever then answers its word is known to hear all its publishers.
 """
 
-import math
 from collections.abc import Callable
 from enum import IntEnum
 from functools import partial
@@ -17,7 +16,7 @@ from rclpy.publisher import Publisher
 from rclpy.subscription import Subscription
 
 from ares_msgs.msg import FlightMember
-from ares_node.diagnostics import Level
+from ares_node.diagnostics import Level, worth_saying
 from ares_node.identity import new_id
 from ares_node.key import FORGED
 from ares_node.parameters import Parameter
@@ -65,7 +64,7 @@ AGREED = (State.READY, State.PLANNING)
 
 
 def _content(word: FlightMember) -> tuple[object, ...]:
-    """What a word says."""
+    """Return all that a word says, to compare it with others."""
     return (
         word.words,
         word.state,
@@ -248,7 +247,7 @@ class Membership:
     def _contradict(self, member: FlightMember) -> None:
         """Say the own word again: somebody else has said another in this name."""
         self.contradicted += 1
-        if math.log10(self.contradicted).is_integer():
+        if worth_saying(self.contradicted):
             self._complain(
                 f"{FORGED}a word in the name of {self._word.node}, {_state_name(member)}, "
                 f"contradicted ({self.contradicted} so far)"

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What proves that a message of a flight was said by who has the flight's key.
+"""Prove that a message of a flight was said by who has the flight's key.
 
 A flight without a key has none of it: `ares_node.key` says how a flight gets one.
 """
 
-import math
 import time
 from collections import OrderedDict
 from collections.abc import Callable
@@ -19,6 +18,7 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 
 from ares_msgs.msg import Seal
+from ares_node.diagnostics import worth_saying
 from ares_node.key import FORGED, digest, flight_key
 from ares_node.qos import FLIGHT, FLIGHT_SEAL
 
@@ -208,6 +208,6 @@ class Seals:
     def note(self, what: str) -> None:
         """Count a forged message; say so of the first, and at every tenfold."""
         self.forged += 1
-        if math.log10(self.forged).is_integer():
+        if worth_saying(self.forged):
             text = f"{FORGED}{what} without the seal of the flight, refused"
             self._complain(f"{text} ({self.forged} so far)" if self.forged > 1 else text)

@@ -114,7 +114,7 @@ class StateMessage:
         return bytes(self._buffer)
 
     def content(self, data: bytes) -> bytes:
-        """What of a message as bytes is its own: the middleware may add to it, and note that."""
+        """Return the part of a message as bytes that is its own: the middleware may add to it."""
         return data[_BEGIN : len(self._buffer)]
 
     def read(self, data: bytes) -> tuple[int, int, int, Any]:

@@ -57,7 +57,7 @@ def test_a_digest_in_a_message_is_not_of_itself():
 
 
 class Sent:
-    """What a node would send and hear, one call after the other."""
+    """Send and hear as a node would, one call after the other."""
 
     def __init__(self, monkeypatch, ros_context):
         monkeypatch.setenv(VARIABLE, KEY.hex())

@@ -35,6 +35,21 @@ def installed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(metadata, "version", version)
 
 
+def refusal(package: str, environment: dict[str, str]) -> str:
+    """Return the one line that a package's process ends with."""
+    answer = subprocess.run(
+        [sys.executable, "-m", package],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert answer.returncode == 2
+    assert answer.stdout == ""
+    assert answer.stderr.count("\n") == 1
+    return answer.stderr
+
+
 @pytest.mark.usefixtures("installed")
 def test_own_packages_are_followed_and_those_of_the_tests_are_not() -> None:
     assert dict(requirements("ares_top")) == {"mcap": "", "numpy": "2.0", "pydantic": "2.5"}
@@ -64,17 +79,8 @@ def test_a_process_says_it_and_ends(
     old.mkdir()
     (old / "METADATA").write_text("Metadata-Version: 2.1\nName: numpy\nVersion: 1.26.4\n")
     path = f"{tmp_path}:{ros_environment.get('PYTHONPATH', '')}"
-    answer = subprocess.run(
-        [sys.executable, "-m", package],
-        env={**ros_environment, "PYTHONPATH": path},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert answer.returncode == 2
-    assert answer.stdout == ""
-    assert answer.stderr.count("\n") == 1
-    assert "needs the Python package numpy 2.0 or newer, found 1.26.4" in answer.stderr
+    line = refusal(package, {**ros_environment, "PYTHONPATH": path})
+    assert "needs the Python package numpy 2.0 or newer, found 1.26.4" in line
 
 
 def test_a_middleware_that_is_not_installed(tmp_path: Path) -> None:
@@ -95,14 +101,5 @@ def test_a_middleware_that_is_not_installed(tmp_path: Path) -> None:
 def test_a_process_without_its_middleware_says_it_and_ends(
     ros_environment: dict[str, str], package: str
 ) -> None:
-    answer = subprocess.run(
-        [sys.executable, "-m", package],
-        env={**ros_environment, "RMW_IMPLEMENTATION": "rmw_of_nobody"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert answer.returncode == 2
-    assert answer.stdout == ""
-    assert answer.stderr.count("\n") == 1
-    assert "RMW_IMPLEMENTATION is 'rmw_of_nobody'" in answer.stderr
+    line = refusal(package, {**ros_environment, "RMW_IMPLEMENTATION": "rmw_of_nobody"})
+    assert "RMW_IMPLEMENTATION is 'rmw_of_nobody'" in line

@@ -101,7 +101,7 @@ def _fast(request: Request) -> Solution | None:
 
 
 def _saves_the_last_stage(request: Request) -> bool:
-    """Whether the last stage has a burn to shorten, so that the final mass is what counts."""
+    """Tell whether the last stage has a burn to shorten, so that the final mass is what counts."""
     last = request.arrays.arcs[-1]["stage"]
     return bool(saving_stage(request.arrays, request.state[0]) == last)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a solution keeps the floors of its arcs, and the orbits that they name."""
+"""Check that a solution keeps the floors of its arcs, and the orbits that they name."""
 
 import math
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the optimizer is asked and answers, as messages of the service or of the action.
+"""Answer the messages of the optimizer's service and of its action.
 
 The node serves with it, and so does whoever has to find the answer of a recorded flight again.
 """

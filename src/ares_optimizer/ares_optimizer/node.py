@@ -197,7 +197,7 @@ def _concluded(goal: ServerGoalHandle, result: Any) -> Any:
 
 
 def _teller(goal: ServerGoalHandle) -> Callable[[Progress], None]:
-    """What sends a goal's client a word on the search now and then."""
+    """Return a function that sends a goal's client a word on the search now and then."""
     last: dict[str, float] = {}
 
     def tell(progress: Progress) -> None:

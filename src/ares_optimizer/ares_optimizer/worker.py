@@ -32,7 +32,7 @@ class Job:
 
     @property
     def answered(self) -> bool:
-        """Whether a response was sent."""
+        """Tell whether a response was sent."""
         return self._open.locked()
 
     def answer(self, response: Any) -> None:

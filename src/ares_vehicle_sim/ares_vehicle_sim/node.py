@@ -22,7 +22,7 @@ from ares_models.arrays import STEERING
 from ares_models.failures import read_failure
 from ares_models.mission import load_mission
 from ares_msgs.msg import FlightEvent, FlightMember, NavState, ThrustCommand, VehicleState
-from ares_node.diagnostics import Level, Timing, pace_word
+from ares_node.diagnostics import Level, Timing, pace_word, worth_saying
 from ares_node.identity import id_text, new_id
 from ares_node.key import FORGED
 from ares_node.membership import AGREED, FLIGHT_ID, MOST_HEARD, OPEN, Membership, Role, State
@@ -188,7 +188,7 @@ def _check_pace(parameters: list[RosParameter]) -> SetParametersResult:
 
 @dataclass
 class Deadlines:
-    """What a flight in real time kept of its time: a state is due when its period begins.
+    """Count how a flight in real time keeps its time: a state is due when its period begins.
 
     Attributes:
         states: navigation states that went out.
@@ -630,7 +630,7 @@ class VehicleSimNode(FlightNode):
 
     @property
     def _real_time(self) -> bool:
-        """Whether the vehicle waits for nobody."""
+        """Tell whether the vehicle waits for nobody."""
         return self._oldest_ns > 0 and self.values["pace"] > 0.0
 
     def _fly_on(self) -> None:
@@ -680,7 +680,7 @@ class VehicleSimNode(FlightNode):
     def _note_forged(self, what: str) -> None:
         """Count what only somebody else can have said; say so at the first, and every tenfold."""
         self._forged += 1
-        if math.log10(self._forged).is_integer():
+        if worth_saying(self._forged):
             now = self.simulator.time_ns
             text = f"{FORGED}{what} ({self._forged} so far)"
             self.diagnostics.report(Level.ERROR, text, now)

@@ -419,33 +419,35 @@ def _forged_word(scene: Scene, role: Role, state: State) -> FlightMember:
     )
 
 
+def _say_forged(
+    scene: Scene, control: Control, rng: Generator, out: Any, message_at: Callable[[float], Any]
+) -> None:
+    """Publish a forged message some time in flight, once somebody hears it."""
+    at = _some_time(control, rng)
+    _note_end(scene, control, at)
+    if not scene.fly_to(at):
+        return
+    scene.spin(lambda: out.get_subscription_count() > 0)
+    out.publish(message_at(at))
+    out.wait_for_all_acked()
+    scene.spin(lambda: False, HEARD_AFTER)
+
+
 def forge_word(role: Role, state: State) -> Act:
     """Somebody says another state in the name of a member."""
 
     def act(scene: Scene, control: Control, rng: Generator) -> None:
-        at = _some_time(control, rng)
-        _note_end(scene, control, at)
         out = scene.node.create_publisher(FlightMember, FLIGHT_MEMBER, MEMBER)
-        if not scene.fly_to(at):
-            return
-        scene.spin(lambda: out.get_subscription_count() > 0)
-        out.publish(_forged_word(scene, role, state))
-        out.wait_for_all_acked()
-        scene.spin(lambda: False, HEARD_AFTER)
+        _say_forged(scene, control, rng, out, lambda _at: _forged_word(scene, role, state))
 
     return act
 
 
 def forge_end(scene: Scene, control: Control, rng: Generator) -> None:
     """Somebody says in the simulator's name that the flight is complete."""
-    at = _some_time(control, rng)
-    _note_end(scene, control, at)
-    out = scene.node.create_publisher(FlightEvent, FLIGHT_EVENT, EVENTS)
-    if not scene.fly_to(at):
-        return
-    scene.spin(lambda: out.get_subscription_count() > 0)
-    out.publish(
-        FlightEvent(
+
+    def complete(at: float) -> FlightEvent:
+        return FlightEvent(
             stamp=stamp_from_seconds(at),
             flight_id=scene.relay.membership.flight_id,
             time=at,
@@ -454,9 +456,9 @@ def forge_end(scene: Scene, control: Control, rng: Generator) -> None:
             velocity=[0.0, 7.8e3, 0.0],
             mass=float(rng.uniform(1e5, 2e5)),
         )
-    )
-    out.wait_for_all_acked()
-    scene.spin(lambda: False, HEARD_AFTER)
+
+    out = scene.node.create_publisher(FlightEvent, FLIGHT_EVENT, EVENTS)
+    _say_forged(scene, control, rng, out, complete)
 
 
 def forge_commands(scene: Scene, control: Control, rng: Generator) -> None:

@@ -32,7 +32,7 @@ LOOK_PERIOD = 0.0005
 
 @dataclass(frozen=True)
 class LinkOptions:
-    """What a link does to each message, either way.
+    """Hold the figures of a link: latency, jitter and loss of each message, either way.
 
     Attributes:
         latency_s: time that each takes, s.
@@ -78,7 +78,7 @@ class Way:
         self._under_way.append((arrival, message))
 
     def arrived(self, now: float) -> list[tuple[float, Any]]:
-        """What has arrived by a time in s, with the time at which it did."""
+        """Return what has arrived by a time in s, with the time at which it did."""
         found = []
         # a nanosecond: times are sums of decimal fractions
         while self._under_way and self._under_way[0][0] <= now + 1e-9:

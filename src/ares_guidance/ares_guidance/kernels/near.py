@@ -51,7 +51,7 @@ def may_let_go(mission: MissionRecords, onboard: Onboard, cold: bool) -> bool:
 
 @kernel
 def lets_place_go(mission: MissionRecords, onboard: Onboard, turn: float) -> bool:
-    """Whether a burn is met by its orbit wherever it comes to it: too short to mend the place.
+    """Tell whether a burn may meet its orbit anywhere: it is too short to mend the place.
 
     Args:
         mission: as of :func:`may_let_go`; so the next.

@@ -182,7 +182,7 @@ def desired_state(
 
 @kernel
 def leaves_place_free(target: Record) -> bool:
-    """Whether a target may be met anywhere on its orbit, where its record aims or elsewhere."""
+    """Tell whether a target may be met anywhere on its orbit, not just where its record aims."""
     named = names(target, NAMES_TRUE_ANOMALY) or names(target, NAMES_ARGUMENT_OF_PERIGEE)
     return target.kind == TARGET_ELEMENTS and not named
 

@@ -411,7 +411,7 @@ def with_more_propellant(arrays: MissionArrays) -> MissionArrays:
 
 
 def _short_of_propellant(search: _Search, cause: Cause) -> Cause:
-    """Why nothing was found, by a flight whose last stage burns more than it has.
+    """Tell why nothing was found, by a flight whose last stage burns more than it has.
 
     One that burns no more is a flight of the mission, and goes to its search.
     """
