@@ -121,8 +121,10 @@ class LaunchVerdict:
 
     def _node_ended(self, name: str, status: int) -> Consequence:
         if self._judged is not None or self._interrupted or self._cannot_start:
-            self._problems |= status != 0 and name not in SPARED and self._judged is not None
-            return Consequence()
+            if status == 0 or name in SPARED or self._judged is None:
+                return Consequence()
+            self._problems = True
+            return Consequence(f"{name} {describe_end(status)} after the flight")
         tell = SIGNALS.get(name)
         if tell is not None and JUDGE not in self.up:
             # there was no flight yet

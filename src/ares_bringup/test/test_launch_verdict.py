@@ -96,6 +96,14 @@ def test_a_judge_without_a_verdict_is_said():
     assert killed.shut_down
 
 
+def test_what_the_judge_cannot_have_seen_is_said():
+    verdict = launched()
+    verdict.ended("judge", 0)
+    assert verdict.ended("guidance", -11).line == "guidance was killed by SIGSEGV after the flight"
+    assert not verdict.ended("vehicle_sim", 0).line
+    assert not verdict.ended("optimizer", -11).line
+
+
 def test_a_node_that_ends_before_the_judge_is_up_ends_the_flight():
     verdict = LaunchVerdict()
     verdict.start(NODES)
