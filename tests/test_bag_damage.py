@@ -157,8 +157,8 @@ def check_flip(whole, folder, bit):
     return True
 
 
-def test_one_wrong_bit_at_200_places(made, tmp_path):
-    places = random.Random(1).sample(range(len(made.data) * 8), 200)
+def test_one_wrong_bit_anywhere(made, tmp_path):
+    places = random.Random(1).sample(range(len(made.data) * 8), 60)
     assert all(check_flip(made, tmp_path, bit) for bit in places)
 
 
@@ -172,20 +172,20 @@ def test_a_message_index_that_looks_like_a_message_is_none(made, tmp_path):
 
 def test_one_wrong_bit_in_a_bag_of_an_older_version(old, tmp_path):
     """Noticed, or without effect on anything that is read."""
-    for bit in random.Random(2).sample(range(len(old.data) * 8), 60):
+    for bit in random.Random(2).sample(range(len(old.data) * 8), 20):
         check_flip(old, tmp_path, bit)
 
 
 def test_one_wrong_bit_in_the_reference_flight(reference, tmp_path):
-    for bit in random.Random(8).sample(range(len(reference.data) * 8), 40):
+    for bit in random.Random(8).sample(range(len(reference.data) * 8), 12):
         check_flip(reference, tmp_path, bit)
 
 
 @pytest.mark.parametrize("metadata", [True, False])
-def test_cut_at_200_places(made, tmp_path, metadata):
+def test_cut_anywhere(made, tmp_path, metadata):
     found = surveyed(made.path, find_file(made.path))
     end_of_data = found.spans[-1].begin
-    for size in random.Random(3 + metadata).sample(range(1, len(made.data)), 100):
+    for size in random.Random(3 + metadata).sample(range(1, len(made.data)), 30):
         bag = made.copy(tmp_path / "bag", made.data[:size], metadata)
         assert "has no end" in check_reader(made, bag)
         assert verify(bag).findings
@@ -199,7 +199,7 @@ def test_cut_at_200_places(made, tmp_path, metadata):
 
 
 def test_a_cut_in_the_reference_flight(reference, tmp_path):
-    for size in random.Random(5).sample(range(1, len(reference.data)), 20):
+    for size in random.Random(5).sample(range(1, len(reference.data)), 8):
         bag = reference.copy(tmp_path / "bag", reference.data[:size])
         safe = reference.outside(lambda _, end, size=size: end > size)
         done = check_repair(reference, bag, tmp_path / "saved", safe)
@@ -209,7 +209,7 @@ def test_a_cut_in_the_reference_flight(reference, tmp_path):
 def test_one_wrong_bit_in_metadata_yaml(made, tmp_path):
     size = (made.path / METADATA_FILE).stat().st_size
     noticed = 0
-    for bit in random.Random(6).sample(range(size * 8), 60):
+    for bit in random.Random(6).sample(range(size * 8), 30):
         bag = made.copy(tmp_path / "bag")
         text = bytearray((bag / METADATA_FILE).read_bytes())
         text[bit // 8] ^= 1 << bit % 8
@@ -221,7 +221,7 @@ def test_one_wrong_bit_in_metadata_yaml(made, tmp_path):
             assert done is not None and done.lost == 0
         else:
             assert not line
-    assert noticed > 55
+    assert noticed > 27
 
 
 def test_a_damaged_head_costs_no_message_but_its_checksum_does(made, tmp_path):

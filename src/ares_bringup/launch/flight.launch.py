@@ -76,8 +76,9 @@ DEFAULT_DOMAIN = 0
 #: Wall time in s that the judge has to end a flight which had not begun, instead of a restart.
 RESTART_DELAY = 1.0
 
-#: Wall time in s for the recorder to close its bag before it gets SIGTERM.
-RECORDER_STOP_TIMEOUT = "30"
+#: Wall time in s for a node to end, and the recorder to close its bag, before it gets SIGTERM
+#: again: a busy machine is no fault of a flight.
+STOP_TIMEOUT = "20"
 
 
 def arguments() -> list[DeclareLaunchArgument]:
@@ -330,11 +331,9 @@ class Flight:
         return {"use_sim_time": self.switches["use_sim_time"]}
 
     def _add(self, package: str, name: str, values: dict[str, Any], **more: Any) -> None:
-        special: dict[str, Any] = {}
+        special: dict[str, Any] = {"sigterm_timeout": STOP_TIMEOUT}
         if name == JUDGE:
             special["output_format"] = "{line}"
-        elif name == RECORDER:
-            special["sigterm_timeout"] = RECORDER_STOP_TIMEOUT
         elif name in KEPT:
             special |= {
                 "respawn": True,
