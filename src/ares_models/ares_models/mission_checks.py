@@ -11,7 +11,6 @@ from ares_models.mission_masses import check_mass_forms, check_masses
 from ares_models.mission_parts import BurnArc, CoastArc, Stage, fail, shortest
 from ares_models.mission_physics import check_body, check_engines, check_flight_time
 from ares_models.mission_start import check_initial_state
-from ares_models.mission_target import check_target
 
 if TYPE_CHECKING:
     from ares_models.mission import Mission
@@ -37,7 +36,9 @@ def check_mission(mission: "Mission") -> None:
     check_flight_time(mission)
     _check_heating_limits(mission)
     check_initial_state(mission)
-    check_target(mission)
+    mission.target.check(mission)
+    # reports a node that cannot be placed, such as one without an epoch
+    mission.target.node_deg(mission)
     check_areas(mission)
 
 

@@ -28,7 +28,6 @@ from ares_models.mission_parts import (
     fail,
     not_there,
 )
-from ares_models.orbits import Insertion
 from ares_models.ranges import Range
 from ares_models.sidereal import (
     greenwich_sidereal_time_deg,
@@ -38,10 +37,6 @@ from ares_models.sidereal import (
 
 if TYPE_CHECKING:
     from ares_models.mission import Mission
-
-#: Largest change of orbital plane between initial state and target, rad. An ascent that
-#: turns further is a slip in the file.
-MAX_PLANE_CHANGE = math.radians(30.0)
 
 #: m between perigee and apogee below which an orbit is a circle.
 CIRCLE_M = 1.0
@@ -660,47 +655,3 @@ def orbit_record(target: Target, mission: "Mission") -> NDArray[np.void]:
         record["ascending_node"] = math.radians(node)
     target.write(record, mission)
     return record
-
-
-def check_target(mission: "Mission") -> None:
-    """Report a target that makes no sense or is out of reach."""
-    mission.target.check(mission)
-    _check_plane(mission)
-
-
-def _check_plane(mission: "Mission") -> None:
-    start = mission.start()
-    before = Insertion.from_state(start.position, start.velocity)
-    target = mission.target
-    limit = math.degrees(MAX_PLANE_CHANGE)
-    inclination = before.inclination
-    if target.inclination_deg is not None:
-        inclination = math.radians(target.inclination_deg)
-    if abs(inclination - before.inclination) > MAX_PLANE_CHANGE:
-        fail(
-            ("target", "inclination_deg"),
-            target.inclination_deg,
-            f"within {limit:g} deg of the initial state's inclination, "
-            f"{math.degrees(before.inclination):.3f} deg",
-        )
-    node = target.node_deg(mission)
-    if node is None:
-        return
-    turn = math.radians(node) - before.ascending_node
-    if target.inclination_deg is None:
-        # the plane through the node that is nearest to that of the start
-        between = math.sqrt(1.0 - (math.sin(before.inclination) * math.sin(turn)) ** 2)
-        between *= math.copysign(1.0, math.cos(turn))
-    else:
-        between = math.cos(inclination) * math.cos(before.inclination) + math.sin(
-            inclination
-        ) * math.sin(before.inclination) * math.cos(turn)
-    if between < math.cos(MAX_PLANE_CHANGE):
-        key = target.node_key or "rla_deg"
-        fail(
-            ("target", key),
-            getattr(target, key),
-            f"a plane within {limit:g} deg of the initial state's, whose node is at "
-            f"{math.degrees(before.ascending_node):.3f} deg from the inertial x axis; it is at "
-            f"{node % 360.0:.3f} deg",
-        )

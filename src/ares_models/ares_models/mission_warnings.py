@@ -15,6 +15,7 @@ from ares_models.heating import free_molecular_heating
 from ares_models.input_file import KeyPath, at_line, format_number, read_input
 from ares_models.mission_parts import BurnArc
 from ares_models.mission_target import TargetOrbit, parking_orbit
+from ares_models.orbits import Insertion
 
 if TYPE_CHECKING:
     from ares_models.mission import Mission
@@ -41,6 +42,8 @@ HEATING_LIMITS = (5.0, 5e4)
 FAR_ABOVE = 3.0
 #: m2/s2, of a C3 that is given in km2/s2.
 LEAST_C3 = 300.0
+#: Between the planes of initial state and target, deg; ascents turn by a third of it.
+LARGEST_PLANE_CHANGE_DEG = 30.0
 #: Dry mass over propellant; the lightest stages have three times as much.
 LEAST_STRUCTURE = 0.01
 
@@ -183,7 +186,40 @@ def _highest(mission: "Mission") -> float | None:
     return target.radius_m
 
 
+def _plane(mission: "Mission") -> Iterator[Doubt]:
+    start, target = mission.start(), mission.target
+    before = Insertion.from_state(start.position, start.velocity)
+    key, angle = "inclination_deg", 0.0
+    if target.inclination_deg is not None:
+        angle = abs(math.radians(target.inclination_deg) - before.inclination)
+    node = target.node_deg(mission)
+    if node is not None:
+        turned = _turned(before, math.radians(node), target.inclination_deg)
+        if turned > angle:
+            key, angle = target.node_key or "rla_deg", turned
+    if math.degrees(angle) > LARGEST_PLANE_CHANGE_DEG:
+        yield Doubt(
+            ("target", key),
+            f"is {getattr(target, key):g}, a plane {math.degrees(angle):.1f} deg from the initial "
+            f"state's, whose inclination is {math.degrees(before.inclination):.3f} deg and node "
+            f"{math.degrees(before.ascending_node):.3f} deg from the inertial x axis",
+        )
+
+
+def _turned(before: Insertion, node: float, inclination_deg: float | None) -> float:
+    """Return the angle, rad, to a plane through a node, rad; to the nearest if it has no more."""
+    turn = node - before.ascending_node
+    if inclination_deg is None:
+        sine = abs(math.sin(before.inclination) * math.sin(turn))
+        return math.asin(sine) if math.cos(turn) > 0.0 else math.pi - math.asin(sine)
+    inclination = math.radians(inclination_deg)
+    along = math.cos(inclination) * math.cos(before.inclination)
+    across = math.sin(inclination) * math.sin(before.inclination)
+    return math.acos(min(max(along + across * math.cos(turn), -1.0), 1.0))
+
+
 def _target(mission: "Mission") -> Iterator[Doubt]:
+    yield from _plane(mission)
     target = mission.target
     if not isinstance(target, TargetOrbit):
         thick = _over_equator(mission, target.radius_m)

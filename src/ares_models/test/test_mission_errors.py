@@ -589,21 +589,6 @@ BROKEN = {
         "target.inclination_deg",
         "is 285; expected a number from 0 to 180 in deg",
     ),
-    "inclination out of reach": (
-        "inclination_deg: 28.5",
-        "inclination_deg: 98.0",
-        "target.inclination_deg",
-        "is 98.0; expected within 30 deg of the initial state's inclination, 28.501 deg",
-    ),
-    "node out of reach": (
-        "inclination_deg: 28.5",
-        "inclination_deg: 28.5\n  ascending_node_deg: 300",
-        "target.ascending_node_deg",
-        (
-            "is 300.0; expected a plane within 30 deg of the initial state's, whose node is at "
-            "114.091 deg"
-        ),
-    ),
     "heating where there is no air": (
         "    model: pra63 ",
         "    model: none ",

@@ -70,6 +70,14 @@ SLIPS = {
         {"target.perigee_altitude_m": 118e3, "target.apogee_altitude_m": 118e3},
         ["jettisons[0].heating_limit_w_m2 is never met: in the target's orbit it is 5,"],
     ),
+    "inclination of another site": (
+        {"target.inclination_deg": 98.0},
+        ["target.inclination_deg is 98, a plane "],
+    ),
+    "node of another day": (
+        {"target.ascending_node_deg": 300.0},
+        ["target.ascending_node_deg is 300, a plane "],
+    ),
     "start in km": (
         {"initial_state.radius_m": 6_370_000.0},
         ["initial_state.radius_m makes a dynamic pressure of"],
