@@ -426,8 +426,9 @@ PLAN = np.dtype(
         ("made", np.int64),  # 1: it has the lengths of free arcs before the last
         ("by_legs", np.int64),  # 1: law optimal flies it leg by leg too
         ("aims", np.int64),  # 1: target of the last arc is where the mission's is met
-        ("length", np.float64, (MAX_ARCS,)),  # s, of free arcs
-        ("target", TARGET, (MAX_ARCS,)),  # at the end of a free burn before the last arc
+        ("ends_leg", np.int64, (MAX_ARCS,)),  # 1: a burn that ends a leg, before the last arc
+        ("length", np.float64, (MAX_ARCS,)),  # s, of free arcs and of burns that end a leg
+        ("target", TARGET, (MAX_ARCS,)),  # at the end of a burn that ends a leg
         # of the first and the last thrust in the leg that ends with the arc; 0: not known
         ("direction", np.float64, (MAX_ARCS, 2, 3)),
         # primer at the begin of a burn's thrust, a unit vector, its rate, 1/s; nan: not known
@@ -439,7 +440,7 @@ PLAN = np.dtype(
     align=True,
 )
 
-#: The leg that is flown: the arcs up to the next free burn, as a mission of its own.
+#: The leg that is flown: the arcs up to the next burn that ends one, as a mission of its own.
 LEG = np.dtype(
     [
         ("count", np.int64),  # its arcs, counted from the mission's first; 0: none yet

@@ -4,8 +4,13 @@
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ares_guidance.kernels.floor import lowest_altitude
-from ares_models.arrays import COAST, MissionArrays
+from ares_models.arrays import BURN, COAST, NAVIGATION, MissionArrays
+from ares_models.floors import floors_of
+from ares_models.orbits import Elements
+from ares_models.tolerances import FLOOR_M
 
 if TYPE_CHECKING:
     from ares_guidance.guess import OfflineTrajectory
@@ -14,6 +19,8 @@ if TYPE_CHECKING:
 SAME_TIME = 0.01
 #: Lowest altitude of a flight, m.
 GROUND = 0.0
+#: What a law aims above a floor that its plan touches, m: it is met to a metre.
+CLEARANCE = 0.5 * FLOOR_M
 
 
 def _lowest(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> list[tuple[int, float]]:
@@ -62,8 +69,43 @@ def check_floor(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> None:
         ValueError: it does not; one line.
     """
     k, lowest = min(_lowest(trajectory, arrays), key=lambda arc: arc[1])
-    if lowest < GROUND:
+    if lowest < GROUND - FLOOR_M:
         kind = "coast" if arrays.arcs["kind"][k] == COAST else "burn"
         raise ValueError(
             f"arc {k}, a {kind}, goes through the ground, {GROUND - lowest:,.0f} m deep"
         )
+
+
+def burns_before_floors(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> dict[int, float]:
+    """Return the burns before coasts that touch their floor, and what to lift their ends by, m.
+
+    A law that looks beyond such a coast, to what follows, would fly it lower.
+
+    Args:
+        trajectory: of this mission.
+        arrays: the mission.
+    """
+    arcs = arrays.arcs
+    lowest = dict(_lowest(trajectory, arrays))
+    start = np.zeros(1, NAVIGATION)
+    start["arc"] = trajectory.flown_arc[0]
+    lifts: dict[int, float] = {}
+    for floor in floors_of(arrays, start):
+        burns = np.flatnonzero(arcs["kind"][: floor.arc] == BURN)
+        if arcs["kind"][floor.arc] != COAST or floor.arc not in lowest or not len(burns):
+            continue
+        above = [lowest[floor.arc] - floor.altitude_m]
+        if math.isfinite(floor.perigee_m):
+            begin = trajectory.flown_start_time[trajectory.flown_arc == floor.arc][0]
+            at = int(np.searchsorted(trajectory.sample_time, begin - SAME_TIME))
+            orbit = Elements.from_state(
+                trajectory.sample_position[at],
+                trajectory.sample_velocity[at],
+                float(arrays.environment["mu"][0]),
+            )
+            above.append(orbit.perigee_radius - floor.perigee_m)
+        for height in above:
+            if abs(height) < FLOOR_M:
+                burn = int(burns[-1])
+                lifts[burn] = max(lifts.get(burn, 0.0), CLEARANCE - height)
+    return {k: lift for k, lift in lifts.items() if k >= trajectory.flown_arc[0]}

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_guidance.arrays import PLAN
-from ares_guidance.floor import check_floor
+from ares_guidance.floor import burns_before_floors, check_floor
 from ares_models.arrays import (
     BURN,
     NAMES_ARGUMENT_OF_PERIGEE,
@@ -108,10 +108,10 @@ class ArcPlan:
     """How a mission is flown that leaves more free than the end of its last arc.
 
     Attributes:
-        lengths_s: of the free arcs, by index into the mission's arcs.
-        ends: state at the end of each free burn, and of the last arc where the target leaves the
-            place on its orbit free, by the same index.
-        directions: of the first and the last thrust since the free burn before, up to there and
+        lengths_s: of the free arcs and of burns that are held, by index into the mission's arcs.
+        ends: state at the end of each free burn and of each that is held, and of the last arc
+            where the target leaves the place on its orbit free, by the same index.
+        directions: of the first and the last thrust since the end before, up to there and
             up to the end of the last arc, shape (2, 3), where they are known.
         positions: at the end of each of these, m, shape (3,), where they are known.
         primers: at the begin of each burn's thrust, a unit vector, and its rate, 1/s, shape
@@ -121,7 +121,9 @@ class ArcPlan:
         first_arc: index of the arc that it begins in: those before are over.
         by_legs: every law flies it leg by leg, `optimal` too, which elsewhere plans the whole
             flight anew: the plan keeps what the two-point problem on board does not know of.
-        orbits: that each of the free burns before the last ends on, where they are known.
+        orbits: that each of these burns before the last ends on, where they are known.
+        held: burns of which a coast that touches its floor decides how they end. Each ends a leg,
+            of fixed length too.
     """
 
     lengths_s: dict[int, float]
@@ -134,6 +136,7 @@ class ArcPlan:
     first_arc: int = 0
     by_legs: bool = False
     orbits: dict[int, Elements] = field(default_factory=dict)
+    held: frozenset[int] = frozenset()
 
     def record(self, arrays: MissionArrays) -> NDArray[np.void]:
         """The plan as the kernel reads it, shape (1,), dtype PLAN.
@@ -149,20 +152,24 @@ class ArcPlan:
         record = np.zeros(1, PLAN)
         record["made"] = leaves_arcs_free(arrays)
         record["by_legs"] = self.by_legs
+        ends = (arcs["kind"] == BURN) & np.isinf(arcs["duration"])
+        ends[list(self.held)] = True
+        ends[-1] = False
+        record["ends_leg"][0, : len(arcs)] = ends
         if leaves_end_free(arrays.target[0]):
             record["aims"] = 1
             last = len(arcs) - 1
             end = self._end(last)
             record["target"][0, last] = arrays.target[0]
             record["target"]["true_anomaly"][0, last] = true_anomaly_of(end, mu)
-        for k in np.flatnonzero(np.isinf(arcs["duration"])):
+        for k in np.flatnonzero(np.isinf(arcs["duration"]) | ends):
             if k < self.first_arc:
                 continue
             length = self.lengths_s.get(int(k), math.nan)
             if not 0.0 <= length < math.inf:
                 raise ValueError(f"length of arc {k} is {length}; expected 0 s or more")
             record["length"][0, k] = length
-            if arcs["kind"][k] != BURN or k + 1 == len(arcs):
+            if not ends[k]:
                 continue
             end = self._end(int(k))
             target = record["target"][0, k]
@@ -371,13 +378,14 @@ class OfflineTrajectory:
         lengths, states, directions, positions = {}, {}, {}, {}
         primers, ignitions, orbits = {}, {}, {}
         begin = -math.inf
+        lifts = burns_before_floors(self, arrays)
         for k, start, end in zip(
             self.flown_arc, self.flown_start_time, self.flown_end_time, strict=True
         ):
             burns = arcs["kind"][k] == BURN
-            free = np.isinf(arcs["duration"][k])
             last = k + 1 == len(arcs)
-            if free:
+            free = np.isinf(arcs["duration"][k])
+            if free or k in lifts:
                 lengths[int(k)] = float(end - start)
             first = self._first_piece(start, end)
             if burns and first is not None:
@@ -385,21 +393,22 @@ class OfflineTrajectory:
                     [self.steering_direction[first], self.primer_rate[first]]
                 )
                 ignitions[int(k)] = float(self.arc_start_time[first])
-            if last or (free and burns):
+            if last or (free and burns) or k in lifts:
                 if self._first_piece(begin, end) is not None:
                     directions[int(k)] = self._directions(begin, end)
                 at = self._sample(end, f"the end of burn {k}")
-                positions[int(k)] = self.sample_position[at]
-                if not last:
-                    orbits[int(k)] = Elements.from_state(
-                        self.sample_position[at],
-                        self.sample_velocity[at],
-                        float(arrays.environment["mu"][0]),
-                    )
+                position, velocity = self.sample_position[at], self.sample_velocity[at]
+                position = position * (1.0 + lifts.get(int(k), 0.0) / np.linalg.norm(position))
+                positions[int(k)] = position
                 begin = end
-                # the last burn's tail-off included, where the target holds
-                reached = float(self.sample_time[-1]) if last else end
-                states[int(k)] = self.sample_at(reached, f"the end of burn {k}")
+                if last:
+                    # its tail-off included, where the target holds
+                    reached = float(self.sample_time[-1])
+                    states[int(k)] = self.sample_at(reached, f"the end of burn {k}")
+                else:
+                    states[int(k)] = Insertion.from_state(position, velocity)
+                    mu = float(arrays.environment["mu"][0])
+                    orbits[int(k)] = Elements.from_state(position, velocity, mu)
         return ArcPlan(
             lengths,
             states,
@@ -411,6 +420,7 @@ class OfflineTrajectory:
             int(self.flown_arc[0]),
             self.by_legs,
             orbits,
+            frozenset(lifts),
         )
 
     def _check_arcs(self, arcs: NDArray[np.void]) -> None:

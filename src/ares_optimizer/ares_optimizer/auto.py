@@ -10,10 +10,10 @@ holds. What was done stands in ``Solution.steps``.
 import math
 from dataclasses import replace
 
+from ares_models.floors import floors_of, orbits_of
 from ares_optimizer.collocation.solve import VALLEYS, solve_collocation
 from ares_optimizer.direct.solve import solve_direct
 from ares_optimizer.floor_check import below_floor
-from ares_optimizer.floors import floors_of, orbits_of
 from ares_optimizer.indirect.solve import polished, solve_indirect
 from ares_optimizer.indirect.solver import TwoPointOptions
 from ares_optimizer.plan import plans_arcs, saving_stage, throttled_ahead

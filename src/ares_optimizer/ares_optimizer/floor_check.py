@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import MissionArrays
+from ares_models.floors import floors_of, orbits_of
 from ares_models.judge import judge
 from ares_models.kernels.environment import altitude
 from ares_models.orbits import Elements
 from ares_models.tolerances import FLOOR_M
-from ares_optimizer.floors import floors_of, orbits_of
 from ares_optimizer.plan import with_lengths
 from ares_optimizer.proof.flight import flown_arcs
 from ares_optimizer.solution import Solution, Trajectory

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import BURN, MISSION_TIME, MissionArrays
+from ares_models.floors import orbits_of
 from ares_models.kernels.sequence import SAME_TIME
 from ares_models.mission import Mission
 from ares_optimizer.analytic.solve import solve_analytic
@@ -18,7 +19,6 @@ from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.free_arcs import solve_direct_planned
 from ares_optimizer.direct.solve import solve_direct
 from ares_optimizer.floor_check import below_floor
-from ares_optimizer.floors import orbits_of
 from ares_optimizer.kernels.timetable import MAX_HELD, last_tail
 from ares_optimizer.plan import (
     free_arcs,

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from ares_models.arrays import MissionArrays
+from ares_models.floors import edge_of_air, floors_of
 from ares_models.input_file import read_input
 from ares_models.mission import MISSION, Mission, load_mission
 from ares_models.orbits import Elements
@@ -22,7 +23,6 @@ from ares_optimizer.collocation.transcription import Times, Transcription
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.free_arcs import _Search as DirectSearch
 from ares_optimizer.floor_check import below_floor
-from ares_optimizer.floors import edge_of_air, floors_of
 from ares_optimizer.request import Heating, Request, arrays_and_state
 from ares_optimizer.solution import Check, Solution, Status, UnfitMethod
 from ares_optimizer.solve import solve

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from ares_models.arrays import COAST
+from ares_models.floors import edge_of_air
 from ares_models.input_file import read_input
 from ares_models.judge import End, judge
 from ares_models.kernels.environment import altitude
 from ares_models.mission import MISSION, Mission, load_mission
 from ares_models.orbits import Elements
-from ares_optimizer.floors import edge_of_air
 from ares_optimizer.solution import Solution
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import fly_compiled, ready_law

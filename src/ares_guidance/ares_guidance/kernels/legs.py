@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flights by a plan: leg by leg where arcs before the last are free.
+"""Fly by a plan, leg by leg where arcs before the last are free.
 
-A leg is the arcs up to and including the next free burn, its coasts and other free arcs as long
-as planned. The law sees it as a mission: its last burn is cut off where the leg's target is met,
-at the end of the flight the mission's own. In a coast the law steers from the next ignition,
-where the orbit of the present state leads: however long the coast, nothing is approximated.
+A leg is the arcs up to and including the next burn that the plan ends one with, its coasts and
+other free arcs as long as planned. The law sees it as a mission: its last burn is cut off where
+the leg's target is met, at the end of the flight the mission's own. In a coast the law steers from
+the next ignition, where the orbit of the present state leads: however long the coast, nothing is
+approximated.
 """
 
 import math
@@ -21,7 +22,7 @@ from ares_guidance.arrays import (
 )
 from ares_guidance.kernels.cycle import guidance_step
 from ares_guidance.kernels.start import start_guess
-from ares_models.arrays import BURN, COAST, MissionRecords, Record
+from ares_models.arrays import COAST, MissionRecords, Record
 from ares_models.jit import inlined, kernel
 from ares_models.kernels.coast import coast
 from ares_models.kernels.environment import heating_rate
@@ -35,12 +36,10 @@ LEAST_MEAN = 0.15
 
 
 @kernel
-def last_of_leg(k: int, arcs: NDArray[Any]) -> int:
-    """Arc with which the leg of arc ``k`` ends: the next free burn, or the last arc."""
+def last_of_leg(k: int, arcs: NDArray[Any], plan: Record) -> int:
+    """Return the arc with which the leg of arc ``k`` ends: as the plan has it, or the last arc."""
     last = k
-    while last + 1 < arcs.shape[0] and not (
-        arcs[last].kind == BURN and math.isinf(arcs[last].duration)
-    ):
+    while last + 1 < arcs.shape[0] and plan.ends_leg[last] == 0:
         last += 1
     return last
 
@@ -337,7 +336,7 @@ def step_by_legs(mission: MissionRecords, onboard: Onboard) -> None:
     if state.plan.made == 0:
         step_as_one(mission, onboard)
         return
-    last = last_of_leg(nav.arc, mission.arcs)
+    last = last_of_leg(nav.arc, mission.arcs, state.plan)
     begins = last + 1 != leg.count
     if begins:
         lay_out(mission, state, last)

@@ -27,9 +27,9 @@ from ares_models.arrays import (
     MissionArrays,
     Record,
 )
+from ares_models.floors import Floor, orbits_of
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.transcription import Times, Transcription
-from ares_optimizer.floors import Floor, orbits_of
 from ares_optimizer.kernels import timetable
 from ares_optimizer.kernels.terminal import MAX_ROWS, terminal_rows
 from ares_optimizer.plan import free_arcs, last_begin, longest_burn

@@ -20,6 +20,7 @@ from ares_models.arrays import (
     TIME_AFTER_IGNITION,
     MissionArrays,
 )
+from ares_models.floors import Floor, edge_of_air, floors_of
 from ares_models.judge import judge
 from ares_models.kernels.environment import altitude, heating_rate
 from ares_optimizer.collocation import rollout
@@ -28,7 +29,6 @@ from ares_optimizer.collocation.costates import Adjoint, adjoint_of, costates_of
 from ares_optimizer.collocation.guess import Trial, guess_of, node_times, trials
 from ares_optimizer.collocation.solver import LOCALLY_INFEASIBLE, Point, solve_program
 from ares_optimizer.collocation.transcription import Times, Transcription, Turning
-from ares_optimizer.floors import Floor, edge_of_air, floors_of
 from ares_optimizer.kernels import timetable
 from ares_optimizer.pieces import first_ignitions
 from ares_optimizer.plan import SHORTEST, free_arcs, length_bounds, saving_stage, with_lengths

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_models.arrays import BURN, HEATING_LIMIT, MissionArrays, Record
+from ares_models.floors import Floor, orbits_of
 from ares_optimizer.collocation.arrays import (
     COASTING,
     FLOOR_RULE,
@@ -33,7 +34,6 @@ from ares_optimizer.collocation.kernels import (
     fill_rules,
 )
 from ares_optimizer.collocation.radau import radau
-from ares_optimizer.floors import Floor, orbits_of
 from ares_optimizer.kernels import timetable
 from ares_optimizer.kernels.terminal import MAX_ROWS, terminal_rows
 from ares_optimizer.plan import SHORTEST, free_arcs, saving_stage
