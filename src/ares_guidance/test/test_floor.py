@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from ares_guidance.floor import check_floor, lowest_coast
+from ares_guidance.floor import burns_before_floors, check_floor, lowest_coast
 from ares_guidance.guess import OfflineTrajectory
 from ares_guidance.testing import RESTART
 from ares_models.arrays import COAST
 from ares_models.mission import load_mission
 from ares_models.orbits import Elements
+from ares_models.tolerances import FLOOR_M
 
 GROUND = 6.2e6
 MU = 3.986004418e14
@@ -67,6 +68,25 @@ def test_a_coast_is_as_low_as_its_perigee(mission, eccentricity, perigee):
             check_floor(whole, arrays)
     else:
         check_floor(whole, arrays)
+
+
+@pytest.mark.parametrize("above", [-11.0, -9.0, 4.0, 9.0, 11.0])
+def test_a_coast_that_touches_the_ground_lifts_the_burn_before(mission, above):
+    axis = (GROUND + above) / 0.7
+    orbit = Elements(axis, 0.3, 0.5, 0.1, 0.2, true_anomaly=-2.0)
+    whole = trajectory(orbit, 2.0 * math.pi * math.sqrt(axis**3 / MU))
+    arrays = mission.arrays()
+    if above < -FLOOR_M:
+        with pytest.raises(ValueError, match="arc 2, a coast, goes through the ground, 11 m deep"):
+            check_floor(whole, arrays)
+    else:
+        check_floor(whole, arrays)
+    lifts = burns_before_floors(whole, arrays)
+    if abs(above) < FLOOR_M:
+        lift = max(0.0, 0.5 * FLOOR_M - above)
+        assert lifts == pytest.approx({1: lift}, abs=0.01)
+    else:
+        assert lifts == {}
 
 
 def test_a_coast_that_ends_before_its_perigee_is_as_low_as_its_end(mission):
