@@ -8,6 +8,7 @@ from contextlib import suppress
 
 from ares_bringup.commands.interrupts import Interrupts
 from ares_bringup.options import CannotStart
+from ares_bringup.usage import answer
 
 # registered in this order, in which the help lists them
 from ares_bringup.verbs import bags, files, flights, graph, studies  # noqa: F401
@@ -48,12 +49,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(argv: Sequence[str] | None) -> int:
+    words = list(sys.argv[1:] if argv is None else argv)
     try:
-        status = app(
-            args=list(sys.argv[1:] if argv is None else argv),
-            prog_name="ares",
-            standalone_mode=False,
-        )
+        if said := answer(words):
+            print(said.out, end="", flush=True)
+            if said.refusal:
+                print(f"ares: {one_line(said.refusal)}", file=sys.stderr)
+            return said.status
+        status = app(args=words, prog_name="ares", standalone_mode=False)
         # what is printed last counts too
         sys.stdout.flush()
         return status if isinstance(status, int) else 0
