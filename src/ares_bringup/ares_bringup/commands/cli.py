@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from contextlib import suppress
 
-from ares_bringup.commands.interrupts import Interrupts
+from ares_bringup.commands.interrupts import Interrupts, tell
 from ares_bringup.options import CannotStart
 from ares_bringup.usage import answer
 
@@ -40,11 +40,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         The exit status.
     """
-    status = 0
+    status = EXIT_INTERRUPTED
     interrupts = Interrupts()
-    # before the verb has begun, or when it is over
     with suppress(KeyboardInterrupt), interrupts:
         status = _run(argv)
+    if interrupts.came:
+        tell()
     return interrupts.status(status)
 
 
@@ -70,8 +71,6 @@ def _run(argv: Sequence[str] | None) -> int:
             print(f"ares: standard output cannot be written: {error}", file=sys.stderr)
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return EXIT_NOT_WRITTEN
-    except KeyboardInterrupt:
-        return EXIT_INTERRUPTED
     except Exception as error:
         # usage errors of the command-line library, which prints three lines for each
         if not hasattr(error, "format_message"):
