@@ -52,10 +52,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(argv: Sequence[str] | None) -> int:
     words = list(sys.argv[1:] if argv is None else argv)
     try:
-        if said := answer(words):
-            print(said.out, end="", flush=True)
-            if said.refusal:
-                print(f"ares: {one_line(said.refusal)}", file=sys.stderr)
+        # help is the library's: it lists the laws that are installed
+        if (said := answer(words)) and said.refusal:
+            print(f"ares: {one_line(said.refusal)}", file=sys.stderr)
             return said.status
         status = app(args=words, prog_name="ares", standalone_mode=False)
         # what is printed last counts too
