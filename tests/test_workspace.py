@@ -538,6 +538,36 @@ def test_a_second_call_waits_for_the_first(project):
     assert out == "mine\n"
 
 
+def test_a_call_that_waits_knows_how_long(project):
+    with workspace.preparation_lock(project) as lock:
+        assert workspace.time_left(lock) == 1.0
+        workspace.announce(lock, {"packages": 40.0, "kernels": 60.0})
+        assert 1.0 <= workspace.time_left(lock) <= 101.0
+        workspace.announce(lock, {"kernels": 0.0})
+        assert workspace.time_left(lock) == 1.0
+
+
+def test_what_other_verbs_need_is_offered_once_in_one_line(project, capsys, monkeypatch):
+    made = []
+
+    def due(_workspace, _environ, kernels, also):
+        if not made:
+            return {"kernels": 30.0}
+        return {"further packages": 20.0, "kernels": 75.0} if kernels == "all" or also else {}
+
+    prepared = workspace.Workspace(project, "3.11")
+    monkeypatch.setattr(workspace, "prepared_environment", lambda *_: prepared)
+    monkeypatch.setattr(workspace, "steps_to_do", due)
+    monkeypatch.setattr(workspace, "make", lambda *_: made.append(1) or prepared)
+    assert workspace.prepare(project, {}, "peg") is prepared
+    said = capsys.readouterr().err
+    assert said.endswith("all of it now, about 95 s: ./ares prepare\n")
+    assert said.count("\n") == 1
+    # nothing had to be made: nothing is said
+    assert workspace.prepare(project, {}, "peg") is prepared
+    assert capsys.readouterr().err == ""
+
+
 def test_a_child_that_outlives_its_parent_keeps_the_lock(project):
     with workspace.preparation_lock(project) as lock:
         child = subprocess.Popen(["cat"], stdin=subprocess.PIPE, pass_fds=(lock,))

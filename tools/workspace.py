@@ -28,6 +28,7 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -86,6 +87,9 @@ PACKAGES, ADDITIONS = "Python packages", "further packages"
 BUILDING, KERNELS = "messages", "kernels"
 LENGTHS = {PACKAGES: 25.0, ADDITIONS: 20.0, BUILDING: 30.0, KERNELS: 30.0}
 ALL_KERNELS_LENGTH = 75.0
+#: What is waited for besides: another call's preparation, and a browser, which takes so long, s.
+OTHERS, BROWSER = "another call", "a browser"
+BROWSER_LENGTH = 15.0
 
 #: Verbs of the workspace: what follows each, and what it does.
 VERBS = {
@@ -529,10 +533,26 @@ def preparation_lock(root: Path) -> Iterator[int]:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             say("another call is preparing the workspace; waiting for it")
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
+            steps = Steps({OTHERS: time_left(descriptor)})
+            with BAR.over(steps), steps.step(OTHERS):
+                fcntl.flock(descriptor, fcntl.LOCK_EX)
         yield descriptor
     finally:
         os.close(descriptor)
+
+
+def announce(lock: int, lengths: Mapping[str, float]) -> None:
+    """Leave in the lock's file, for calls that wait, until when the steps should be done."""
+    os.ftruncate(lock, 0)
+    os.pwrite(lock, f"{time.time() + sum(lengths.values()):.0f}".encode(), 0)
+
+
+def time_left(lock: int) -> float:
+    """How long the call that has the lock should still take, s; 1 s where that is not known."""
+    try:
+        return max(float(os.pread(lock, 32, 0)) - time.time(), 1.0)
+    except ValueError:
+        return 1.0
 
 
 NO_NETWORK = re.compile(
@@ -916,9 +936,17 @@ def prepare(
         if BUILDING in lengths:
             check_prerequisites(environ)
             remove(root / "build" / "prepare.log")
+        announce(lock, lengths)
         steps = Steps(lengths)
         with BAR.over(steps):
-            return make(root, environ, kernels, also, lock, steps)
+            workspace = make(root, environ, kernels, also, lock, steps)
+    left = sum(steps_to_do(workspace, environ, ALL_KERNELS, EVERYTHING).values())
+    if left:
+        say(
+            "other verbs install or compile more when they are first used, and may need the"
+            f" network; all of it now, about {left:.0f} s: ./ares prepare"
+        )
+    return workspace
 
 
 def steps_to_do(
@@ -1004,7 +1032,9 @@ def install_browser(workspace: Workspace, environ: Mapping[str, str]) -> None:
     say("installing a browser for the tests (once, a quarter of a minute)")
     settings = dict(environ) | {"DEBIAN_FRONTEND": "noninteractive"}
     install = ["install", "-y", "--no-install-recommends", *debian_packages(workspace.root)]
-    with preparation_lock(workspace.root) as lock:
+    steps = Steps({BROWSER: BROWSER_LENGTH})
+    with preparation_lock(workspace.root) as lock, BAR.over(steps), steps.step(BROWSER):
+        announce(lock, {BROWSER: BROWSER_LENGTH})
         try:
             for arguments in (["update"], install):
                 command = ["apt-get", *arguments]
