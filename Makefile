@@ -2,7 +2,7 @@
 # Flags for the flight: make fly FLAGS="--in-process --mission ares_v"
 
 .DEFAULT_GOAL := help
-.PHONY: help prepare fly test site boundscheck coverage sweep atheris lint format lock sbom audit clean
+.PHONY: help prepare fly test site boundscheck coverage sweep atheris lint format usage lock sbom audit clean
 
 help: ## list the targets
 	@echo "make TARGET [FLAGS=...]"
@@ -48,6 +48,9 @@ lint: ## linters and type checker
 format: ## lay out the code
 	@./ares exec ruff check --fix .
 	@./ares exec ruff format .
+
+usage: ## write what ./ares tells of its verbs before anything is installed
+	@./ares exec python tools/usage.py
 
 lock: ## write the hashes of requirements/*.txt to requirements/locked
 	@for name in uv ros-jazzy build fly solve live pages dev coverage fuzz sbom; do ./ares exec uv pip compile --quiet \

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line: help, and one clear line for what cannot be done."""
 
+import importlib.util
 import json
 import os
 import re
@@ -11,11 +12,13 @@ from pathlib import Path
 import pytest
 import yaml
 
-from ares_bringup import __version__
+from ares_bringup import __version__, usage
 from ares_bringup.commands.cli import main
 from ares_bringup.options import MAX_FLIGHTS, HeatingSource
 from ares_bringup.testing import short_burn
 from ares_guidance.law import HEATING_SOURCES
+from ares_guidance.laws import self_starting_laws
+from ares_guidance.registry import law_names
 from ares_node.testing import own_words
 from ares_vehicle_sim.node import PARAMETERS
 
@@ -93,6 +96,26 @@ def test_every_verb_has_help(capfd, verb):
     status, out, _ = run(capfd, *verb, "--help")
     assert status == 0
     assert out.startswith(f"Usage: ares {' '.join(verb)}")
+
+
+def test_what_is_told_before_anything_is_prepared_is_that_of_the_command_line():
+    path = Path(__file__).parent.parent / "tools" / "usage.py"
+    spec = importlib.util.spec_from_file_location("usage_writer", path)
+    writer = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(writer)
+    told = Path(usage.__file__).with_name("usage.json").read_text(encoding="utf-8")
+    assert told == writer.text(), "make usage writes it anew"
+
+
+def test_laws_are_offered_where_they_can_start(capfd):
+    for verb, laws in (
+        ("fly", law_names()),
+        ("montecarlo", self_starting_laws()),
+        ("aborts", self_starting_laws()),
+    ):
+        _, out, _ = run(capfd, verb, "--help")
+        offered = re.search(r"Guidance law: ([a-z_, ]+), or one", " ".join(out.split()))[1]
+        assert offered.split(", ") == laws
 
 
 def test_fly_documents_its_exit_statuses(capfd):

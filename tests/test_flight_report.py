@@ -363,3 +363,24 @@ def test_a_page_is_made_without_what_takes_long_to_import(tmp_path):
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "0 []"
+
+
+def test_names_of_four_flights_stand_as_they_are_and_their_table_scrolls_in_itself(
+    tmp_path, open_file
+):
+    names = ["f_igm", "f_peg", "t_1", "<i>"]
+    for name in names:
+        shutil.copytree(REFERENCE, tmp_path / name)
+    out = tmp_path / "flights.html"
+    assert main(["report", *(str(tmp_path / name) for name in names), "--out", str(out)]) == 0
+    page = open_file(out, "wide", "light")
+    heads = page.locator("#comparison thead th").all_inner_texts()
+    assert [name for name in names if f"peg, {name}" not in heads] == []
+    assert page.locator("#comparison sub").count() == 0
+    # all of it can be reached, and the page itself is no wider than the screen
+    right = page.locator("#comparison thead th").last
+    right.scroll_into_view_if_needed()
+    beyond = "(cell) => cell.getBoundingClientRect().right - document.documentElement.clientWidth"
+    assert right.evaluate(beyond) <= 0
+    wide = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+    assert page.evaluate(wide) <= 0

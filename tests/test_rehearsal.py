@@ -63,6 +63,14 @@ def test_a_law_that_misses_is_refused_and_one_that_arrives_named():
         rehearse(flown)
 
 
+@pytest.mark.parametrize("law", ["peg", "igm"])
+def test_the_shipped_mission_that_one_law_alone_flies(law):
+    """As docs/missions.md says."""
+    refused = rf"^guidance is '{law}'; expected .*, this one ends lowered; try law optimal$"
+    with pytest.raises(CannotStart, match=refused):
+        rehearse({"mission": "delta_iii_coast", "law": law})
+
+
 def test_a_law_that_flies_no_plan_says_so():
     with pytest.raises(CannotStart, match=r"^the mission leaves arcs 1, 2 free; law peg_thesis "):
         rehearse({"mission": "falcon9_gto", "law": "peg_thesis"})

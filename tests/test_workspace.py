@@ -389,14 +389,11 @@ def test_what_a_verb_needs_is_added_once(project):
 @pytest.mark.parametrize(
     ("arguments", "kernels"),
     [
-        ([], ""),
-        (["--help"], ""),
         (["fly"], "peg"),
         (["fly", "--mission", "peg", "--json"], "peg"),
         (["fly", "--guidance", "igm"], "igm"),
         (["fly", "--guidance=optimal", "--json"], "optimal"),
         (["fly", "--guidance", "../x"], "peg"),
-        (["fly", "--guidance", "igm", "--help"], ""),
         (["missions"], ""),
         (["dispersions", "new", "--mission", "ares_v"], ""),
         (["replay", "bag"], ""),
@@ -414,7 +411,6 @@ def test_a_flight_compiles_its_own_law(arguments, kernels):
 @pytest.mark.parametrize(
     ("arguments", "additions"),
     [
-        ([], ()),
         (["fly"], ()),
         (["fly", "--in-process", "--json", "--bag", "flight"], ()),
         (["fly", "--mission", "delta_iii"], ("solve.txt",)),
@@ -542,6 +538,36 @@ def test_a_second_call_waits_for_the_first(project):
     assert out == "mine\n"
 
 
+def test_a_call_that_waits_knows_how_long(project):
+    with workspace.preparation_lock(project) as lock:
+        assert workspace.time_left(lock) == 1.0
+        workspace.announce(lock, {"packages": 40.0, "kernels": 60.0})
+        assert 1.0 <= workspace.time_left(lock) <= 101.0
+        workspace.announce(lock, {"kernels": 0.0})
+        assert workspace.time_left(lock) == 1.0
+
+
+def test_what_other_verbs_need_is_offered_once_in_one_line(project, capsys, monkeypatch):
+    made = []
+
+    def due(_workspace, _environ, kernels, also):
+        if not made:
+            return {"kernels": 30.0}
+        return {"further packages": 20.0, "kernels": 75.0} if kernels == "all" or also else {}
+
+    prepared = workspace.Workspace(project, "3.11")
+    monkeypatch.setattr(workspace, "prepared_environment", lambda *_: prepared)
+    monkeypatch.setattr(workspace, "steps_to_do", due)
+    monkeypatch.setattr(workspace, "make", lambda *_: made.append(1) or prepared)
+    assert workspace.prepare(project, {}, "peg") is prepared
+    said = capsys.readouterr().err
+    assert said.endswith("all of it now, about 95 s: ./ares prepare\n")
+    assert said.count("\n") == 1
+    # nothing had to be made: nothing is said
+    assert workspace.prepare(project, {}, "peg") is prepared
+    assert capsys.readouterr().err == ""
+
+
 def test_a_child_that_outlives_its_parent_keeps_the_lock(project):
     with workspace.preparation_lock(project) as lock:
         child = subprocess.Popen(["cat"], stdin=subprocess.PIPE, pass_fds=(lock,))
@@ -610,24 +636,87 @@ def tools_only(folder: Path) -> dict[str, str]:
     return {"PATH": str(folder)}
 
 
-def test_a_fresh_clone_has_a_version(tmp_path):
+@pytest.fixture(scope="module")
+def fresh_clone(tmp_path_factory):
+    """What `./ares` answers from before anything is made."""
+    folder = tmp_path_factory.mktemp("clone")
     for name in ("ares", "tools", "src/ares_models/ares_models", "src/ares_bringup"):
-        place, origin = tmp_path / name, ROOT / name
+        place, origin = folder / name, ROOT / name
         place.parent.mkdir(parents=True, exist_ok=True)
         if origin.is_dir():
             shutil.copytree(origin, place, ignore=shutil.ignore_patterns("__pycache__"))
         else:
             shutil.copy(origin, place)
-    clean = {"PATH": os.environ["PATH"]}
-    command = [str(tmp_path / "ares"), "--version"]
-    done = run(command, env=clean)
-    assert (done.returncode, done.stdout, done.stderr) == (
-        0,
-        f"ares {workspace.version(ROOT)}\n",
-        "",
-    )
-    # no environment, no kernel is made
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["ares", "src", "tools"]
+    return folder
+
+
+def of_fresh_clone(clone, *words):
+    """Exit status, output, errors; no environment and no kernel may be made."""
+    done = run([str(clone / "ares"), *words], env={"PATH": os.environ["PATH"]})
+    assert sorted(path.name for path in clone.iterdir()) == ["ares", "src", "tools"]
+    return done.returncode, done.stdout, done.stderr
+
+
+def test_a_fresh_clone_has_a_version(fresh_clone):
+    assert of_fresh_clone(fresh_clone, "--version") == (0, f"ares {workspace.version(ROOT)}\n", "")
+
+
+VERBS_OF_THE_COMMAND = [
+    *((verb,) for verb in workspace.usage.read_usage()["commands"]),
+    *(("bag", verb) for verb in workspace.usage.read_usage()["commands"]["bag"]["commands"]),
+    ("missions", "new"),
+    ("dispersions", "schema"),
+]
+
+
+@pytest.mark.parametrize("verb", [(), *VERBS_OF_THE_COMMAND, *((v,) for v in workspace.VERBS)])
+def test_a_fresh_clone_has_help(fresh_clone, verb):
+    status, out, err = of_fresh_clone(fresh_clone, *verb, "--help")
+    assert (status, err) == (0, "")
+    assert out.startswith(f"Usage: {' '.join(['ares', *verb])}")
+
+
+def test_help_lists_the_verbs_of_the_workspace_too(fresh_clone):
+    for word in ("--help", "-h"):
+        _, out, _ = of_fresh_clone(fresh_clone, word)
+        listed = out.partition("Workspace:")[2]
+        assert [verb for verb in workspace.VERBS if f"\n  {verb} " not in listed] == []
+        assert max(map(len, out.splitlines())) <= 80
+
+
+@pytest.mark.parametrize(
+    ("words", "refusal"),
+    [
+        ((), "Missing command (see `ares --help`)"),
+        (("flly",), "No such command 'flly'; did you mean fly? (see `ares --help`)"),
+        (("prepar",), "No such command 'prepar'; did you mean prepare? (see `ares --help`)"),
+        (("xyzzy",), "No such command 'xyzzy' (see `ares --help`)"),
+        (("bag", "inf"), "No such command 'inf'; did you mean info? (see `ares bag --help`)"),
+        (
+            ("fly", "--json", "--misson=ares_v"),
+            "No such option: --misson; did you mean --mission? (see `ares fly --help`)",
+        ),
+        (("prepare", "--all"), "prepare takes no arguments; here is '--all'"),
+    ],
+)
+def test_a_fresh_clone_refuses_what_is_no_verb(fresh_clone, words, refusal):
+    assert of_fresh_clone(fresh_clone, *words) == (2, "", f"ares: {refusal}\n")
+
+
+def test_what_comes_behind_the_words_of_another_program_is_not_read():
+    for words in (("exec", "pytest", "--help"), ("test", "--collect-only"), ("env",)):
+        assert workspace.answer_at_once(words) is None
+    for words in (("node", "sim", "--ros-args", "-p", "pace:=1"), ("fly", "--mission", "--help")):
+        assert workspace.answer_at_once(words) is None
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no full device")
+def test_help_onto_a_full_disk_is_one_line():
+    with Path("/dev/full").open("w") as full:
+        command = [str(ROOT / "ares"), "--help"]
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    said = "ares: standard output cannot be written: No space left on device\n"
+    assert (done.returncode, done.stderr) == (1, said)
 
 
 @pytest.mark.parametrize("old", [False, True])

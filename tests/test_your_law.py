@@ -6,11 +6,13 @@ import os
 import re
 import subprocess
 import sys
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
 from ares_bags.reader import open_bag
+from ares_guidance.law import LawKind
 
 PAGE = Path(__file__).parent.parent / "docs" / "your_law.md"
 
@@ -79,3 +81,13 @@ def test_a_law_that_is_broken_is_one_line(installed, tmp_path):
         "which linear_tangent:LAW should be: No module named 'nothing_of_that_name'"
         in refused.stderr
     )
+
+
+def test_what_pages_name_of_a_law_there_is():
+    """Fields of `LawKind`, the guidance laws' own description, wherever docs name one."""
+    pages = (Path(__file__).parent.parent / "docs").glob("*.md")
+    named = {
+        name for page in pages for name in re.findall(r"`LawKind\.(\w+)", page.read_text("utf-8"))
+    }
+    assert "holds_attitude" in named
+    assert named - {field.name for field in fields(LawKind)} == set()

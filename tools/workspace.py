@@ -28,13 +28,16 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT / "src" / "ares_models"))
-from ares_models import kernel_cache  # noqa: E402  needs nothing but the standard library
+sys.path[:0] = [str(ROOT / "src" / name) for name in ("ares_models", "ares_bringup")]
+# these need nothing but the standard library
+from ares_bringup import usage  # noqa: E402
+from ares_models import kernel_cache  # noqa: E402
 
 sys.path.insert(0, str(ROOT / "tools"))
 from progress import BAR, Steps, say  # noqa: E402
@@ -74,8 +77,7 @@ SHOWN_BY = re.compile(r"--foxglove(-port)?(=.*)?")
 ALL_KERNELS = "all"
 NO_KERNELS = ""
 FEW_KERNELS = (
-    *("", "-h", "bag", "dispersions", "env", "export", "live", "missions", "plot", "replay"),
-    "report",
+    *("bag", "dispersions", "env", "export", "live", "missions", "plot", "replay", "report"),
 )
 #: The law whose kernels compile while the messages are built: it is known without a registry.
 FIRST_LAW = "peg"
@@ -85,13 +87,17 @@ PACKAGES, ADDITIONS = "Python packages", "further packages"
 BUILDING, KERNELS = "messages", "kernels"
 LENGTHS = {PACKAGES: 25.0, ADDITIONS: 20.0, BUILDING: 30.0, KERNELS: 30.0}
 ALL_KERNELS_LENGTH = 75.0
+#: What is waited for besides: another call's preparation, and a browser, which takes so long, s.
+OTHERS, BROWSER = "another call", "a browser"
+BROWSER_LENGTH = 15.0
 
-VERBS = """\
-Workspace:
-  prepare            make the workspace ready, nothing else
-  exec COMMAND ...   run a command in the prepared environment
-  env                print that environment for a shell: eval "$(./ares env)"
-  test [ARG ...]     linters, type checker and all tests; arguments go to pytest"""
+#: Verbs of the workspace: what follows each, and what it does.
+VERBS = {
+    "prepare": ("", "make the workspace ready, nothing else"),
+    "exec": ("COMMAND ...", "run a command in the prepared environment"),
+    "env": ("", 'print that environment for a shell: eval "$(./ares env)"'),
+    "test": ("[ARG ...]", "linters, type checker and all tests; arguments go to pytest"),
+}
 
 
 class WorkspaceError(Exception):
@@ -527,10 +533,26 @@ def preparation_lock(root: Path) -> Iterator[int]:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             say("another call is preparing the workspace; waiting for it")
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
+            steps = Steps({OTHERS: time_left(descriptor)})
+            with BAR.over(steps), steps.step(OTHERS):
+                fcntl.flock(descriptor, fcntl.LOCK_EX)
         yield descriptor
     finally:
         os.close(descriptor)
+
+
+def announce(lock: int, lengths: Mapping[str, float]) -> None:
+    """Leave in the lock's file, for calls that wait, until when the steps should be done."""
+    os.ftruncate(lock, 0)
+    os.pwrite(lock, f"{time.time() + sum(lengths.values()):.0f}".encode(), 0)
+
+
+def time_left(lock: int) -> float:
+    """How long the call that has the lock should still take, s; 1 s where that is not known."""
+    try:
+        return max(float(os.pread(lock, 32, 0)) - time.time(), 1.0)
+    except ValueError:
+        return 1.0
 
 
 NO_NETWORK = re.compile(
@@ -867,7 +889,7 @@ def kernels_for(arguments: Sequence[str]) -> str:
     verb = arguments[0] if arguments else ""
     # a check flies by the law of its bag, most likely the first
     checks = verb == "replay" and "--check" in arguments
-    if "--help" in arguments or (verb in FEW_KERNELS and not checks):
+    if verb in FEW_KERNELS and not checks:
         return NO_KERNELS
     if verb != "fly" and not checks:
         return ALL_KERNELS
@@ -914,9 +936,17 @@ def prepare(
         if BUILDING in lengths:
             check_prerequisites(environ)
             remove(root / "build" / "prepare.log")
+        announce(lock, lengths)
         steps = Steps(lengths)
         with BAR.over(steps):
-            return make(root, environ, kernels, also, lock, steps)
+            workspace = make(root, environ, kernels, also, lock, steps)
+    left = sum(steps_to_do(workspace, environ, ALL_KERNELS, EVERYTHING).values())
+    if left:
+        say(
+            "other verbs install or compile more when they are first used, and may need the"
+            f" network; all of it now, about {left:.0f} s: ./ares prepare"
+        )
+    return workspace
 
 
 def steps_to_do(
@@ -1002,7 +1032,9 @@ def install_browser(workspace: Workspace, environ: Mapping[str, str]) -> None:
     say("installing a browser for the tests (once, a quarter of a minute)")
     settings = dict(environ) | {"DEBIAN_FRONTEND": "noninteractive"}
     install = ["install", "-y", "--no-install-recommends", *debian_packages(workspace.root)]
-    with preparation_lock(workspace.root) as lock:
+    steps = Steps({BROWSER: BROWSER_LENGTH})
+    with preparation_lock(workspace.root) as lock, BAR.over(steps), steps.step(BROWSER):
+        announce(lock, {BROWSER: BROWSER_LENGTH})
         try:
             for arguments in (["update"], install):
                 command = ["apt-get", *arguments]
@@ -1070,6 +1102,56 @@ def version(root: Path) -> str:
     return found[1]
 
 
+def list_verbs() -> str:
+    """List the verbs of the workspace, for the help."""
+    rows = (f"  {f'{verb} {follows}':<17}  {does}" for verb, (follows, does) in VERBS.items())
+    return "\n".join(["", "Workspace:", *rows, ""])
+
+
+def answer_at_once(arguments: Sequence[str]) -> int | None:
+    """Answer what nothing has to be prepared for: help, version, words that no verb knows.
+
+    Args:
+        arguments: the call.
+
+    Returns:
+        Its exit status; None if it is no such call.
+
+    Raises:
+        WorkspaceError: the call cannot be; one line.
+    """
+    verb, rest = (arguments[0], arguments[1:]) if arguments else ("", ())
+    if list(arguments) == ["--version"]:
+        return show(f"ares {version(ROOT)}\n")
+    if verb in VERBS:
+        follows, does = VERBS[verb]
+        if rest[:1] and rest[0] in usage.HELP_WORDS:
+            return show(f"Usage: ares {verb} {follows}".rstrip() + f"\n\n  {does}\n")
+        if rest and not follows:
+            raise WorkspaceError(f"{verb} takes no arguments; here is {rest[0]!r}")
+        return None
+    said = usage.answer(arguments, tuple(VERBS))
+    if said is None:
+        return None
+    if said.refusal:
+        raise WorkspaceError(said.refusal)
+    return show(said.out + (list_verbs() if verb in usage.HELP_WORDS else ""))
+
+
+def show(text: str) -> int:
+    """Print a text; returns the exit status."""
+    try:
+        print(text, end="", flush=True)
+    except OSError as problem:
+        if not isinstance(problem, BrokenPipeError):
+            # else the reader has gone
+            say(f"standard output cannot be written: {problem.strerror}")
+        if sys.stdout is not None:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    return 0
+
+
 def keep_standard_streams() -> None:
     """Open those that are closed on nothing: their numbers would go to files that are opened."""
     for number in (0, 1, 2):
@@ -1087,9 +1169,9 @@ def main(arguments: list[str]) -> int:
             f"Python {sys.version_info[0]}.{sys.version_info[1]} at {sys.executable} does not fit:"
             " install Python 3.11, 3.12 or 3.13, or name one in PYTHON"
         )
-    if arguments == ["--version"]:
-        print(f"ares {version(ROOT)}", flush=True)
-        return 0
+    status = answer_at_once(arguments)
+    if status is not None:
+        return status
     verb, rest = (arguments[0], list(arguments[1:])) if arguments else ("", [])
     environ = without_other_clone(os.environ, ROOT)
     workspace = prepare(ROOT, environ, kernels_for(arguments), additions_for(arguments))
@@ -1104,12 +1186,6 @@ def main(arguments: list[str]) -> int:
         return run_tests(workspace, environ, rest)
     environment = workspace.environment(environ)
     command = [str(workspace.interpreter), "-m", "ares_bringup", *arguments]
-    if arguments in ([], ["--help"], ["-h"]):
-        status = subprocess.run(command, env=environment, check=False).returncode
-        if status != 1:
-            # else nothing can be printed, which it has said
-            print(f"\n{VERBS}")
-        return status
     if verb == "exec":
         if not rest:
             raise WorkspaceError("exec needs a command, for example: ./ares exec ruff check")

@@ -6,6 +6,7 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
+from ares_bringup.commands.interrupts import note_written
 from ares_bringup.options import CannotStart
 
 
@@ -34,6 +35,7 @@ def _write(out: Path, contents: Mapping[Path, bytes]) -> None:
             part.write_bytes(contents[path])
         for part, path in partial.items():
             os.replace(part, path)
+            note_written(str(path))
     except OSError as error:
         raise CannotStart(
             f"--out is {str(out)!r}, which cannot be written: {error.strerror}"

@@ -195,7 +195,7 @@ def interrupted(tmp_path, text, number, *arguments):
 @pytest.mark.parametrize("number", BOTH)
 def test_in_a_kernel(tmp_path, number):
     status, out, err = interrupted(tmp_path, IN_A_KERNEL, number, "main")
-    assert (status, out, err) == (128 + number, "", "ares: interrupted\n")
+    assert (status, out, err) == (128 + number, "", "ares: interrupted; nothing was written\n")
 
 
 @pytest.mark.parametrize("number", BOTH)
@@ -221,13 +221,81 @@ def test_in_a_text_that_is_executed(tmp_path, number):
 @pytest.mark.parametrize("number", BOTH)
 def test_where_nothing_can_be_raised(tmp_path, number):
     status, out, err = interrupted(tmp_path, WHERE_NOTHING_CAN_BE_RAISED, number)
-    assert (status, out, err) == (128 + number, "", "ares: interrupted\n")
+    assert (status, out, err) == (128 + number, "", "ares: interrupted; nothing was written\n")
 
 
 @pytest.mark.parametrize("number", BOTH)
 def test_before_a_verb_begins_or_after_it(tmp_path, number):
     text = IN_GOOD_ORDER + AROUND_A_VERB
-    assert interrupted(tmp_path, text, number) == (128 + number, "", "")
+    said = "ares: interrupted; nothing was written\n"
+    assert interrupted(tmp_path, text, number) == (128 + number, "", said)
+
+
+#: In a verb that has written a file, or none yet.
+IN_A_VERB = """
+import sys
+import time
+from pathlib import Path
+
+from ares_bringup.commands import cli
+from ares_bringup.whole_file import write_whole
+
+
+@cli.app.command()
+def write(names: list[str]) -> None:
+    for name in filter(None, names):
+        write_whole(Path(name), b"whole")
+    print("ready", flush=True)
+    time.sleep(600.0)
+
+
+cli.answer = lambda _words: None
+sys.exit(cli.main(["write", *sys.argv[1:]]))
+"""
+
+
+@pytest.mark.parametrize("number", BOTH)
+@pytest.mark.parametrize(
+    ("files", "kept"), [(("",), "nothing was written"), (("a", "b"), "written: a, b")]
+)
+def test_a_verb_says_what_is_kept(tmp_path, number, files, kept):
+    text = IN_GOOD_ORDER + IN_A_VERB
+    status, out, err = interrupted(tmp_path, text, number, *files)
+    assert (status, out, err) == (128 + number, "", f"ares: interrupted; {kept}\n")
+    assert [name for name in files if not (tmp_path / name).exists()] == []
+
+
+def test_faults_say_how_many_were_flown(monkeypatch, capfd):
+    from ares_bringup.commands import interrupts
+    from ares_bringup.faults import campaign
+
+    def fly_three(tasks, seed, _workers, done):
+        for name, number in tasks[:3]:
+            done(campaign.Trial(name, seed, number, campaign.Class.SURVIVED.value))
+        raise interrupts.Interrupted
+
+    monkeypatch.setattr(interrupts, "GRACE", interrupts.GRACE)
+    monkeypatch.setattr(interrupts, "_told", [])
+    monkeypatch.setattr(campaign, "fly_all", fly_three)
+    assert campaign.faults(8, 1, (), 1, False) == 130
+    assert capfd.readouterr() == ("", "ares: interrupted; 3 of 8 faults were flown, none is kept\n")
+    # its flights are ended by then
+    assert interrupts.GRACE >= campaign.CLOSE_TIMEOUT
+
+
+def test_a_flight_that_had_not_begun_prints_no_summary(monkeypatch, capsys):
+    from ares_bringup import fly
+    from ares_bringup.commands.cli import main
+    from ares_bringup.summary import FlightSummary
+
+    def fly_nothing(options, **_):
+        facts = fly.mission_facts(options.mission)
+        return FlightSummary(facts, options.guidance, None, interrupted=True)
+
+    monkeypatch.setattr(fly, "fly", fly_nothing)
+    assert main(["fly", "--no-record"]) == 130
+    said = "ares: interrupted before the flight began; nothing was written\n"
+    assert capsys.readouterr() == ("", said)
 
 
 @pytest.mark.parametrize("number", BOTH)
@@ -245,7 +313,8 @@ def test_what_compiled_code_makes_of_it(tmp_path, number):
 
 @pytest.mark.parametrize("number", BOTH)
 def test_before_the_command_line_is_there(tmp_path, number):
-    assert interrupted(tmp_path, AT_ONCE, number) == (128 + number, "", "")
+    said = "ares: interrupted; nothing was written\n"
+    assert interrupted(tmp_path, AT_ONCE, number) == (128 + number, "", said)
 
 
 @pytest.mark.parametrize("number", BOTH)

@@ -36,8 +36,16 @@ _PLAIN_TAGS = {
 }
 
 
+#: So many problems of a file are told at a time: a long list may be wrong from end to end.
+_TOLD = 20
+
+#: Keys that say the same in other words, by the word that stands there instead, and how.
+_COUNTED = ", which counts from the centre"
+_SAME = {"altitude": ("radius_m", _COUNTED), "height": ("radius_m", _COUNTED)}
+
+
 class InputError(ValueError):
-    """A file cannot be used; the text is one line.
+    """A file cannot be used; the text is one line, with all that is wrong.
 
     Attributes:
         source: the file or name that was asked for.
@@ -47,9 +55,9 @@ class InputError(ValueError):
     def __init__(self, source: str, problems: Sequence[str]) -> None:
         self.source = source if source.isprintable() else repr(source)
         self.problems = tuple(problems)
-        more = len(self.problems) - 1
-        tail = f" (and {more} more)" if more else ""
-        super().__init__(f"{self.source}: {self.problems[0]}{tail}")
+        more = len(self.problems) - _TOLD
+        tail = f"; and {more} more" if more > 0 else ""
+        super().__init__(f"{self.source}: {'; also '.join(self.problems[:_TOLD])}{tail}")
 
     def __reduce__(self) -> tuple[type["InputError"], tuple[str, tuple[str, ...]]]:
         return type(self), (self.source, self.problems)
@@ -97,7 +105,8 @@ class InputKind:
         if text in shipped and not isinstance(name_or_path, Path):
             folder = resources.files(self.package).joinpath(self.folder)
             return Path(str(folder.joinpath(f"{text}.yaml")))
-        if looks_like_path or os.path.isfile(text):  # noqa: PTH113, a long name is no error here
+        # a long name is no error here; a folder is told of as one by whoever reads it
+        if looks_like_path or os.path.exists(text):  # noqa: PTH110
             return Path(text)
         close = difflib.get_close_matches(text.lower(), shipped, n=1, cutoff=0.4)
         hint = f"; did you mean {close[0]}?" if close else ""
@@ -452,8 +461,8 @@ def explain(
     where = f"line {line}: " if line else ""
     if kind == "extra_forbidden":
         known = siblings(item["loc"])
-        close = difflib.get_close_matches(str(place[-1]), known, n=1, cutoff=0.5)
-        hint = f"did you mean {close[0]}?" if close else "known are " + ", ".join(known)
+        close = _meant(str(place[-1]), known)
+        hint = f"did you mean {close}?" if close else "known are " + ", ".join(known)
         return f"{where}{name} is not a known key (its value is {format_value(value)}); {hint}"
     if missing:
         if kind == "missing":
@@ -462,6 +471,22 @@ def explain(
             expected = f"a number{unit}" if unit or number else "a value"
         return f"{where}{name} is missing; expected {expected}"
     return f"{where}{name} is {format_value(value)}; expected {expected}"
+
+
+def _meant(word: str, known: Sequence[str]) -> str:
+    """Find the key that a word may stand for: the same quantity, then what is spelled like it."""
+    quantity = _quantity(word)
+    same = [key for key in known if _quantity(key) == quantity]
+    kinds = [key for key in known if f"_{quantity}_" in f"_{_quantity(key)}_"]
+    key, how = _SAME.get(quantity, ("", ""))
+    others = [key + how] if key in known else []
+    close = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
+    return " or ".join((same or kinds or others or close)[:3])
+
+
+def _quantity(key: str) -> str:
+    """Drop the unit at the end of a key, whether it is one of ours or not: `km`, `deg`, `m_s`."""
+    return re.sub(r"(?<=[a-z])(_m)?_(deg|k?[a-zA-Z]\d?)(_s2?)?$", "", key)
 
 
 def at_line(place: KeyPath, text: str, lines: Mapping[KeyPath, int]) -> str:

@@ -277,5 +277,5 @@ def test_a_mission_from_plain_data_is_checked_too():
 def test_mission_error_survives_a_process_border():
     error = MissionError("x.yaml", ["first", "second"])
     again = pickle.loads(pickle.dumps(error))
-    assert str(again) == "x.yaml: first (and 1 more)"
+    assert str(again) == "x.yaml: first; also second"
     assert again.problems == ("first", "second")

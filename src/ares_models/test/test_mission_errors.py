@@ -125,7 +125,19 @@ BROKEN = {
         "title:",
         "titel:",
         "titel",
-        "did you mean title? (and 1 more)",
+        "did you mean title?; also title is missing; expected a value",
+    ),
+    "altitude for a radius": (
+        "radius_m: 6518889.0",
+        "altitude_km: 140",
+        "target.altitude_km",
+        "(its value is 140); did you mean radius_m, which counts from the centre?",
+    ),
+    "another unit": (
+        "thrust_n: 17437041.0",
+        "thrust_kn: 17437.0",
+        "stages[0].thrust_kn",
+        "is not a known key (its value is 17437.0); did you mean thrust_n?",
     ),
     "unknown key in the environment": (
         "  j2: 0.0",
@@ -715,14 +727,28 @@ def test_broken_value_is_named(tmp_path, case):
     assert rest in text
 
 
+def test_a_folder_is_told_of_as_one(tmp_path, monkeypatch):
+    """Even one whose name is much like that of a shipped mission."""
+    (tmp_path / "ares").mkdir()
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(MissionError, match=r"^ares: is a directory; expected a YAML mission file$"):
+        load_mission("ares")
+
+
+def test_of_a_list_that_is_wrong_throughout_twenty_problems_are_told():
+    error = MissionError("x.yaml", [f"problem {k}" for k in range(30)])
+    assert str(error).endswith("; also problem 19; and 10 more")
+
+
 def test_every_problem_is_kept(tmp_path):
     text = TEXT.replace("mass_kg: 5837.0", "mass_kg: -1").replace("isp_s: 448.0", "isp_s: 0")
     path = tmp_path / "two.yaml"
     path.write_text(text)
     with pytest.raises(MissionError) as caught:
         load_mission(path)
-    assert str(caught.value).endswith(" (and 1 more)")
-    assert len(caught.value.problems) == 2
+    problems = caught.value.problems
+    assert len(problems) == 2
+    assert str(caught.value) == f"{path}: {'; also '.join(problems)}"
 
 
 def test_the_line_is_that_of_the_key(tmp_path):

@@ -73,7 +73,7 @@ ONE_SIGMA = "one sigma, or a mapping with mean and sigma or low and high"
             "initial_position_m: 3" + COVARIANCE.format(0, 0),
             "line 1: initial_position_m is 'a value'; expected no such key beside initial_covari",
         ),
-        ("navigation: {bias: 1}", "line 1: navigation.bias is not a known key (its value is 1); k"),
+        ("navigation: {bias: 1}", "line 1: navigation.bias is not a known key (its value is 1); d"),
         (
             "navigation: {heating_noise: 3}",
             "line 1: navigation.heating_noise is 3; expected a number from 0 to 0.2",
@@ -82,7 +82,7 @@ ONE_SIGMA = "one sigma, or a mapping with mean and sigma or low and high"
         ("j2: true", "line 1: j2 is true; expected a number"),
         (MSIS.format("2009-01-01", 4), "line 1: nrlmsis.last_date is '2009-01-01 00:00:00+00:00';"),
         (MSIS.format("later", 4), "line 1: nrlmsis.last_date is 'later'; expected a date and time"),
-        ("nrlmsis: {}", "line 1: nrlmsis.first_date is missing; expected a value (and 5 more)"),
+        ("nrlmsis: {}", "line 1: nrlmsis.first_date is missing; expected a value; also line 1"),
         ("- thrust", "is a list of 1; expected a mapping with the keys of a dispersions file"),
         ("thrust: [", "line 2: not valid YAML"),
         ("j2: 0\nj2: 0", "line 2: j2 is given twice (first in line 1); expected it once"),

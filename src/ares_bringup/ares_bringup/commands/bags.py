@@ -15,6 +15,7 @@ from ares_bags.reader import Bag, open_bag
 from ares_bags.repair import repair
 from ares_bags.verify import Verification, verify
 from ares_bags.writer import INCOMPLETE_KEY
+from ares_bringup.commands.interrupts import note_written
 from ares_bringup.options import CannotStart, LiveOptions
 from ares_bringup.report import console, number
 from ares_models.units import NANOSECONDS
@@ -175,6 +176,7 @@ def repair_bag(path: Path, into: Path | None) -> int:
     """
     try:
         result = repair(path, into)
+        note_written(str(result.path))
     except BagError as error:
         raise CannotStart(str(error)) from error
     print(result.problem)

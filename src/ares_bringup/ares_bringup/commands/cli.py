@@ -6,8 +6,9 @@ import sys
 from collections.abc import Sequence
 from contextlib import suppress
 
-from ares_bringup.commands.interrupts import Interrupts
+from ares_bringup.commands.interrupts import Interrupts, tell
 from ares_bringup.options import CannotStart
+from ares_bringup.usage import answer
 
 # registered in this order, in which the help lists them
 from ares_bringup.verbs import bags, files, flights, graph, studies  # noqa: F401
@@ -39,21 +40,23 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         The exit status.
     """
-    status = 0
+    status = EXIT_INTERRUPTED
     interrupts = Interrupts()
-    # before the verb has begun, or when it is over
     with suppress(KeyboardInterrupt), interrupts:
         status = _run(argv)
+    if interrupts.came:
+        tell()
     return interrupts.status(status)
 
 
 def _run(argv: Sequence[str] | None) -> int:
+    words = list(sys.argv[1:] if argv is None else argv)
     try:
-        status = app(
-            args=list(sys.argv[1:] if argv is None else argv),
-            prog_name="ares",
-            standalone_mode=False,
-        )
+        # help is the library's: it lists the laws that are installed
+        if (said := answer(words)) and said.refusal:
+            print(f"ares: {one_line(said.refusal)}", file=sys.stderr)
+            return said.status
+        status = app(args=words, prog_name="ares", standalone_mode=False)
         # what is printed last counts too
         sys.stdout.flush()
         return status if isinstance(status, int) else 0
@@ -67,8 +70,6 @@ def _run(argv: Sequence[str] | None) -> int:
             print(f"ares: standard output cannot be written: {error}", file=sys.stderr)
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return EXIT_NOT_WRITTEN
-    except KeyboardInterrupt:
-        return EXIT_INTERRUPTED
     except Exception as error:
         # usage errors of the command-line library, which prints three lines for each
         if not hasattr(error, "format_message"):

@@ -13,6 +13,7 @@ import signal
 import sys
 import threading
 import time
+from contextlib import suppress
 from types import FrameType, TracebackType
 
 #: Wall time in s that a command gets to end in good order.
@@ -20,16 +21,52 @@ GRACE = 1.0
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
+STANDARD_ERROR = 2
+
+_written: list[str] = []
+_told: list[str] = []
+
 
 def exit_status(number: int) -> int:
     """Exit status of a command that a signal has ended: 130 for SIGINT, 143 for SIGTERM."""
     return 128 + number
 
 
+def grant(grace_s: float) -> None:
+    """Let this command take longer to end in good order, s: as long as processes end with it."""
+    global GRACE  # noqa: PLW0603  the thread that ends the process has no other word of it
+    GRACE = grace_s
+
+
+def note_written(path: str) -> None:
+    """Remember a file that is there whole, for the last word of a command that is interrupted."""
+    _written.append(path)
+
+
+def tell(kept: str = "") -> None:
+    """Say, once, that the command was interrupted, and what of it is kept.
+
+    Args:
+        kept: empty for the files that are there whole.
+    """
+    if _told:
+        return
+    _told.append(kept)
+    files = f"written: {', '.join(_written)}" if _written else "nothing was written"
+    # no stream of Python's: it may be in use
+    with suppress(OSError):
+        os.write(STANDARD_ERROR, f"ares: interrupted; {kept or files}\n".encode())
+
+
 def end_at_once() -> None:
-    """Until the command line is there: a signal ends the process, and nothing is printed."""
+    """Until the command line is there: a signal ends the process."""
+
+    def end(number: int, _: FrameType | None) -> None:
+        tell()
+        os._exit(exit_status(number))
+
     for number in _SIGNALS:
-        signal.signal(number, lambda number, _: os._exit(exit_status(number)))
+        signal.signal(number, end)
 
 
 def leave_the_end_alone() -> None:
@@ -105,13 +142,19 @@ class Interrupts:
         os.close(self._writable)
         return False
 
+    @property
+    def came(self) -> bool:
+        """Whether a signal has come."""
+        return self._number != 0
+
     def status(self, otherwise: int) -> int:
         """Exit status after a signal; the other one if none came."""
         return exit_status(self._number) if self._number else otherwise
 
     def _interrupt(self, number: int, _: FrameType | None) -> None:
         # the next signal ends the process, in which Python's own clean-up may still run
-        end_at_once()
+        for each in _SIGNALS:
+            signal.signal(each, lambda number, _: os._exit(exit_status(number)))
         self._number = number
         raise Interrupted
 
@@ -129,5 +172,5 @@ class Interrupts:
                 return
         time.sleep(GRACE)
         if not self._over:
-            print("ares: interrupted", file=sys.stderr, flush=True)
+            tell()
         os._exit(exit_status(number))

@@ -3,7 +3,6 @@
 
 import json
 import math
-import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -19,6 +18,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ares_bringup.bag_paths import new_bag, workspace_root
+from ares_bringup.commands.interrupts import note_written, tell
 from ares_bringup.options import CannotStart, HeatingSource, self_starting
 from ares_bringup.progress import bar
 from ares_bringup.report import console, number, shown_path
@@ -172,6 +172,7 @@ def montecarlo(options: CampaignOptions, begun: float) -> int:
                     watch.stop()
                     _say_interrupted(store, options)
                     return EXIT_INTERRUPTED
+            note_written(str(store.flights))
             summary = summarize(store.flights, nominal_propellant(settings))
             reached = reaches(settings, summary.worst[FAILURES])
             report = _write_report(options, settings, summary, reached, store)
@@ -198,10 +199,9 @@ def nominal_propellant(settings: Settings) -> float:
 def _say_interrupted(store: Store, options: CampaignOptions) -> None:
     there = store.count()
     folder = shown_path(str(store.folder))
-    print(
-        f"interrupted: {there:,} of {options.count:,} flights are in {folder}; "
-        f"the same command with --out {folder} goes on",
-        file=sys.stderr,
+    tell(
+        f"{there:,} of {options.count:,} flights are in {folder}; "
+        f"the same command with --out {folder} goes on"
     )
 
 

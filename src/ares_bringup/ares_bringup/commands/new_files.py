@@ -11,6 +11,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from ares_bringup.commands.interrupts import note_written
 from ares_bringup.options import CannotStart
 from ares_models.commented import commented
 from ares_models.input_file import InputError, InputKind, KeyPath, read_input
@@ -44,6 +45,7 @@ def write_new(path: Path, text: str) -> None:
         os.chmod(partial, 0o644)  # noqa: PTH101
         # fails where the file is there, whoever made it meanwhile
         os.link(partial, path)
+        note_written(str(path))
     except FileExistsError as error:
         raise CannotStart(f"--out is {str(path)!r}, which exists; expected a new file") from error
     except OSError as error:

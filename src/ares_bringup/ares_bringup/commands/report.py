@@ -6,6 +6,8 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
+from markupsafe import escape
+
 from ares_bags.files import find_file
 from ares_bringup.options import CannotStart
 from ares_bringup.recorded import RecordedFlight, read_flight
@@ -237,9 +239,11 @@ def _judged(summary: FlightSummary) -> dict[str, float]:
 def _comparison(names: Sequence[str], flown: Sequence[RecordedFlight]) -> Table:
     """The flights beside each other, and each minus the first."""
     summaries = [flight.summary for flight in flown]
-    columns = [Column(names[0])]
-    for name in names[1:]:
-        columns += [Column(name), Column("minus the first")]
+    # no prose: f_igm is the name of a folder, and no symbol with an index
+    first, *others = (escape(name) for name in names)
+    columns = [Column(first)]
+    for other in others:
+        columns += [Column(other), Column("minus the first")]
     rows = [
         _compared("final mass, kg", [summary.m_f_kg for summary in summaries], 2),
         _compared("cut-off, s", [summary.t_meco_s for summary in summaries], 3),

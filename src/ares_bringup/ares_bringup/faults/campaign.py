@@ -17,6 +17,8 @@ from typing import Any, TypeVar
 from rich.console import Console
 from rich.table import Table
 
+from ares_bringup.commands.interrupts import grant, tell
+from ares_bringup.crew import CLOSE_TIMEOUT
 from ares_bringup.faults.control import Control, undisturbed
 from ares_bringup.faults.rows import ROWS
 from ares_bringup.faults.trial import Class, Trial, run
@@ -28,6 +30,8 @@ T = TypeVar("T")
 #: What is counted.
 INJECTED = "injected"
 SUMS = (INJECTED, *(kind.value for kind in Class))
+
+EXIT_INTERRUPTED = 130
 
 #: A process hears of the end of its parent (Linux).
 PR_SET_PDEATHSIG = 1
@@ -201,7 +205,13 @@ def faults(n: int, seed: int, words: Sequence[str], workers: int, as_json: bool)
                 line = f"wrong: {trial.row}, number {trial.number}: {trial.why}"
                 print(line, file=sys.stderr, flush=True)
 
-        trials = fly_all(tasks, seed, workers, done)
+        grant(CLOSE_TIMEOUT)
+        try:
+            trials = fly_all(tasks, seed, workers, done)
+        except KeyboardInterrupt:
+            flown = round(progress.tasks[task].completed)
+            tell(f"{flown} of {len(tasks)} faults were flown, none is kept")
+            return EXIT_INTERRUPTED
     result = as_object(trials, n, seed)
     if as_json:
         print(json.dumps(result, indent=1))

@@ -60,14 +60,16 @@ SETTINGS: dict[str, Any] = {
     "add_completion": False,
 }
 
-LAWS_HELP = f"Guidance law: {', '.join(law_names())}."
+LAWS_HELP = f"Guidance law: {', '.join(law_names())}, or one of your own."
 MissionOption = Annotated[
     str, typer.Option(help="Name that `ares missions` lists, or path of a mission file.")
 ]
 UnsaidMission = Annotated[
     str | None, typer.Option(help="Of a bag that does not say which mission was flown.")
 ]
-SELF_STARTING_HELP = f"{LAWS_HELP} One that starts by itself, without the optimizer's node."
+#: Laws that a flight without the optimizer's node cannot start; a test asks the laws.
+TOLD_OF_A_TRAJECTORY = ("peg_thesis",)
+SELF_STARTING_HELP = LAWS_HELP.replace("".join(f", {name}" for name in TOLD_OF_A_TRAJECTORY), "")
 TablesOrJson = Annotated[
     bool, typer.Option("--json", help="Print one JSON object instead of the tables.")
 ]
@@ -102,10 +104,13 @@ class BadInput(Exception):
 class _Lists(TyperGroup):
     """A verb that lists, or checks what it is given, unless another word follows it."""
 
+    #: The command that is meant where none is named.
+    default = "list"
+
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """What is no word of the verb is a file to list."""
         if not args or args[0] not in (*self.commands, *ctx.help_option_names):
-            args = ["list", *args]
+            args = [self.default, *args]
         return super().parse_args(ctx, args)
 
 

@@ -197,7 +197,11 @@ def _fly(options: FlyOptions, as_json: bool) -> int:
             greet=(lambda _line: None) if as_json else typer.echo,
             show=show or (lambda _monitor: None),
         )
-    if as_json:
+    if summary.interrupted and not summary.started and not as_json:
+        # nothing has happened that a table could show
+        kept = f"; the bag {summary.bag} is empty" if summary.bag else "; nothing was written"
+        print(f"ares: interrupted before the flight began{kept}", file=sys.stderr)
+    elif as_json:
         typer.echo(json.dumps(summary.to_json(), indent=2, allow_nan=False))
     else:
         from ares_bringup.report import console, print_summary

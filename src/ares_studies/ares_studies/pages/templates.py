@@ -48,7 +48,12 @@ _INDEX = re.compile(r"(?<![A-Za-z_])([A-Za-zΑ-ωΔ]{1,2})_([A-Za-z]+\d?|\d+)")
 
 
 def prose(text: str) -> Markup:
-    """Text with its marks: ``t_PLF`` gets an index, ``[E3]`` becomes a link to the erratum."""
+    """Text with its marks: ``t_PLF`` gets an index, ``[E3]`` becomes a link to the erratum.
+
+    A name that somebody has chosen is no prose: it comes as Markup and stays as it is.
+    """
+    if isinstance(text, Markup):
+        return text
     marked = _INDEX.sub(r"\1<sub>\2</sub>", str(escape(text)))
     return Markup(_CITATION.sub(_links, marked))
 

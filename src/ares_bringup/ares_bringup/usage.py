@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Help, and words that no verb knows, answered before anything is imported or prepared.
+
+Standard library only: `./ares` asks it in a clone in which nothing is installed yet. What the
+verbs take is in `usage.json`, which `make usage` writes from the command line itself; a test
+compares the two.
+"""
+
+import difflib
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+HELP_WORDS = ("-h", "--help")
+EXIT_BAD_INPUT = 2
+
+
+class Answer(NamedTuple):
+    """What a call comes to that no verb has to run for: the exit status, help, a refusal."""
+
+    status: int
+    out: str = ""
+    refusal: str = ""
+
+
+def read_usage() -> dict[str, Any]:
+    """Read what the verbs take: the tree of commands that `tools/usage.py` describes."""
+    text = Path(__file__).with_name("usage.json").read_text(encoding="utf-8")
+    tree: dict[str, Any] = json.loads(text)
+    return tree
+
+
+def answer(words: Sequence[str], also: Sequence[str] = ()) -> Answer | None:
+    """Answer a call that asks for help, or that has a verb or an option that there is none of.
+
+    Args:
+        words: the call without the program's name.
+        also: verbs of whoever asks, which are no commands here.
+
+    Returns:
+        None where the verb has to see for itself.
+    """
+    command, path, left = read_usage(), "ares", list(words)
+    while "commands" in command:
+        commands = command["commands"]
+        word = left[0] if left else ""
+        if not left and "default" not in command:
+            return _refuse("Missing command", path)
+        if word in HELP_WORDS:
+            return Answer(0, command["help"])
+        if word in commands:
+            left.pop(0)
+        elif "default" in command:
+            word = command["default"]
+        elif word.startswith("-") and len(word) > 1:
+            return _read_options(command, path, left)
+        else:
+            known = [*commands, *also]
+            return _refuse(f"No such command {word!r}{did_you_mean(word, known)}", path)
+        command = commands[word]
+        path = f"{path} {word}"
+    return _read_options(command, path, left)
+
+
+def did_you_mean(word: str, known: Sequence[str]) -> str:
+    """Ask for the word that is spelled most like one that is not known; nothing if none is."""
+    close = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
+    return f"; did you mean {close[0]}?" if close else ""
+
+
+def _refuse(reason: str, path: str) -> Answer:
+    return Answer(EXIT_BAD_INPUT, "", f"{reason} (see `{path} --help`)")
+
+
+def _read_options(command: dict[str, Any], path: str, words: list[str]) -> Answer | None:
+    """Look for help and for options that a command does not have."""
+    values: dict[str, int] = command["options"]
+    known = [*values, *HELP_WORDS]
+    passes_on = command.get("passes_on", False)
+    left = words[:1] if passes_on else list(words)
+    while left:
+        word = left.pop(0)
+        if word == "--":
+            return None
+        if word in HELP_WORDS:
+            return Answer(0, command["help"])
+        name = word.partition("=")[0]
+        if word in values:
+            del left[: values[word]]
+        elif word.startswith("--") and name not in values and not passes_on:
+            return _refuse(f"No such option: {name}{did_you_mean(name, known)}", path)
+    return None
