@@ -3,7 +3,7 @@
 
 import json
 from collections.abc import Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from ares_bags.reader import Bag, open_bag
 from ares_bags.repair import repair
 from ares_bags.verify import Verification, verify
 from ares_bags.writer import INCOMPLETE_KEY
+from ares_bringup.flown_mission import flown_mission
 from ares_bringup.options import CannotStart, LiveOptions
 from ares_bringup.report import console, number
 from ares_models.units import NANOSECONDS
@@ -72,14 +73,19 @@ def _more(bag: Bag) -> str:
 
 
 def _readable(value: str) -> str:
-    """A text of the custom data; what is a JSON object as a list."""
+    """A text of the custom data; what is a JSON object as a list, of long texts their lengths."""
     try:
         entries = json.loads(value)
     except ValueError:
         entries = None
     if not isinstance(entries, dict):
         return value
-    return ", ".join(f"{name} {entry}" for name, entry in entries.items())
+    return ", ".join(f"{name} {_short(entry)}" for name, entry in entries.items())
+
+
+def _short(entry: object) -> object:
+    lines = entry.count("\n") if isinstance(entry, str) else 0
+    return f"({lines:,} lines)" if lines else entry
 
 
 def _status(found: Verification) -> int:
@@ -212,9 +218,13 @@ def replay_bag(
             from ares_bringup.audience import served
 
             try:
-                mission = open_bag(path).custom_data.get("mission", "")
+                custom = open_bag(path).custom_data
             except BagError as error:
                 raise CannotStart(str(error)) from error
+            mission = ""
+            # without it the page has no names
+            with suppress(CannotStart):
+                mission = held.enter_context(flown_mission(path, custom).file())
             home = f"/{(namespace or '').strip('/')}/ares".replace("//", "/")
             held.enter_context(served(live, mission, home))
         return run_replay(path, rate=pace, extract=Extract(**extract), namespace=namespace or "")
