@@ -2,6 +2,7 @@
 """Draw a recorded flight. No ROS."""
 
 import math
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from ares_bags.files import find_file
 from ares_bringup.options import CannotStart
 from ares_bringup.recorded import read_flight, tell_notes
+from ares_bringup.whole_file import write_whole
 from ares_models.arrays import HEATING_LIMIT
 from ares_models.mission import Mission
 from ares_studies.plots import draw_flight
@@ -44,10 +46,9 @@ def plot_bag(path: Path, out: Path | None, mission: str | None = None) -> tuple[
         _heating_limit(flown.mission),
         _target(flown.mission),
     )
-    try:
-        figure.savefig(out)
-    except OSError as error:
-        raise CannotStart(f"{out} cannot be written: {error.strerror}") from error
+    image = BytesIO()
+    figure.savefig(image, format=out.suffix[1:])
+    write_whole(out, image.getvalue())
     return out, flown.missing
 
 

@@ -80,8 +80,12 @@ def replay(
         float | None,
         typer.Option(min=0.0, help="Real-time factor; 0: as fast as readers take it. Default: 1."),
     ] = None,
-    start: Annotated[float | None, typer.Option(help="Flight time from which on, s.")] = None,
-    end: Annotated[float | None, typer.Option(help="Flight time up to which, s.")] = None,
+    start: Annotated[
+        float | None, typer.Option(min=-1e9, max=1e9, help="Flight time from which on, s.")
+    ] = None,
+    end: Annotated[
+        float | None, typer.Option(min=-1e9, max=1e9, help="Flight time up to which, s.")
+    ] = None,
     loop: Annotated[
         bool, typer.Option("--loop", help="Begin again at the end; the clock jumps back.")
     ] = False,
