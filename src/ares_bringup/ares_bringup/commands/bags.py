@@ -21,6 +21,8 @@ from ares_bringup.report import console, number
 from ares_models.units import NANOSECONDS
 
 EXIT_DAMAGED = 1
+#: Topics that the live page draws; it has to hear them before a replay may begin.
+SHOWN = ("vehicle_state", "guidance_status", "flight_event")
 
 
 def show_bag(path: Path, as_json: bool) -> int:
@@ -218,13 +220,21 @@ def replay_bag(
             from ares_bringup.audience import served
 
             try:
-                custom = open_bag(path).custom_data
+                bag = open_bag(path)
+                home = bag.name_of(SHOWN[0]).removesuffix(f"/{SHOWN[0]}")
             except BagError as error:
                 raise CannotStart(str(error)) from error
             mission = ""
             # without it the page has no names
             with suppress(CannotStart):
-                mission = held.enter_context(flown_mission(path, custom).file())
-            home = f"/{(namespace or '').strip('/')}/ares".replace("//", "/")
+                mission = held.enter_context(flown_mission(path, bag.custom_data).file())
+            prefix = (namespace or "").strip("/")
+            home = f"/{prefix}{home}" if prefix else home
             held.enter_context(served(live, mission, home))
-        return run_replay(path, rate=pace, extract=Extract(**extract), namespace=namespace or "")
+        return run_replay(
+            path,
+            rate=pace,
+            extract=Extract(**extract),
+            namespace=namespace or "",
+            expected=() if live is None else SHOWN,
+        )
