@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+import yaml
 from fastkml import Placemark
 from fastkml.kml import KML
 from fastkml.utils import find_all
@@ -20,8 +21,9 @@ from pyproj import Transformer
 
 from ares_bringup.commands.cli import main
 from ares_bringup.recorded import read_flight
+from ares_bringup.testing import short_burn
 from ares_models.mission import load_mission
-from ares_studies.export.globes import EPOCH
+from ares_studies.export.globes import NO_EPOCH
 from ares_studies.export.tables import PLAIN, unit_of
 
 REFERENCE = Path(__file__).parent.parent / "bags" / "reference"
@@ -55,6 +57,18 @@ def exported(tmp_path, capfd):
     return make
 
 
+@pytest.fixture
+def own_flight(ares, tmp_path):
+    """Bag of a flight of one's own, east of Greenwich, with ten states to each guidance cycle."""
+    content = short_burn() | {"epoch": "2031-12-31T23:00:00-05:00"}
+    mission = tmp_path / "mine.yaml"
+    mission.write_text(yaml.safe_dump(content), encoding="utf-8")
+    words = ("--mission", str(mission), "--bag", str(tmp_path / "bag"), "--in-process")
+    done = ares("fly", *words)
+    assert done.returncode == 0, done.stderr
+    return tmp_path / "bag"
+
+
 def places():
     """Longitude, latitude, height of all states, by PROJ and by hand."""
     flight = read_flight(REFERENCE)
@@ -69,6 +83,31 @@ def places():
 
 
 # ---- tables
+
+
+def test_the_commands_in_the_table_are_the_law_that_was_flown(ares, own_flight):
+    """Carried on from each row to the next, they point to where the thrust did."""
+    assert ares("export", str(own_flight), "--format", "parquet").returncode == 0
+    table = pq.read_table(own_flight / "flight.parquet").to_pydict()
+
+    def vectors(name, unit=""):
+        rows = [table[f"{name}_{axis}{unit}"] for axis in "xyz"]
+        return np.array(rows, dtype=float).T
+
+    direction, rate = vectors("command_direction"), vectors("command_direction_rate", "_per_s")
+    flown, time = vectors("thrust_direction"), np.array(table["time_s"])
+    burning = np.array(table["thrust_n"]) > 0.0
+    asked = np.flatnonzero(burning[:-1] & burning[1:] & np.isfinite(direction[:-1, 0]))
+    assert len(asked) > 300
+    # between cycles the sum of the law is longer than 1
+    commands = read_flight(own_flight).columns["thrust_command"]
+    late = (commands["time"] - commands["reference_time"])[:, None]
+    sums = np.linalg.norm(commands["direction"] + late * commands["direction_rate"], axis=1)
+    assert np.max(np.abs(sums - 1.0)) > 1e-9
+    step = (time[asked + 1] - time[asked])[:, None]
+    carried = direction[asked] + rate[asked] * step
+    carried /= np.linalg.norm(carried, axis=1, keepdims=True)
+    assert carried == pytest.approx(flown[asked + 1], abs=1e-14)
 
 
 def test_the_table_of_a_flight(exported):
@@ -147,7 +186,7 @@ def test_the_table_of_events(exported):
 
 
 def seconds(text):
-    return (datetime.fromisoformat(text) - EPOCH).total_seconds()
+    return (datetime.fromisoformat(text) - NO_EPOCH).total_seconds()
 
 
 def test_kml_is_valid_and_holds_the_flight(exported):
@@ -180,8 +219,27 @@ def test_kml_is_valid_and_holds_the_flight(exported):
     assert [line[-1] for line in lines[:-1]] == [line[0] for line in lines[1:]]
     assert lines[-1][-1] == pytest.approx((longitude[-1], latitude[-1], height[-1]), abs=2e-3)
     begins = [each.times.begin.dt for each in folders["events"]]
-    assert [(begin - EPOCH).total_seconds() for begin in begins][-1] == pytest.approx(END, abs=1e-3)
+    assert [(begin - NO_EPOCH).total_seconds() for begin in begins][-1] == pytest.approx(
+        END, abs=1e-3
+    )
     assert len({str(each.style_url.url) for each in folders["flight"]}) == 3
+
+
+def test_the_dates_are_those_of_the_epoch(ares, own_flight):
+    """Mission time 0 is the epoch, in UTC: the flight begins 1,000 s later."""
+    begin = "2032-01-01T04:16:40.000Z"
+    for form in ("kml", "czml"):
+        assert ares("export", str(own_flight), "--format", form).returncode == 0
+    track = etree.parse(own_flight / "flight.kml").iter("{*}when", "{*}begin")
+    assert min(each.text for each in track) == begin
+    text = (own_flight / "flight.kml").read_text(encoding="utf-8")
+    said = "Mission elapsed time 0 is 2032-01-01T04:00:00.000Z.<"
+    assert said in text
+    packets = json.loads((own_flight / "flight.czml").read_text(encoding="utf-8"))
+    assert packets[0]["clock"]["currentTime"] == begin
+    assert packets[0]["description"].endswith("0 is 2032-01-01T04:00:00.000Z.")
+    assert packets[1]["position"]["epoch"] == "2032-01-01T04:00:00.000Z"
+    assert "2000-01-01" not in text + json.dumps(packets)
 
 
 def test_czml_holds_the_flight(exported):

@@ -370,6 +370,13 @@ def test_a_replay_is_followed_paused_and_paced(ros_environment, opened):
         page.locator(".play").click()
         wait_for_state(page, "Flight over: the last event is flight complete")
         assert seen_time(page) == pytest.approx(767.5, abs=1.0)
+        # nothing was published before the page could hear it
+        assert page.evaluate("live.states.column('time_s')[0]") == pytest.approx(155.9)
+        assert page.evaluate("live.events[0].text") == "flight started"
+        page.wait_for_function(
+            "() => gauges.find((one) => one.dataset.key === 'time_to_go_s')"
+            ".querySelector('b').textContent === '\\u2013'"
+        )
         out, _ = replay.process.communicate(timeout=60)
         assert replay.process.returncode == 0
         assert out.startswith("published ")

@@ -74,11 +74,20 @@ class ChunkedFile:
         self._put(MCAP0_MAGIC)
         Header("ros2", f"{library} {LIBRARY_IDENTIFIER}").write(self._builder)
         self._put(self._builder.end())
-        begin = stream.tell()
+        self._metadata: list[MetadataIndex] = []
+        self.note(data)
+        self._begin_chunk()
+
+    def note(self, data: Mapping[str, str]) -> None:
+        """Write a metadata record, before the first chunk.
+
+        Args:
+            data: its content.
+        """
+        begin = self._stream.tell()
         Metadata(RECORD_NAME, dict(data)).write(self._builder)
         self._put(self._builder.end())
-        self._metadata = [MetadataIndex(begin, stream.tell() - begin, RECORD_NAME)]
-        self._begin_chunk()
+        self._metadata.append(MetadataIndex(begin, self._stream.tell() - begin, RECORD_NAME))
 
     def _put(self, data: bytes) -> None:
         self._checksum = zlib.crc32(data, self._checksum)

@@ -26,7 +26,7 @@ from ares_bags.types import (
     names_its_flight,
     starts_with_stamp,
 )
-from ares_bags.writer import GUIDANCE_KEY, INCOMPLETE_KEY, BagWriter
+from ares_bags.writer import GUIDANCE_KEY, INCOMPLETE_KEY, SIMULATOR_KEY, BagWriter
 from ares_msgs.msg import FlightMember
 from ares_node.diagnostics import Level, of_another_flight
 from ares_node.heartbeat import is_heartbeat
@@ -274,8 +274,10 @@ class RecorderNode(FlightNode):
     # ---- the flight
 
     def _on_member(self, _member: FlightMember) -> None:
-        self._membership.witness()
-        self._note_guidance()
+        agreed = self._membership.witness()
+        self._note_members()
+        if agreed:
+            self._try(lambda writer: writer.note())
         if self._membership.flight_id:
             self._take_held_back()
         simulator = self._membership.simulator
@@ -293,10 +295,14 @@ class RecorderNode(FlightNode):
             # it may be dead and never say how many statuses there were
             self._ending = self.wall_timer(LAST_WORD_TIME, self.drain_and_close)
 
-    def _note_guidance(self) -> None:
-        """Keep what each guidance that was accepted flies by."""
-        guidance = self._membership.guidance
-        if self._writer is not None and guidance is not None and guidance.settings:
+    def _note_members(self) -> None:
+        """Keep what the simulator flies, and what each guidance that was accepted flies by."""
+        simulator, guidance = self._membership.simulator, self._membership.guidance
+        if self._writer is None:
+            return
+        if simulator is not None and simulator.settings:
+            self._writer.custom_data[SIMULATOR_KEY] = str(simulator.settings)
+        if guidance is not None and guidance.settings:
             key = GUIDANCE_KEY + id_text(int(guidance.member_id))
             self._writer.custom_data[key] = str(guidance.settings)
 

@@ -9,7 +9,7 @@ import re
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from itertools import groupby
@@ -46,6 +46,8 @@ ACKNOWLEDGE_TIMEOUT_S = 5.0
 #: So often a stop is looked for meanwhile: the command line has a second to end in good order.
 ACKNOWLEDGE_SLICE = Duration(seconds=0.05)
 DEPTH = 1000
+#: Wall time in s to wait for readers that are known to come: their process may only just start.
+EXPECTED_READERS_S = 20.0
 
 #: Characters of a topic's full name that the middleware takes.
 LONGEST_NAME = 247
@@ -156,6 +158,7 @@ def replay(
     extract: Extract | None = None,
     namespace: str = "",
     wait_for_readers_s: float = 1.0,
+    expected: Collection[str] = (),
     stopped: Callable[[], bool] = lambda: False,
 ) -> Replay:
     """Publish a bag's messages in order of flight time, and /clock.
@@ -172,6 +175,8 @@ def replay(
         namespace: put in front of every topic name (`/again` + `/ares/nav_state`).
         wait_for_readers_s: wall time in s to wait at most until every topic has a reader;
             messages published before a reader is known do not reach it.
+        expected: ends of topic names whose readers are known to come: these are waited for longer,
+            EXPECTED_READERS_S at most.
         stopped: looked at between messages; True ends the replay.
 
     Raises:
@@ -198,6 +203,8 @@ def replay(
             for name, full_name in full_names.items()
         }
         clock = node.create_publisher(Clock, CLOCK, CLOCK_QOS)
+        awaited = [publishers[name] for name in names if name.rsplit("/", 1)[-1] in expected]
+        _wait_for_readers(awaited, EXPECTED_READERS_S, stopped)
         _wait_for_readers(publishers.values(), wait_for_readers_s, stopped)
         run = _Run(bag, extract, publishers, clock, playback, stopped)
         with remote(node, playback, _beside(full_names), _flight_of(bag)):
@@ -338,6 +345,7 @@ def run_replay(
     rate: float = 1.0,
     extract: Extract | None = None,
     namespace: str = "",
+    expected: Collection[str] = (),
     say: Callable[[str], None] = print,
 ) -> int:
     """Replay a bag from the command line, until its end, a key or SIGINT or SIGTERM.
@@ -349,6 +357,7 @@ def run_replay(
         rate: flight seconds per wall second; 0 as fast as the readers acknowledge.
         extract: see `replay`.
         namespace: see `replay`.
+        expected: see `replay`.
         say: where the summary goes.
 
     Returns:
@@ -375,6 +384,7 @@ def run_replay(
                     playback=playback,
                     extract=extract,
                     namespace=namespace,
+                    expected=expected,
                     stopped=lambda: stopped() or ended(),
                 )
     except (BagError, SecurityError, ValueError) as error:

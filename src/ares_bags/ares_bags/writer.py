@@ -27,6 +27,8 @@ from ares_bags.seal import seal
 INCOMPLETE_KEY = "incomplete"
 #: Before the identity of a guidance: custom data with what that one flew by, a JSON object.
 GUIDANCE_KEY = "guidance "
+#: Custom data with what the simulator flew, a JSON object: parameters, software, texts of files.
+SIMULATOR_KEY = "simulator"
 
 #: How the header of a file begins that was written here.
 LIBRARY = "ares_bags"
@@ -126,6 +128,7 @@ class BagWriter:
         self.counts: dict[str, int] = {}
         self.error: BagError | None = None
         self.custom_data = dict(custom_data or {})
+        self._noted = dict(self.custom_data)
         self._flush_interval = flush_interval_s
         self._flush_bytes = flush_bytes
         self._topics: dict[str, Topic] = {}
@@ -226,6 +229,22 @@ class BagWriter:
             or time.monotonic() - self._flushed_at >= self._flush_interval
         ):
             self.flush()
+
+    def note(self) -> None:
+        """Bring custom data that have been added to the file, if no message is there yet.
+
+        Raises:
+            BagError: the bag could not be written; it is closed then.
+        """
+        if not self._open or self._chunks.index_size or self.custom_data == self._noted:
+            return
+        self._noted = dict(self.custom_data)
+        try:
+            self._chunks.note(record_data(self._information()))
+            self._output.hold(self._room())
+            self._output.flush()
+        except OSError as error:
+            raise self._fail(error) from error
 
     def flush(self) -> None:
         """Bring everything taken so far to the file, as a complete chunk.

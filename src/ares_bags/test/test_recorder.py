@@ -4,6 +4,7 @@
 import json
 import os
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -42,6 +43,7 @@ from ares_bags.testing import (
     recorded_so_far,
     report,
 )
+from ares_bags.verify import verify
 from ares_msgs.msg import FlightEvent, GuidanceStatus, NavState
 from ares_node.diagnostics import hardware_id
 from ares_node.identity import id_text
@@ -573,6 +575,44 @@ def test_guidance_says_how_many_statuses_there_were(
     assert open_bag(tmp_path / "flight").topics["/ares/guidance_status"].count == sent + 1
     guidance.close()
     simulator.close()
+
+
+def test_a_recorder_that_is_killed_leaves_what_was_flown(
+    source: Source, recorders: Any, tmp_path: Path
+) -> None:
+    """What the members tell of themselves is in the file before the first message."""
+    simulator = Membership(source.node, Role.VEHICLE_SIM, "ares_v", FLIGHT_ID)
+    guidance = Membership(source.node, Role.GUIDANCE, "ares_v", FLIGHT_ID)
+    told = {
+        "simulator": '{"mission_text": "name: mine"}',
+        f"guidance {id_text(guidance.member_id)}": '{"law": "peg"}',
+    }
+    for member, settings in zip((simulator, guidance), told.values(), strict=True):
+        member.tell_settings(settings)
+    simulator.listen()
+    guidance.listen()
+    recorder = recorders(
+        bag=str(tmp_path / "flight"), flight_id=FLIGHT_ID, flush_interval_s=0.01, mission="mine"
+    )
+    assert recorder.start(), recorder.failure
+    simulator.say(State.PRESENT, guidance_id=guidance.member_id)
+    guidance.agree(guidance.member_id)
+    assert spin_until(source.executor, lambda: simulator.others(Role.RECORDER, State.READY))
+    source.wait_for_recorder()
+    source.publish(0, 50)
+    file = tmp_path / "flight" / "flight_0.mcap"
+    killed = tmp_path / "killed"
+    killed.mkdir()
+    assert spin_until(source.executor, lambda: recorded_so_far(tmp_path / "flight")[NAV] == 50)
+    shutil.copy(file, killed / "killed_0.mcap")
+    saved = open_bag(repair(killed).path).custom_data
+    assert {key: saved[key] for key in told} == told
+    simulator.close()
+    guidance.close()
+    recorder.drain_and_close(source.executor)
+    whole = open_bag(tmp_path / "flight").custom_data
+    assert {key: whole[key] for key in told} == told
+    assert not verify(tmp_path / "flight").findings
 
 
 def test_a_guidance_without_a_last_word_is_not_waited_for(

@@ -154,6 +154,36 @@ class NapClock:
         self.now += seconds
 
 
+def test_a_reader_that_is_known_to_come_is_waited_for(
+    executor: Executor, listener: Node, ros_domain: int, tmp_path: Path
+) -> None:
+    """Its process may start after the publishers are there: nothing goes out before it hears."""
+    heard: list[int] = []
+    bag = open_bag(write_bag(tmp_path / "flight", COUNT))
+
+    def come() -> None:
+        if listener.count_publishers(NAV) and not listener.count_subscribers(NAV):
+            listener.create_subscription(
+                NavState, NAV, lambda state: heard.append(state.sequence), FLIGHT
+            )
+
+    listener.create_timer(0.5, come)
+    with ros_context_on(ros_domain) as context:
+        in_background(
+            executor,
+            lambda: replay(
+                bag,
+                context,
+                playback=Playback(0.0),
+                extract=Extract(["nav_state"]),
+                wait_for_readers_s=0.0,
+                expected=("nav_state", "vehicle_state"),
+            ),
+            lambda: bool(heard) and heard[-1] == COUNT - 1,
+        )
+    assert heard == list(range(COUNT))
+
+
 def test_pace_namespace_and_topics(
     executor: Executor,
     listener: Node,

@@ -147,13 +147,13 @@ def served(live: LiveOptions, mission: str, namespace: str) -> Iterator[None]:
 
     Args:
         live: how to serve it.
-        mission: that is shown; without its names if it cannot be read.
+        mission: path of its file; empty: the page has no names of it.
         namespace: of the flight.
 
     Raises:
         CannotStart: it cannot be served so; one line.
     """
-    parameters = page_parameters(live, mission if _is_readable(mission) else "", 0)
+    parameters = page_parameters(live, mission, 0)
     with Crew() as crew:
         crew.start(LIVE, MODULE, ros_arguments(parameters, namespace))
         deadline = time.monotonic() + PATIENCE
@@ -163,16 +163,6 @@ def served(live: LiveOptions, mission: str, namespace: str) -> Iterator[None]:
                 break
             time.sleep(LOOK_PERIOD)
         yield
-
-
-def _is_readable(mission: str) -> bool:
-    from ares_models.mission import MissionError, load_mission
-
-    try:
-        load_mission(mission)
-    except MissionError:
-        return False
-    return True
 
 
 def follow(live: LiveOptions, mission: str, namespace: str, domain: int | None) -> NoReturn:

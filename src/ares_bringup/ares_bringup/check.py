@@ -5,7 +5,6 @@ The navigation states of the bag are given to a guidance that has heard nothing 
 of its node, in this process and without a graph.
 """
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -20,12 +19,13 @@ from ares_bags.errors import BagError
 from ares_bags.reader import Bag, open_bag
 from ares_bags.types import check_installed
 from ares_bags.writer import GUIDANCE_KEY, INCOMPLETE_KEY
+from ares_bringup.flown_mission import MISSION_DIGEST, FlownMission, flown_mission, told_of
 from ares_bringup.options import CannotStart
 from ares_guidance.laws import find_law
-from ares_guidance.messages import ANSWER_TAKEN, ASKED_AT_NS, Answers, mission_digest
+from ares_guidance.messages import ANSWER_TAKEN, ASKED_AT_NS, Answers
 from ares_guidance.node import PARAMETERS
 from ares_guidance.registry import law_names
-from ares_models.mission import Mission, load_mission
+from ares_models.mission import Mission
 from ares_models.software import software
 from ares_msgs.msg import GuidanceStatus, NavState, ThrustCommand
 from ares_node.identity import id_text
@@ -150,18 +150,19 @@ def check(path: Path, given: Mapping[str, str]) -> Check:
     except BagError as error:
         raise CannotStart(str(error)) from error
     turns = _turns(recorded)
+    found = flown_mission(path, bag.custom_data, given.get("mission"))
     flown = [_flown_by(bag, recorded, turn, given) for turn in turns]
     values, told, notes = flown[0]
-    mission = _mission(path, values["mission"])
-    result = Check(
-        path, mission.name, values["law"], told.get("software", ""), software(), notes=notes
-    )
-    _note_software(result, told, mission)
+    name = found.mission.name
+    result = Check(path, name, values["law"], told.get("software", ""), software(), notes=notes)
+    _note_software(result, told, found)
     if reason := bag.custom_data.get(INCOMPLETE_KEY):
         result.notes.append(f"the bag is incomplete: {reason}")
     answered: dict[str, dict[int, Any]] = {COMMAND: {}, STATUS: {}}
-    for turn, (values, _, _) in zip(turns, flown, strict=True):
-        _fly(recorded, turn, values, mission, result, answered)
+    with found.file() as file:
+        for turn, (values, _, _) in zip(turns, flown, strict=True):
+            values["mission"] = file
+            _fly(recorded, turn, values, found.mission, result, answered)
     _compare(recorded, answered, result)
     return result
 
@@ -232,7 +233,7 @@ def _flown_by(
     bag: Bag, recorded: _Recorded, turn: _Turn, given: Mapping[str, str]
 ) -> tuple[dict[str, Any], dict[str, Any], list[str]]:
     """Settings of a guidance, what the bag tells of them, and what of them was assumed."""
-    told = _told(bag, turn.guidance_id)
+    told = told_of(bag.path, bag.custom_data, GUIDANCE_KEY + id_text(turn.guidance_id))
     notes = []
     values = {name: item.default for name, item in SETTINGS.items()}
     for name in ("mission", "law"):
@@ -246,26 +247,11 @@ def _flown_by(
         values[name] = _parsed(name, text)
         if name in told and told[name] != values[name]:
             notes.append(f"{name} was {told[name]} in the flight, given is {values[name]}")
-    if "mission" not in told and "mission" not in given:
-        raise CannotStart(f"bag {bag.path} does not say which mission was flown; --mission does")
     unknown = [name for name in values if name not in told and name not in given]
     if unknown:
         assumed = ", ".join(f"{name} {_shown(values[name])}" for name in unknown)
         notes.append(f"assumed, since the bag does not say (--set gives another): {assumed}")
     return values, told, notes
-
-
-def _told(bag: Bag, guidance_id: int) -> dict[str, Any]:
-    """What the recorder has heard of a guidance."""
-    try:
-        told = json.loads(bag.custom_data.get(GUIDANCE_KEY + id_text(guidance_id), "{}"))
-    except ValueError:
-        told = None
-    if not isinstance(told, dict):
-        raise CannotStart(
-            f"bag {bag.path}: what it says of guidance {id_text(guidance_id)} is no JSON object"
-        )
-    return told
 
 
 def _shown(value: Any) -> str:
@@ -298,18 +284,17 @@ def _parsed(name: str, text: str) -> Any:
         raise CannotStart(f"{name} is {text!r}; expected {kind}") from error
 
 
-def _mission(path: Path, name: str) -> Mission:
-    try:
-        return load_mission(name)
-    except ValueError as error:
-        raise CannotStart(f"bag {path} is of a mission that cannot be read: {error}") from error
-
-
-def _note_software(result: Check, told: Mapping[str, Any], mission: Mission) -> None:
+def _note_software(result: Check, told: Mapping[str, Any], found: FlownMission) -> None:
     """What else of the flight is not as it was."""
-    if told.get("mission_digest", mission_digest(mission)) != mission_digest(mission):
-        result.notes.append(f"mission {mission.name} has other numbers now than it had then")
-    if result.recorded_by and result.recorded_by != result.software:
+    if found.note:
+        result.notes.append(found.note)
+    if result.recorded_by == result.software:
+        if (
+            told.get(MISSION_DIGEST, found.mission.digest) != found.mission.digest
+            and not found.note
+        ):
+            result.notes.append("guidance flew by other numbers of its mission than the simulator")
+    elif result.recorded_by:
         result.notes.append("another version flew: its last digits may differ, and its law")
 
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A flight as its bag has it, and the verdict on it. No ROS."""
 
+import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -14,9 +15,10 @@ from ares_bags.errors import BagError
 from ares_bags.reader import LOG_TIME, Bag, open_bag
 from ares_bags.repair import repair
 from ares_bags.writer import INCOMPLETE_KEY
+from ares_bringup.flown_mission import flown_mission
 from ares_bringup.options import CannotStart
 from ares_bringup.summary import Diagnostic, Event, FlightSummary, Status, facts_of
-from ares_models.mission import Mission, MissionError, load_mission
+from ares_models.mission import Mission
 from ares_models.units import NANOSECONDS
 
 Columns = Mapping[str, NDArray[Any]]
@@ -52,6 +54,7 @@ class RecordedFlight:
         columns: of TOPICS, with `time` in s; of a topic without messages only that.
         summary: the verdict; what is missing of the bag is one of its problems.
         missing: what that is, one line; empty: nothing.
+        note: on its mission, see `FlownMission`.
     """
 
     path: Path
@@ -60,6 +63,7 @@ class RecordedFlight:
     columns: Mapping[str, Columns]
     summary: FlightSummary
     missing: str
+    note: str
 
 
 @dataclass(frozen=True)
@@ -72,12 +76,12 @@ class _Contents:
     missing: str
 
 
-def read_flight(path: Path, unsaid: str | None = None) -> RecordedFlight:
+def read_flight(path: Path, given: str | None = None) -> RecordedFlight:
     """A flight from its bag; of a damaged bag what is intact, and said to be so.
 
     Args:
         path: the bag.
-        unsaid: mission of a bag that does not say which one was flown.
+        given: mission to take instead of that of the flight.
 
     Raises:
         CannotStart: there is no such bag, nothing in it can be read, it holds no flight, or
@@ -89,9 +93,9 @@ def read_flight(path: Path, unsaid: str | None = None) -> RecordedFlight:
         contents = _salvage(path, error)
     if not len(contents.columns["vehicle_state"]["time"]):
         raise CannotStart(f"bag {path} holds no flight: vehicle_state is empty")
-    mission = _mission(path, contents.custom, unsaid)
+    found = flown_mission(path, contents.custom, given)
     law = contents.custom.get("law", "unknown")
-    summary = FlightSummary(facts_of(mission), law, str(path))
+    summary = FlightSummary(facts_of(found.mission), law, str(path))
     for event in _events(contents.columns["flight_event"]):
         summary.add_event(event)
     for status in _statuses(contents.columns["guidance_status"]):
@@ -100,7 +104,15 @@ def read_flight(path: Path, unsaid: str | None = None) -> RecordedFlight:
         summary.add_diagnostic(complaint)
     if contents.missing:
         summary.problems.append(contents.missing)
-    return RecordedFlight(path, mission, law, contents.columns, summary, contents.missing)
+    columns, missing = contents.columns, contents.missing
+    return RecordedFlight(path, found.mission, law, columns, summary, missing, found.note)
+
+
+def tell_notes(flown: Sequence[RecordedFlight]) -> None:
+    """Say on standard error by which mission flights are read, where that is not as it was."""
+    for flight in flown:
+        if flight.note:
+            print(f"ares: {flight.path}: {' '.join(flight.note.split())}", file=sys.stderr)
 
 
 def _read(path: Path, bag: Bag) -> _Contents:
@@ -161,16 +173,6 @@ def _salvage(path: Path, error: BagError) -> _Contents:
         except BagError:
             raise CannotStart(str(error)) from error
     return replace(contents, missing=f"{saved.problem}; {saved.loss}")
-
-
-def _mission(path: Path, custom: Mapping[str, str], unsaid: str | None) -> Mission:
-    name = custom.get("mission") or unsaid
-    if not name:
-        raise CannotStart(f"bag {path} does not say which mission was flown; --mission does")
-    try:
-        return load_mission(name)
-    except MissionError as error:
-        raise CannotStart(f"bag {path} is of a mission that cannot be read: {error}") from error
 
 
 def _events(columns: Columns) -> Iterator[Event]:

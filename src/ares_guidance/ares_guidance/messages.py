@@ -8,7 +8,6 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import fields
-from hashlib import sha256
 from typing import Any
 
 import numpy as np
@@ -34,11 +33,6 @@ ANALYTIC = "analytic"
 #: of the navigation state in the request.
 ANSWER_TAKEN = "starting from the optimizer's answer"
 ASKED_AT_NS = "asked_at_ns"
-
-
-def mission_digest(mission: Mission) -> str:
-    """What tells a mission from another of its name: a digest of all its numbers."""
-    return sha256(mission.model_dump_json().encode()).hexdigest()[:16]
 
 
 class Answers:
@@ -93,7 +87,7 @@ class Answers:
 
         `software` names what computes, `mission_digest` the numbers of the mission.
         """
-        about = {"software": software(), "mission_digest": mission_digest(self._mission)}
+        about = {"software": software(), "mission_digest": self._mission.digest}
         return json.dumps(about | dict(self._values))
 
     @property

@@ -6,6 +6,7 @@ The file format is described key by key in ``docs/missions.md``.
 
 import math
 from dataclasses import dataclass
+from hashlib import sha256
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
@@ -333,6 +334,11 @@ class Mission(Part):
             write_areas(self, record)
         return record
 
+    @property
+    def digest(self) -> str:
+        """Digest of all that the file says, but for comments and layout; 16 characters."""
+        return sha256(self.model_dump_json().encode()).hexdigest()[:16]
+
     def describe(self) -> dict[str, str]:
         """Short texts for a listing: name, title, stages, jettisons, target, source."""
         return {
@@ -462,8 +468,20 @@ def load_mission(name_or_path: str | Path) -> Mission:
         MissionError: one line that names the file, the key path, the value found and what
             was expected.
     """
+    return read_mission(name_or_path)[0]
+
+
+def read_mission(name_or_path: str | Path) -> tuple[Mission, str]:
+    """Read and check a mission; return it with the text of its file.
+
+    Args: as :func:`load_mission`.
+
+    Raises:
+        MissionError: so too.
+    """
     path = MISSION.find(name_or_path)
-    return parse_mission(read_text(path, MISSION), str(path))
+    text = read_text(path, MISSION)
+    return parse_mission(text, str(path)), text
 
 
 def parse_mission(text: str, source: str) -> Mission:

@@ -2,6 +2,7 @@
 """The indirect method against published optima, exact derivatives and its own invariants."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -25,6 +26,7 @@ from ares_optimizer.indirect.solve import (
     _from_high_limits,
     _from_light_drops,
     _from_linear_gravity,
+    _why_not,
     solve_indirect,
 )
 from ares_optimizer.indirect.solver import (
@@ -35,7 +37,7 @@ from ares_optimizer.indirect.solver import (
 )
 from ares_optimizer.kernels.timetable import MAX_SEGMENTS, SEGMENT, Times, build_timetable
 from ares_optimizer.request import Heating
-from ares_optimizer.solution import OptimizerError
+from ares_optimizer.solution import OptimizerError, Status
 from ares_optimizer.two_point.arrays import INVERSE_SQUARE, WORK, Gravity
 from ares_optimizer.two_point.kernels import newton
 from ares_optimizer.two_point.kernels.costates import (
@@ -561,6 +563,22 @@ class TestObstacles:
         assert not solution.converged
         assert solution.reason.startswith("no flight to the target found: radius")
         assert solution.iterations < 200
+
+    def test_only_what_is_off_is_said_to_be(self, ares, monkeypatch):
+        """A root that meets its target, and is none for another reason, does not miss it."""
+        arrays, start = ares
+        solver = TwoPointSolver(arrays, TwoPointOptions(heating=Heating.IGNORED))
+        root = solver.solve(start)
+        assert root.converged
+        unsound = replace(root, status=newton.UNSOUND)
+        monkeypatch.setattr(solver, "solve", lambda _start: unsound)
+        cause = _why_not(solver, start, unsound)
+        assert cause.status is Status.NOT_OPTIMAL
+        assert cause.reason.startswith("the root found is no flight: underground")
+        solver.arrays.target["radius"] += 200.0
+        cause = _why_not(solver, start, unsound)
+        assert cause.status is Status.INFEASIBLE
+        assert cause.reason == "no flight to the target found: radius_m off by -200, allowed 100"
 
     def test_linear_gravity_is_no_proof(self, ares):
         """Converged to 1e-9 in its own field; the independent flight refuses it."""

@@ -29,7 +29,8 @@ from ares_models.input_file import (
     by_cause,
     explain,
     format_number,
-    read_input,
+    parse_input,
+    read_text,
 )
 from ares_models.mission_parts import Latitude, Moment, Part, Turn, fail
 from ares_models.ranges import Range
@@ -362,10 +363,22 @@ def load_dispersions(name_or_path: str | Path) -> Dispersions:
     Raises:
         DispersionsError: one line with the file, the key, its value and what was expected.
     """
+    return read_dispersions(name_or_path)[0]
+
+
+def read_dispersions(name_or_path: str | Path) -> tuple[Dispersions, str]:
+    """Read a dispersions file; return what it says, and its text.
+
+    Args: as `load_dispersions`.
+
+    Raises:
+        DispersionsError: so too.
+    """
     path = DISPERSIONS.find(name_or_path)
-    data, lines = read_input(path, DISPERSIONS)
+    text = read_text(path, DISPERSIONS)
+    data, lines = parse_input(text, str(path), DISPERSIONS)
     try:
-        return Dispersions.model_validate(data)
+        return Dispersions.model_validate(data), text
     except ValidationError as error:
         problems = [explain(item, lines, _siblings) for item in by_cause(error.errors())]
         raise DispersionsError(str(path), problems) from None

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Vehicle simulator node: owns /clock and flies in lock-step with guidance."""
 
+import json
 import math
 import re
 import sys
@@ -20,7 +21,8 @@ from rosgraph_msgs.msg import Clock
 
 from ares_models.arrays import STEERING
 from ares_models.failures import read_failure
-from ares_models.mission import load_mission
+from ares_models.mission import read_mission
+from ares_models.software import software
 from ares_msgs.msg import FlightEvent, FlightMember, NavState, ThrustCommand, VehicleState
 from ares_node.diagnostics import Level, Timing, pace_word, worth_saying
 from ares_node.identity import id_text, new_id
@@ -45,7 +47,7 @@ from ares_node.seal import canonical
 from ares_node.states import StateMessage, clock_data
 from ares_node.time import NANOSECONDS, ns_from_seconds, ns_from_stamp, stamp_from_ns
 from ares_vehicle_sim.arrays import GUIDANCE_BACK, GUIDANCE_LOST
-from ares_vehicle_sim.dispersions import Dispersions, load_dispersions
+from ares_vehicle_sim.dispersions import Dispersions, read_dispersions
 from ares_vehicle_sim.simulator import CommandRefused, Simulator, SimulatorOptions
 
 #: Slowest real-time factor.
@@ -242,11 +244,11 @@ class VehicleSimNode(FlightNode):
         values = self.values
         if reason := _why_no_pace(values["pace"]):
             raise NodeError(reason)
-        dispersions = Dispersions()
+        dispersions, texts = Dispersions(), {}
         if values["dispersions"]:
-            dispersions = load_dispersions(values["dispersions"])
+            dispersions, texts["dispersions_text"] = read_dispersions(values["dispersions"])
         limit = math.radians(values["attitude_rate_limit_deg_s"]) or math.inf
-        mission = load_mission(values["mission"])
+        mission, texts["mission_text"] = read_mission(values["mission"])
         self._mission_name = mission.name
         flight = (
             mission,
@@ -265,6 +267,8 @@ class VehicleSimNode(FlightNode):
                 self, Role.VEHICLE_SIM, mission.name, values["flight_id"] or new_id()
             )
             failed.callback(self._membership.close)
+            flown = {item.name: values[item.name] for item in PARAMETERS if item is not FLIGHT_ID}
+            self._membership.tell_settings(json.dumps({"software": software()} | flown | texts))
             # one step of a flight that nobody sees: the plant is compiled before guidance waits
             rehearsal = Simulator(*flight)
             rehearsal.advance()

@@ -3,7 +3,7 @@
 
 import json
 from collections.abc import Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +16,14 @@ from ares_bags.repair import repair
 from ares_bags.verify import Verification, verify
 from ares_bags.writer import INCOMPLETE_KEY
 from ares_bringup.commands.interrupts import note_written
+from ares_bringup.flown_mission import flown_mission
 from ares_bringup.options import CannotStart, LiveOptions
 from ares_bringup.report import console, number
 from ares_models.units import NANOSECONDS
 
 EXIT_DAMAGED = 1
+#: Topics that the live page draws; it has to hear them before a replay may begin.
+SHOWN = ("vehicle_state", "guidance_status", "flight_event")
 
 
 def show_bag(path: Path, as_json: bool) -> int:
@@ -73,14 +76,19 @@ def _more(bag: Bag) -> str:
 
 
 def _readable(value: str) -> str:
-    """A text of the custom data; what is a JSON object as a list."""
+    """A text of the custom data; what is a JSON object as a list, of long texts their lengths."""
     try:
         entries = json.loads(value)
     except ValueError:
         entries = None
     if not isinstance(entries, dict):
         return value
-    return ", ".join(f"{name} {entry}" for name, entry in entries.items())
+    return ", ".join(f"{name} {_short(entry)}" for name, entry in entries.items())
+
+
+def _short(entry: object) -> object:
+    lines = entry.count("\n") if isinstance(entry, str) else 0
+    return f"({lines:,} lines)" if lines else entry
 
 
 def _status(found: Verification) -> int:
@@ -214,9 +222,21 @@ def replay_bag(
             from ares_bringup.audience import served
 
             try:
-                mission = open_bag(path).custom_data.get("mission", "")
+                bag = open_bag(path)
+                home = bag.name_of(SHOWN[0]).removesuffix(f"/{SHOWN[0]}")
             except BagError as error:
                 raise CannotStart(str(error)) from error
-            home = f"/{(namespace or '').strip('/')}/ares".replace("//", "/")
+            mission = ""
+            # without it the page has no names
+            with suppress(CannotStart):
+                mission = held.enter_context(flown_mission(path, bag.custom_data).file())
+            prefix = (namespace or "").strip("/")
+            home = f"/{prefix}{home}" if prefix else home
             held.enter_context(served(live, mission, home))
-        return run_replay(path, rate=pace, extract=Extract(**extract), namespace=namespace or "")
+        return run_replay(
+            path,
+            rate=pace,
+            extract=Extract(**extract),
+            namespace=namespace or "",
+            expected=() if live is None else SHOWN,
+        )

@@ -7,7 +7,7 @@ from pathlib import Path
 from ares_bags.files import find_file
 from ares_bringup.commands.report import recording_of
 from ares_bringup.options import ExportFormat, ExportTable
-from ares_bringup.recorded import RecordedFlight, read_flight
+from ares_bringup.recorded import RecordedFlight, read_flight, tell_notes
 from ares_bringup.summary import VERDICTS
 from ares_bringup.whole_file import write_whole
 from ares_studies.export.czml import as_czml
@@ -22,7 +22,13 @@ _AS_TABLE = {ExportFormat.CSV: as_csv, ExportFormat.PARQUET: as_parquet}
 _AS_GLOBE = {ExportFormat.KML: as_kml, ExportFormat.CZML: as_czml}
 
 
-def export(path: Path, form: ExportFormat, table: ExportTable, out: Path | None) -> int:
+def export(
+    path: Path,
+    form: ExportFormat,
+    table: ExportTable,
+    out: Path | None,
+    mission: str | None = None,
+) -> int:
     """Write a recorded flight in another format, and print where.
 
     Args:
@@ -30,6 +36,7 @@ def export(path: Path, form: ExportFormat, table: ExportTable, out: Path | None)
         form: the format.
         table: which table, of the formats that have tables.
         out: the file; None: named for table and format, in the bag's folder.
+        mission: to take instead of that of the flight.
 
     Returns:
         Exit status: 0, or 1 if the bag is damaged or cut, which is said on standard error; what
@@ -39,7 +46,8 @@ def export(path: Path, form: ExportFormat, table: ExportTable, out: Path | None)
         CannotStart: no such bag, no flight in it, its mission cannot be read, or the file
             cannot be written; one line.
     """
-    flown = read_flight(path)
+    flown = read_flight(path, mission)
+    tell_notes([flown])
     if out is None:
         out = find_file(path).parent / f"{table.value}.{form.value}"
     what = _exported(flown)

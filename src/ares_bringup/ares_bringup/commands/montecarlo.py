@@ -22,6 +22,7 @@ from ares_bringup.commands.interrupts import note_written, tell
 from ares_bringup.options import CannotStart, HeatingSource, self_starting
 from ares_bringup.progress import bar
 from ares_bringup.report import console, number, shown_path
+from ares_bringup.whole_file import write_whole
 from ares_guidance.law import LawSettings
 from ares_guidance.laws import check_law
 from ares_models.atmosphere import AtmosphereError
@@ -287,7 +288,7 @@ def _write_report(
     globe = make_ways(settings, sampled(summary), summary.failed)
     page = render(make_report(settings, summary, facts, options.command("fly"), reached, globe))
     path = store.folder / REPORT
-    path.write_text(page, encoding="utf-8")
+    write_whole(path, page.encode())
     return path
 
 

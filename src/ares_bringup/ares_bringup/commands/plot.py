@@ -2,13 +2,15 @@
 """Draw a recorded flight. No ROS."""
 
 import math
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 
 from ares_bags.files import find_file
 from ares_bringup.options import CannotStart
-from ares_bringup.recorded import read_flight
+from ares_bringup.recorded import read_flight, tell_notes
+from ares_bringup.whole_file import write_whole
 from ares_models.arrays import HEATING_LIMIT
 from ares_models.mission import Mission
 from ares_studies.plots import draw_flight
@@ -22,7 +24,7 @@ def plot_bag(path: Path, out: Path | None, mission: str | None = None) -> tuple[
     Args:
         path: bag.
         out: image file, its ending chooses the format; None: flight.png in the bag's folder.
-        mission: of a bag that does not say which one was flown.
+        mission: to take instead of that of the flight.
 
     Returns:
         The image file, and what is missing in the bag: one line, empty if nothing is.
@@ -31,6 +33,7 @@ def plot_bag(path: Path, out: Path | None, mission: str | None = None) -> tuple[
         CannotStart: no such bag, no flight in it, or the image cannot be written; one line.
     """
     flown = read_flight(path, mission)
+    tell_notes([flown])
     if out is None:
         out = find_file(path).parent / "flight.png"
     if out.suffix not in FORMATS:
@@ -43,10 +46,9 @@ def plot_bag(path: Path, out: Path | None, mission: str | None = None) -> tuple[
         _heating_limit(flown.mission),
         _target(flown.mission),
     )
-    try:
-        figure.savefig(out)
-    except OSError as error:
-        raise CannotStart(f"{out} cannot be written: {error.strerror}") from error
+    image = BytesIO()
+    figure.savefig(image, format=out.suffix[1:])
+    write_whole(out, image.getvalue())
     return out, flown.missing
 
 

@@ -10,7 +10,7 @@ from markupsafe import escape
 
 from ares_bags.files import find_file
 from ares_bringup.options import CannotStart
-from ares_bringup.recorded import RecordedFlight, read_flight
+from ares_bringup.recorded import RecordedFlight, read_flight, tell_notes
 from ares_bringup.report import ORBIT_ERRORS, number, shown_path
 from ares_bringup.summary import (
     Diagnostic,
@@ -61,7 +61,7 @@ def report(paths: Sequence[Path], out: Path | None, mission: str | None = None) 
         paths: bags, MAX_FLIGHTS at most; of whatever missions.
         out: the page; None: `report.html`, of several `comparison.html`, in the folder of the
             first bag.
-        mission: of bags that do not say which one was flown.
+        mission: to take instead of that of each flight.
 
     Returns:
         The page.
@@ -73,6 +73,7 @@ def report(paths: Sequence[Path], out: Path | None, mission: str | None = None) 
     if len(paths) > MAX_FLIGHTS:
         raise CannotStart(f"{len(paths)} bags; expected {MAX_FLIGHTS} at most, a colour each")
     flown = [read_flight(path, mission) for path in paths]
+    tell_notes(flown)
     if out is None:
         out = find_file(paths[0]).parent / (PAGE if len(paths) == 1 else COMPARISON)
     names = short_names(flown)
@@ -159,7 +160,7 @@ def _facts(flown: RecordedFlight) -> list[tuple[str, str]]:
     times = flown.columns["vehicle_state"]["time"]
     lines = [
         ("bag", shown_path(str(flown.path))),
-        ("mission", summary.facts.name),
+        ("mission", summary.facts.name + (f" ({flown.note})" if flown.note else "")),
         ("guidance", flown.law),
         ("flown", f"{number(times[0], 2)} to {number(times[-1], 2)} s, {len(times):,} states"),
     ]

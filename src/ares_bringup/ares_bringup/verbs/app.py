@@ -64,8 +64,9 @@ LAWS_HELP = f"Guidance law: {', '.join(law_names())}, or one of your own."
 MissionOption = Annotated[
     str, typer.Option(help="Name that `ares missions` lists, or path of a mission file.")
 ]
-UnsaidMission = Annotated[
-    str | None, typer.Option(help="Of a bag that does not say which mission was flown.")
+OtherMission = Annotated[
+    str | None,
+    typer.Option(help="Mission to take instead of the one in the bag; needed if there is none."),
 ]
 #: Laws that a flight without the optimizer's node cannot start; a test asks the laws.
 TOLD_OF_A_TRAJECTORY = ("peg_thesis",)

@@ -13,7 +13,7 @@ from ares_bringup.verbs.app import (
     LiveHost,
     LivePort,
     NoBrowser,
-    UnsaidMission,
+    OtherMission,
     app,
     bag_app,
     check_page,
@@ -80,8 +80,12 @@ def replay(
         float | None,
         typer.Option(min=0.0, help="Real-time factor; 0: as fast as readers take it. Default: 1."),
     ] = None,
-    start: Annotated[float | None, typer.Option(help="Flight time from which on, s.")] = None,
-    end: Annotated[float | None, typer.Option(help="Flight time up to which, s.")] = None,
+    start: Annotated[
+        float | None, typer.Option(min=-1e9, max=1e9, help="Flight time from which on, s.")
+    ] = None,
+    end: Annotated[
+        float | None, typer.Option(min=-1e9, max=1e9, help="Flight time up to which, s.")
+    ] = None,
     loop: Annotated[
         bool, typer.Option("--loop", help="Begin again at the end; the clock jumps back.")
     ] = False,
@@ -156,7 +160,7 @@ def plot(
         Path | None,
         typer.Option(help="Image file (.png, .svg, .pdf); default: flight.png in the bag."),
     ] = None,
-    mission: UnsaidMission = None,
+    mission: OtherMission = None,
 ) -> None:
     """Draw a recorded flight; of a damaged bag what is intact, exit status 1."""
     needs("pages")
@@ -181,7 +185,7 @@ def report(
             "first."
         ),
     ] = None,
-    mission: UnsaidMission = None,
+    mission: OtherMission = None,
 ) -> None:
     """Show a recorded flight, or several over each other, on one HTML page."""
     needs("pages")
@@ -207,6 +211,7 @@ def export(
             help="The file; default: flight or events, with the format's end, in the bag."
         ),
     ] = None,
+    mission: OtherMission = None,
 ) -> None:
     """Write a recorded flight for other tools. Exit status 1: the bag is damaged."""
     if table is not None and form not in (ExportFormat.CSV, ExportFormat.PARQUET):
@@ -214,4 +219,4 @@ def export(
     needs("pages")
     from ares_bringup.commands.export import export as write_export
 
-    raise typer.Exit(write_export(bag, form, table or ExportTable.FLIGHT, out))
+    raise typer.Exit(write_export(bag, form, table or ExportTable.FLIGHT, out, mission))

@@ -1078,8 +1078,8 @@ def _verdict(
     if broken is not None:
         return Cause(
             Status.NOT_OPTIMAL,
-            f"{broken.name} {broken.value:,.7g} {broken.unit} instead of {broken.limit:,.7g} "
-            f"{broken.unit} when flown by another integrator",
+            f"{broken.name} is off its limit of {broken.limit:,.7g} {broken.unit} by "
+            f"{broken.value - broken.limit:,.3g} {broken.unit} when flown by another integrator",
         )
     taken = _taken(proven.found)
     if not math.isfinite(taken):

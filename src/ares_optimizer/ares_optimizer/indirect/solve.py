@@ -21,9 +21,9 @@ from ares_models.arrays import (
     LONGEST_FLIGHT,
     MISSION_TIME,
     TARGET_ELEMENTS,
-    TARGET_KEPLERIAN,
     MissionArrays,
 )
+from ares_models.judge import judge
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.indirect.closed_form import flight_errors
 from ares_optimizer.indirect.free_arcs import find_planned, lengths_of, made_finer
@@ -60,7 +60,7 @@ from ares_optimizer.solution import (
     infeasible,
     next_to_nothing,
 )
-from ares_optimizer.targets import figures_of, in_unit, target_rows
+from ares_optimizer.targets import target_rows
 from ares_optimizer.two_point.arrays import (
     DRY,
     HELD,
@@ -409,12 +409,15 @@ def _why_not(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> Cau
     free = solver.solve(start)
     if free.converged:
         cause = infeasible(_too_hot(solver, start, free)) or _CAUSES[root.status]
-    else:
+    elif misses := _misses(solver, start, free):
         out = free.status == newton.ITERATION_LIMIT
         cause = Cause(
             Status.ITERATION_LIMIT if out else Status.INFEASIBLE,
-            f"no flight to the target found: {_miss(solver, start, free)}",
+            f"no flight to the target found: {', '.join(misses)}",
         )
+    else:
+        # the target is met: what is not is what makes an optimum
+        cause = _CAUSES[free.status]
     solver.options[:] = options
     return cause
 
@@ -439,37 +442,19 @@ def _too_hot(solver: TwoPointSolver, start: NDArray[np.void], free: Root) -> str
     return line
 
 
-def _miss(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> str:
-    """By how much the last flight tried misses the target."""
+def _misses(solver: TwoPointSolver, start: NDArray[np.void], root: Root) -> list[str]:
+    """Return what the last flight tried misses of the target, by the judge; nothing: none."""
     flight = solver.sample(start, root.unknowns)
     if len(flight) == 0:
-        return "the times make no flight"
-    r = flight[-1, sample.POSITION : sample.POSITION + 3]
-    v = flight[-1, sample.VELOCITY : sample.VELOCITY + 3]
-    h = np.cross(r, v)
-    radius, speed = float(np.linalg.norm(r)), float(np.linalg.norm(v))
-    inclination = math.degrees(math.acos(h[2] / np.linalg.norm(h)))
-    target = solver.arrays.target[0]
-    wanted = math.degrees(target["inclination"])
-    mu = float(solver.arrays.environment[0]["mu"])
-    if target["kind"] == TARGET_ELEMENTS:
-        figures = zip(target_rows(target), figures_of(target, r, v, mu), strict=True)
-        limits = [(row, value, in_unit(target, row)) for row, value in figures]
-        return ", ".join(
-            f"{row.name} {value:,.6g} {row.unit} instead of {limit:,.6g} {row.unit}"
-            for row, value, limit in limits
-        )
-    if target["kind"] == TARGET_KEPLERIAN:
-        axis = 1.0 / (2.0 / radius - speed**2 / mu)
-        return (
-            f"semi-major axis {axis:,.0f} m instead of {target['semi_major_axis']:,.0f} m, "
-            f"inclination {inclination:.3f} deg instead of {wanted:.3f} deg"
-        )
-    return (
-        f"radius {radius:,.0f} m instead of {target['radius']:,.0f} m, "
-        f"speed {speed:,.1f} m/s instead of {target['speed']:,.1f} m/s, "
-        f"inclination {inclination:.3f} deg instead of {wanted:.3f} deg"
-    )
+        return ["the times make no flight"]
+    environment = solver.arrays.environment[0]
+    return judge(
+        flight[-1, sample.POSITION : sample.POSITION + 3],
+        flight[-1, sample.VELOCITY : sample.VELOCITY + 3],
+        solver.arrays.target[0],
+        float(environment["mu"]),
+        float(environment["equatorial_radius"]),
+    ).misses()
 
 
 def _arc_of(solver: TwoPointSolver, flight: Array) -> NDArray[np.int64]:

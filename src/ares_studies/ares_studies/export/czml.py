@@ -14,7 +14,7 @@ from ares_studies.export.recording import Export
 def as_czml(export: Export) -> bytes:
     """A document with its clock, the vehicle with its path, a line per phase, the events."""
     way = way_of(export)
-    begin, end = moment(way.time_s[0]), moment(way.time_s[-1])
+    begin, end = moment(export, way.time_s[0]), moment(export, way.time_s[-1])
     span = f"{begin}/{end}"
     packets = [
         {
@@ -31,7 +31,7 @@ def as_czml(export: Export) -> bytes:
             },
         },
         _vehicle(export, way, span),
-        *_lines(way, end),
+        *_lines(export, way, end),
         *_events(export, end),
     ]
     return json.dumps(packets, indent=1, allow_nan=False, ensure_ascii=False).encode()
@@ -50,7 +50,7 @@ def _vehicle(export: Export, way: Way, span: str) -> dict[str, Any]:
         "name": export.recording.mission.title,
         "availability": span,
         "position": {
-            "epoch": moment(0.0),
+            "epoch": moment(export, 0.0),
             "interpolationAlgorithm": "LINEAR",
             "interpolationDegree": 1,
             "cartographicDegrees": np.ravel(samples).tolist(),
@@ -64,14 +64,14 @@ def _vehicle(export: Export, way: Way, span: str) -> dict[str, Any]:
     }
 
 
-def _lines(way: Way, end: str) -> Iterator[dict[str, Any]]:
+def _lines(export: Export, way: Way, end: str) -> Iterator[dict[str, Any]]:
     for number, stretch in enumerate(way.stretches):
         points = way.coordinates[stretch.first : stretch.last + 1]
         for kind, on_ground in (("phase", False), ("ground", True)):
             yield {
                 "id": f"{kind}/{number}",
                 "name": stretch.name,
-                "availability": f"{moment(stretch.begin_s)}/{end}",
+                "availability": f"{moment(export, stretch.begin_s)}/{end}",
                 "polyline": {
                     "positions": {"cartographicDegrees": np.ravel(points).tolist()},
                     "width": 1 if on_ground else WIDTH,
@@ -85,7 +85,7 @@ def _lines(way: Way, end: str) -> Iterator[dict[str, Any]]:
 def _events(export: Export, end: str) -> Iterator[dict[str, Any]]:
     places = coordinates_of(export.event_places())
     for number, (event, place) in enumerate(zip(export.events, places, strict=True)):
-        begin = min(moment(event.time_s), end)
+        begin = min(moment(export, event.time_s), end)
         yield {
             "id": f"event/{number}",
             "name": event.name,

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What other globes are given of a flight, in whatever format.
 
-All of them want a date: mission elapsed time 0 is EPOCH, which means nothing.
+All of them want a date: mission elapsed time 0 is the mission's epoch; of one that names none
+it is NO_EPOCH, which means nothing.
 """
 
 from collections.abc import Iterator
@@ -12,7 +13,7 @@ from ares_models.geodesy import Places
 from ares_studies.export.recording import Export
 from ares_studies.flight_page.data import Phase, chosen, phases_of
 
-EPOCH = datetime(2000, 1, 1, tzinfo=UTC)
+NO_EPOCH = datetime(2000, 1, 1, tzinfo=UTC)
 #: Colours of the burns in turn, and of coasts: red, green, blue.
 BURNS = ((255, 140, 26), (64, 156, 255), (94, 201, 98), (232, 90, 160), (240, 210, 60))
 COAST = (170, 170, 170)
@@ -79,16 +80,18 @@ def _stretches(phases: tuple[Phase, ...], time: list[float]) -> Iterator[Stretch
         yield Stretch(phase.name, phase.first, last, time[phase.first], time[last], colour)
 
 
-def moment(time_s: float) -> str:
-    """A mission elapsed time as a date and time of day, to the millisecond."""
-    at = EPOCH + timedelta(milliseconds=round(1000.0 * time_s))
+def moment(export: Export, time_s: float) -> str:
+    """Return a time of a flight, mission elapsed, as date and time in UTC, to the millisecond."""
+    epoch = export.recording.mission.epoch or NO_EPOCH
+    at = epoch + timedelta(milliseconds=round(1000.0 * time_s))
     return at.strftime("%Y-%m-%dT%H:%M:%S.") + f"{at.microsecond // 1000:03d}Z"
 
 
 def about(export: Export) -> str:
     """The flight in two sentences."""
     recording = export.recording
+    nothing = "" if recording.mission.epoch else ", which means nothing else"
     return (
         f"Flight {recording.name} of {recording.mission.name} by {recording.law}: "
-        f"{export.verdict}. Mission elapsed time 0 is {moment(0.0)}, which means nothing else."
+        f"{export.verdict}. Mission elapsed time 0 is {moment(export, 0.0)}{nothing}."
     )

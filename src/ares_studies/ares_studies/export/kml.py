@@ -7,7 +7,6 @@ from xml.etree.ElementTree import Element, SubElement
 
 from ares_studies.export.globes import (
     WIDTH,
-    Stretch,
     Way,
     about,
     coordinates_of,
@@ -36,14 +35,15 @@ def as_kml(export: Export) -> bytes:
             red, green, blue = stretch.colour
             _text(line, "color", f"ff{blue:02x}{green:02x}{red:02x}")
             _text(line, "width", str(width))
-    end = moment(way.time_s[-1])
+    end = moment(export, way.time_s[-1])
     flight = _named(document, "Folder", "flight")
     ground = _named(document, "Folder", "ground track")
     for number, stretch in enumerate(way.stretches):
         points = way.coordinates[stretch.first : stretch.last + 1]
-        line = _line(flight, stretch, end, f"flight-{number}")
+        span = moment(export, stretch.begin_s), end
+        line = _line(flight, stretch.name, span, f"flight-{number}")
         _points(line, "absolute", points)
-        line = _line(ground, stretch, end, f"ground-{number}")
+        line = _line(ground, stretch.name, span, f"ground-{number}")
         _text(line, "tessellate", "1")
         _points(line, "clampToGround", points)
     _vehicle(document, export, way)
@@ -52,7 +52,7 @@ def as_kml(export: Export) -> bytes:
     for event, place in zip(export.events, places, strict=True):
         mark = _named(events, "Placemark", event.name)
         _text(mark, "description", f"t = {event.time_s:.3f} s, mass {event.mass_kg:,.1f} kg")
-        _span(mark, moment(event.time_s), end)
+        _span(mark, moment(export, event.time_s), end)
         _points(SubElement(mark, "Point"), "absolute", [place])
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)
@@ -74,10 +74,10 @@ def _span(feature: Element, begin: str, end: str) -> None:
     _text(span, "end", end)
 
 
-def _line(folder: Element, stretch: Stretch, end: str, style: str) -> Element:
+def _line(folder: Element, name: str, span: tuple[str, str], style: str) -> Element:
     """A line that appears as it is flown, and stays; still without its points."""
-    mark = _named(folder, "Placemark", stretch.name)
-    _span(mark, moment(stretch.begin_s), end)
+    mark = _named(folder, "Placemark", name)
+    _span(mark, *span)
     _text(mark, "styleUrl", f"#{style}")
     return SubElement(mark, "LineString")
 
@@ -93,6 +93,6 @@ def _vehicle(document: Element, export: Export, way: Way) -> None:
     track = SubElement(mark, "gx:Track")
     _text(track, "altitudeMode", "absolute")
     for time in way.time_s:
-        _text(track, "when", moment(time))
+        _text(track, "when", moment(export, time))
     for x, y, z in way.coordinates:
         _text(track, "gx:coord", f"{x} {y} {z}")

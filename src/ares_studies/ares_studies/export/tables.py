@@ -195,7 +195,11 @@ def _latest(names: Mapping[str, str], columns: Columns, time: NDArray[Any]) -> S
 
 
 def _commands(commands: Columns, time: NDArray[Any]) -> Series:
-    """The command that answers each state, its direction where the state is; else nothing."""
+    """Return the command that answers each state, counted from its time; else nothing.
+
+    Until the next state the thrust points to unit(direction + rate (t - time)): the law of
+    ThrustCommand, whose sum need not have the length 1 at that time.
+    """
     said = commands["time"]
     direction, rate = np.full((2, len(time), 3), np.nan)
     cutoff = np.full(len(time), np.nan)
@@ -205,8 +209,9 @@ def _commands(commands: Columns, time: NDArray[Any]) -> Series:
         row = row[answered]
         late = (said[row] - commands["reference_time"][row])[:, None]
         turned = commands["direction"][row] + late * commands["direction_rate"][row]
-        direction[answered] = turned / np.linalg.norm(turned, axis=1, keepdims=True)
-        rate[answered] = commands["direction_rate"][row]
+        length = np.linalg.norm(turned, axis=1, keepdims=True)
+        direction[answered] = turned / length
+        rate[answered] = commands["direction_rate"][row] / length
         cutoff[answered] = commands["cutoff_time"][row]
     return {
         **_vector("command_direction", "", direction),

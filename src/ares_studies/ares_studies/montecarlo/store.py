@@ -11,7 +11,9 @@ import json
 import math
 import os
 from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
+from itertools import chain
 from pathlib import Path
 from typing import IO, Any
 
@@ -91,6 +93,7 @@ class Store:
             raise StoreError(f"{self.folder}: is a file; expected a folder")
         if self.folder.is_dir() and not file.exists() and any(self.folder.iterdir()):
             raise StoreError(f"{self.folder}: is no campaign; expected a new or empty folder")
+        self._made = not self.folder.exists()
         self._parts.mkdir(parents=True, exist_ok=True)
         self._lock: IO[str] = file.open("a+", encoding="utf-8")
         try:
@@ -101,13 +104,28 @@ class Store:
         self._lock.seek(0)
         text = self._lock.read()
         if not text:
-            self._lock.write(json.dumps(wanted, indent=1) + "\n")
-            self._lock.flush()
+            try:
+                self._lock.write(json.dumps(wanted, indent=1) + "\n")
+                self._lock.flush()
+            except OSError:
+                self._discard()
+                raise
             return
         difference = _first_difference(json.loads(text), wanted)
         if difference:
             self.close()
             raise StoreError(f"{self.folder}: holds another campaign: {difference}")
+
+    def _discard(self) -> None:
+        """Remove a campaign without flights; nothing of it is left."""
+        with suppress(OSError):
+            # what did not fit is tried once more
+            self._lock.close()
+        with suppress(OSError):
+            (self.folder / SETTINGS).unlink()
+            self._parts.rmdir()
+            if self._made:
+                self.folder.rmdir()
 
     def close(self) -> None:
         """Let others have the folder."""
@@ -153,26 +171,55 @@ class Store:
                 self._part(*span).unlink()
             os.replace(self.flights, self._part(0, self.count()))
 
-    def write(self, table: Any) -> None:
-        """Keep a chunk of flights, a pyarrow.Table."""
-        path = self._part(table["flight"][0].as_py(), table.num_rows)
+    @contextmanager
+    def _whole(self, path: Path) -> Iterator[Path]:
+        """Lend another name to write a file under, which is there whole or not at all.
+
+        Raises:
+            StoreError: it cannot be written; one line. A campaign without flights is gone then.
+        """
         partial = path.with_suffix(_PARTIAL)
-        pq.write_table(table, partial, compression="none", use_dictionary=TEXTS)
-        os.replace(partial, path)
+        try:
+            yield partial
+            os.replace(partial, path)
+        except OSError as error:
+            with suppress(OSError):
+                partial.unlink()
+            why = os.strerror(error.errno) if error.errno else str(error)
+            there = self.count()
+            if not there:
+                self._discard()
+                raise StoreError(f"{self.folder}: {why}; no flight could be kept") from error
+            raise StoreError(
+                f"{self.folder}: {why}; {there:,} flights are in it, the same command with "
+                f"--out {self.folder} goes on"
+            ) from error
+
+    def write(self, table: Any) -> None:
+        """Keep a chunk of flights, a pyarrow.Table.
+
+        Raises:
+            StoreError: it cannot be written; one line.
+        """
+        with self._whole(self._part(table["flight"][0].as_py(), table.num_rows)) as partial:
+            pq.write_table(table, partial, compression="none", use_dictionary=TEXTS)
 
     def finish(self, count: int) -> None:
-        """Put the parts together into one file of the first ``count`` flights."""
-        partial = self.folder / (FLIGHTS + _PARTIAL)
-        writer = None
-        for table in self._joined(count):
-            if writer is None:
-                writer = pq.ParquetWriter(
-                    partial, table.schema, compression="zstd", use_dictionary=TEXTS
-                )
-            writer.write_table(table, row_group_size=GROUP)
-        if writer is not None:
-            writer.close()
-            os.replace(partial, self.flights)
+        """Put the parts together into one file of the first ``count`` flights.
+
+        Raises:
+            StoreError: it cannot be written; one line.
+        """
+        tables = self._joined(count)
+        first = next(tables)
+        with (
+            self._whole(self.flights) as partial,
+            pq.ParquetWriter(
+                partial, first.schema, compression="zstd", use_dictionary=TEXTS
+            ) as writer,
+        ):
+            for table in chain([first], tables):
+                writer.write_table(table, row_group_size=GROUP)
         for span in self.spans():
             self._part(*span).unlink()
 

@@ -174,7 +174,9 @@ function showGauges() {
   const { states, statuses, about, most } = live;
   for (const gauge of gauges) {
     const { key, digits, full, unit } = gauge.dataset;
-    const value = key in states.at ? states.last(key) : statuses.last(key);
+    // of a flight that is over nothing is to go
+    const known = key !== "time_to_go_s" || !about.end;
+    const value = !known ? null : key in states.at ? states.last(key) : statuses.last(key);
     gauge.querySelector("b").textContent = figuresOf(value, Number(digits));
     if (!full) continue;
     const limit = full === "limit" ? about.heating_limit_w_m2 : full === "most" ? most[key] : statuses.last(full);

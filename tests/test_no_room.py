@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A disk without room under what a command writes: one line, status 2, no part of a file left."""
+
+import resource
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+REFERENCE = Path(__file__).parent.parent / "bags" / "reference"
+
+
+@pytest.fixture
+def room() -> Iterator[Callable[[int], None]]:
+    """Set the bytes that a file may have, as a full disk does; none once the test is over."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    yield lambda limit: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, hard))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@pytest.mark.parametrize("bytes_", [1_000, 9_000])
+def test_a_campaign_that_cannot_begin_leaves_nothing(ares, tmp_path, room, bytes_):
+    """Neither its settings nor its first flights have room."""
+    room(bytes_)
+    done = ares("montecarlo", "-n", "300", "--out", str(tmp_path / "new"))
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith(f"ares: {tmp_path / 'new'}: File too large")
+    assert done.stderr.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+    there = tmp_path / "there"
+    there.mkdir()
+    assert ares("montecarlo", "-n", "300", "--out", str(there)).returncode == 2
+    assert list(there.iterdir()) == []
+
+
+def test_a_campaign_keeps_what_was_flown_and_goes_on(ares, tmp_path, room):
+    folder = tmp_path / "campaign"
+    words = ("montecarlo", "-n", "1000", "--out", str(folder), "--workers", "2")
+    room(120_000)
+    done = ares(*words)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == (
+        f"ares: {folder}: File too large; 1,000 flights are in it, the same command with "
+        f"--out {folder} goes on\n"
+    )
+    assert sorted(path.name for path in folder.iterdir()) == ["campaign.json", "parts"]
+    assert {path.suffix for path in (folder / "parts").iterdir()} == {".parquet"}
+    room(resource.getrlimit(resource.RLIMIT_FSIZE)[1])
+    assert ares(*words).returncode == 0
+    assert pq.read_metadata(folder / "flights.parquet").num_rows == 1000
+
+
+@pytest.mark.parametrize(
+    ("verb", "name"),
+    [
+        (("plot",), "x.png"),
+        (("plot",), "x.pdf"),
+        (("plot",), "x.svg"),
+        (("report",), "x.html"),
+        (("export", "--format", "parquet"), "x.parquet"),
+    ],
+)
+def test_a_flight_that_cannot_be_shown_leaves_nothing(ares, tmp_path, room, verb, name):
+    room(8_000)
+    done = ares(*verb, str(REFERENCE), "--out", str(tmp_path / name))
+    assert (done.returncode, done.stdout) == (2, "")
+    said = f"ares: --out is '{tmp_path / name}', which cannot be written: File too large\n"
+    assert done.stderr == said
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("option", ["--start", "--end"])
+@pytest.mark.parametrize("value", ["nan", "inf", "-inf", "1e300"])
+def test_a_time_that_is_none_is_one_line(ares, option, value):
+    done = ares("replay", str(REFERENCE), f"{option}={value}")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith(f"ares: {option} is '{value}'; expected at ")
+    assert done.stderr.count("\n") == 1
