@@ -27,6 +27,9 @@ from ares_bags.seal import seal
 INCOMPLETE_KEY = "incomplete"
 #: Before the identity of a guidance: custom data with what that one flew by, a JSON object.
 GUIDANCE_KEY = "guidance "
+#: Custom data with when a flight was recorded, by the wall clock in UTC, and on what machine.
+DATE_KEY = "date"
+MACHINE_KEY = "machine"
 
 #: How the header of a file begins that was written here.
 LIBRARY = "ares_bags"

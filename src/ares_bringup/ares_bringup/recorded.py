@@ -52,6 +52,7 @@ class RecordedFlight:
         columns: of TOPICS, with `time` in s; of a topic without messages only that.
         summary: the verdict; what is missing of the bag is one of its problems.
         missing: what that is, one line; empty: nothing.
+        custom: the bag's custom data.
     """
 
     path: Path
@@ -60,6 +61,7 @@ class RecordedFlight:
     columns: Mapping[str, Columns]
     summary: FlightSummary
     missing: str
+    custom: Mapping[str, str]
 
 
 @dataclass(frozen=True)
@@ -100,7 +102,8 @@ def read_flight(path: Path, unsaid: str | None = None) -> RecordedFlight:
         summary.add_diagnostic(complaint)
     if contents.missing:
         summary.problems.append(contents.missing)
-    return RecordedFlight(path, mission, law, contents.columns, summary, contents.missing)
+    columns, missing = contents.columns, contents.missing
+    return RecordedFlight(path, mission, law, columns, summary, missing, contents.custom)
 
 
 def _read(path: Path, bag: Bag) -> _Contents:

@@ -3,16 +3,15 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from itertools import groupby
 from typing import Any
 
-from ares_models.impacts import Outline
 from ares_models.judge import End
 from ares_studies.aborts.abort_map import ACCURACY, AbortMap, MapRow, Point
 from ares_studies.aborts.ends import Reached
-from ares_studies.flight_page.globe import read_land
+from ares_studies.flight_page.land import coasts, outlines, read_land
 from ares_studies.pages.parts import (
     Axis,
     Cell,
@@ -396,10 +395,9 @@ def _falls_figure(made: AbortMap) -> Item:
     fallen = [point.flown for point in made.points if point.flown.falls]
     series = []
     if made.land:
-        rings = [tuple(zip(ring[1::2], ring[::2], strict=True)) for ring in read_land()]
-        series.append(_outlines("land", "otis", rings))
+        series.append(coasts(read_land()))
     if made.areas:
-        series.append(_outlines("areas", "other", made.areas.values()))
+        series.append(outlines("areas", "other", made.areas.values()))
     kinds: tuple[tuple[str, Role, bool], ...] = (
         ("flown, outside the areas" if made.areas else "flown", "here", False),
         ("flown, inside one", "thesis", True),
@@ -422,24 +420,6 @@ def _falls_figure(made: AbortMap) -> Item:
 
 def _around(values: list[float], most: float) -> tuple[float, float]:
     return max(-most, min(values) - _BESIDE_DEG), min(most, max(values) + _BESIDE_DEG)
-
-
-def _outlines(name: str, role: Role, rings: Iterable[Outline]) -> Series:
-    """Closed lines as one, broken between them and where they pass 180 deg."""
-    x: list[float | None] = []
-    y: list[float | None] = []
-    for ring in rings:
-        before = ring[0][1]
-        for latitude, longitude in ring:
-            if abs(longitude - before) > 180.0:
-                x.append(None)
-                y.append(None)
-            x.append(round(longitude, 2))
-            y.append(round(latitude, 2))
-            before = longitude
-        x.append(None)
-        y.append(None)
-    return Series(name, role, "line", tuple(x), tuple(y))
 
 
 def _falls(made: AbortMap) -> Item:
