@@ -4,7 +4,7 @@
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import groupby
 from typing import Any
 
@@ -125,7 +125,8 @@ def make_report(made: AbortMap, facts: Mapping[str, str]) -> MapReport:
         facts: how it was made, for people.
     """
     masses = [row for row in made.rows if math.isfinite(row.points[0].failure.time_s)]
-    figures = [_mass_figure(row) for row in masses]
+    figures = _seen([_mass_figure(row) for row in masses])
+    lacking = _seen([_short_figure(masses), *_lacking_figures(masses)])
     chapters: tuple[Chapter, ...] = (
         Chapter(
             1,
@@ -140,7 +141,7 @@ def make_report(made: AbortMap, facts: Mapping[str, str]) -> MapReport:
             "What is lacking",
             "Final mass beside that of the optimizer that was told, and the speed that the energy "
             "of the end is short of.",
-            _named("figure", 1 + len(figures), [_short_figure(masses), *_lacking_figures(masses)]),
+            _named("figure", 1 + len(figures), lacking),
         ),
         Chapter(
             3,
@@ -151,7 +152,11 @@ def make_report(made: AbortMap, facts: Mapping[str, str]) -> MapReport:
         ),
     )
     if made.outside.of:
-        chapters += (_falls_chapter(made, 1 + len(figures) + len(chapters[1].items)),)
+        chapters += (_falls_chapter(made, 1 + len(figures) + len(lacking)),)
+    # what has nothing to show is left out
+    chapters = tuple(
+        replace(chapter, number=k) for k, chapter in enumerate((c for c in chapters if c.items), 1)
+    )
     return MapReport(
         made.title,
         facts,
@@ -364,9 +369,11 @@ def _lacking_figures(rows: list[MapRow]) -> list[Item]:
         if all(point.flown.end is End.TARGET for point in row.points):
             continue
         times = [point.at_s for point in row.points]
+        lacking = {field: [getattr(p, field).lacking_m_s for p in row.points] for field, *_ in WHO}
         series = tuple(
-            line(name, role, times, [getattr(p, field).lacking_m_s for p in row.points], 2)
+            line(name, role, times, lacking[field], 2)
             for field, name, role in WHO
+            if any(math.isfinite(value) for value in lacking[field])
         )
         figure = Figure(_TIME, Axis("speed that is lacking", "m/s"), series)
         items.append(Item("", "figure", "", f"{_title(row.name)}: speed lacking", "", figure))
@@ -427,6 +434,16 @@ def _falls(made: AbortMap) -> Item:
     names = {"": "outside all areas", **{name: name for name in made.areas}}
     rows = [Row(text, (Cell(f"{fallen[name]:,}", fallen[name]),)) for name, text in names.items()]
     return Item("", "table", "", "Flights that fall", "", Table((Column("flown"),), tuple(rows)))
+
+
+def _seen(items: list[Item]) -> list[Item]:
+    """The figures that show something."""
+    return [
+        item
+        for item in items
+        if isinstance(item.content, Figure)
+        and any(y is not None for one in item.content.series for y in one.y)
+    ]
 
 
 def _title(name: str) -> str:

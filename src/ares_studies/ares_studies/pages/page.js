@@ -43,8 +43,10 @@ function trace(series, unit) {
       hovertemplate: "%{text}<extra></extra>", marker: { color: paint, size: 4 },
     };
   }
+  // a line of one point would not be seen
+  const alone = series.y.filter((y) => y !== null).length === 1;
   return {
-    ...common, mode: "lines", opacity: series.shape === "band" ? 0.4 : 1,
+    ...common, mode: alone ? "markers" : "lines", marker: { color: paint, size: 7 }, opacity: series.shape === "band" ? 0.4 : 1,
     hovertemplate: `%{y} ${unit}`, fill: series.shape === "bars" ? "tozeroy" : "none",
     line: {
       color: paint, width: WIDTH[series.shape], dash: DASH[series.shape] || "solid",
