@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from ares_bringup import __version__
 from ares_bringup.commands.optimize import NOT_FOUND, VERDICTS, proof_lines
 from ares_bringup.commands.report import (
     Told,
@@ -23,12 +22,13 @@ from ares_bringup.summary import apart
 from ares_bringup.whole_file import write_whole
 from ares_models.arrays import BURN
 from ares_models.mission import Mission
+from ares_models.software import software
 from ares_optimizer.solution import Solution
 from ares_studies.flight_page.budget import Budget
 from ares_studies.flight_page.data import Flight, make_flight
 from ares_studies.flight_page.optimum import LAW, record_optimum
 from ares_studies.flight_page.page import Account, Happening, make_report, render
-from ares_studies.pages.parts import BLANK, Cell, Column, Guide, Row, Table, number, small, word
+from ares_studies.pages.parts import BLANK, Cell, Column, Guide, Row, Table, number, power, word
 
 COMMAND = "ares optimize"
 
@@ -122,7 +122,7 @@ def _account(mission: Mission, solution: Solution, flight: Flight) -> Account:
 
 
 def _facts(mission: Mission, solution: Solution) -> dict[str, str]:
-    facts = {"mission": mission.name, "method": solution.method, "software": __version__}
+    facts = {"mission": mission.name, "method": solution.method, "software": software()}
     for k, line in enumerate(solution.steps):
         facts[f"search {k + 1}"] = line
     for k, line in enumerate(proof_lines(solution)):
@@ -139,7 +139,7 @@ def constraint_table(solution: Solution) -> Table:
             state = "VIOLATED"
         price = check.multiplier
         cells = (
-            small(price) if math.isfinite(price) and price else number(price, 0),
+            _price(price),
             word(state),
             _figures(check.value),
             _figures(check.limit),
@@ -212,6 +212,14 @@ def _marks(mission: Mission, solution: Solution) -> tuple[Guide, ...]:
     return tuple(
         Guide(*mark) for mark in apart(words, solution.t_meco_s - solution.flown[0].start_s)
     )
+
+
+def _price(value: float) -> Cell:
+    """A price with four figures and its sign; blank where it is not known."""
+    if value and not 1e-3 <= abs(value) < 1e4:
+        return power(value, 4, signed=True)
+    size = math.floor(math.log10(abs(value))) if value and math.isfinite(value) else 3
+    return number(value, max(3 - size, 0), signed=True)
 
 
 def _figures(value: float) -> Cell:
