@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The recorder node: every flight message to a bag, as it was sent."""
 
+import os
+import platform
 import struct
 import sys
 import time
 from collections import Counter
 from collections.abc import Callable
+from datetime import UTC, datetime
 from functools import partial
 from typing import Any
 
@@ -26,7 +29,14 @@ from ares_bags.types import (
     names_its_flight,
     starts_with_stamp,
 )
-from ares_bags.writer import GUIDANCE_KEY, INCOMPLETE_KEY, SIMULATOR_KEY, BagWriter
+from ares_bags.writer import (
+    DATE_KEY,
+    GUIDANCE_KEY,
+    INCOMPLETE_KEY,
+    MACHINE_KEY,
+    SIMULATOR_KEY,
+    BagWriter,
+)
 from ares_msgs.msg import FlightMember
 from ares_node.diagnostics import Level, of_another_flight
 from ares_node.heartbeat import is_heartbeat
@@ -152,6 +162,10 @@ class RecorderNode(FlightNode):
             raise NodeError("parameter bag is ''; expected the folder of a new bag")
         self._types = dict(self._typed(entry) for entry in self.values["topics"])
         custom_data = {name: str(self.values[name]) for name in ("mission", "law", "seed")}
+        custom_data[DATE_KEY] = datetime.now(UTC).isoformat(timespec="seconds")
+        custom_data[MACHINE_KEY] = (
+            f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores"
+        )
         try:
             self._writer = BagWriter(
                 self.values["bag"],

@@ -29,6 +29,9 @@ INCOMPLETE_KEY = "incomplete"
 GUIDANCE_KEY = "guidance "
 #: Custom data with what the simulator flew, a JSON object: parameters, software, texts of files.
 SIMULATOR_KEY = "simulator"
+#: Custom data with when a flight was recorded, by the wall clock in UTC, and on what machine.
+DATE_KEY = "date"
+MACHINE_KEY = "machine"
 
 #: How the header of a file begins that was written here.
 LIBRARY = "ares_bags"

@@ -54,6 +54,7 @@ class RecordedFlight:
         columns: of TOPICS, with `time` in s; of a topic without messages only that.
         summary: the verdict; what is missing of the bag is one of its problems.
         missing: what that is, one line; empty: nothing.
+        custom: the bag's custom data.
         note: on its mission, see `FlownMission`.
     """
 
@@ -63,6 +64,7 @@ class RecordedFlight:
     columns: Mapping[str, Columns]
     summary: FlightSummary
     missing: str
+    custom: Mapping[str, str]
     note: str
 
 
@@ -105,7 +107,9 @@ def read_flight(path: Path, given: str | None = None) -> RecordedFlight:
     if contents.missing:
         summary.problems.append(contents.missing)
     columns, missing = contents.columns, contents.missing
-    return RecordedFlight(path, found.mission, law, columns, summary, missing, found.note)
+    return RecordedFlight(
+        path, found.mission, law, columns, summary, missing, contents.custom, found.note
+    )
 
 
 def tell_notes(flown: Sequence[RecordedFlight]) -> None:

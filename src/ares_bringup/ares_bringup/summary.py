@@ -3,7 +3,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
@@ -79,6 +79,24 @@ VERDICTS = {
     Outcome.INCOMPLETE: "Incomplete",
     Outcome.INTERRUPTED: "Interrupted",
 }
+
+
+def apart(words: Mapping[float, str], span_s: float) -> list[tuple[float, str]]:
+    """Put words of near instants together at the last of them, so that none lies over another.
+
+    Args:
+        words: by instant, s.
+        span_s: of the whole flight.
+
+    Returns:
+        instants in order, with a word that may be empty.
+    """
+    marks = sorted(words.items())
+    for k in range(len(marks) - 1):
+        (at, word), (after, next_word) = marks[k : k + 2]
+        if after - at < NEAR_MARKS * span_s:
+            marks[k : k + 2] = [(at, ""), (after, f"{word}, {next_word}")]
+    return marks
 
 
 @dataclass(frozen=True)
@@ -584,13 +602,8 @@ class FlightSummary:
             if event.type == ARC_ENDED:
                 at = round(event.time, 3)
                 words.setdefault(at, "ignition" if at in ignitions else "coast")
-        marks = sorted(words.items())
-        near = NEAR_MARKS * (self.events[-1].time - self.events[0].time) if marks else 0.0
-        for k in range(len(marks) - 1):
-            (at, word), (after, next_word) = marks[k : k + 2]
-            if after - at < near:
-                marks[k : k + 2] = [(at, ""), (after, f"{word}, {next_word}")]
-        return marks
+        span = self.events[-1].time - self.events[0].time if words else 0.0
+        return apart(words, span)
 
     def to_json(self) -> dict[str, Any]:
         """The object that `ares fly --json` prints; unknown numbers are None."""

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The abort map: ends, their optima, and a coarse map of two missions."""
 
+import dataclasses
 import json
 import math
 
@@ -71,6 +72,35 @@ def test_a_map_can_be_told(made):
     page = render(make_report(made, {"mission": made.mission, "guidance": made.law}))
     assert page.count('class="strip"') == 3 * len(made.rows)
     assert ("Where it falls" in page) == (made.outside.of > 0)
+
+
+def test_no_figure_is_empty(made):
+    chapters = make_report(made, {}).chapters
+    assert [chapter.number for chapter in chapters] == list(range(1, len(chapters) + 1))
+    names = []
+    for item in (item for chapter in chapters for item in chapter.items):
+        names.append(item.name)
+        if item.kind == "figure":
+            # none of its lines either
+            assert item.content.series
+            assert all(any(y is not None for y in one.y) for one in item.content.series)
+    assert len(set(names)) == len(names)
+    # a map without a single orbit has no masses to draw, and so no chapter of them
+    low = dataclasses.replace(made.points[0].flown, end=End.SUBORBITAL, m_f_kg=math.nan)
+    lost = [
+        dataclasses.replace(
+            row,
+            points=tuple(
+                dataclasses.replace(point, flown=low, optimum=low, told=low) for point in row.points
+            ),
+        )
+        for row in made.rows
+    ]
+    titles = [
+        c.title for c in make_report(dataclasses.replace(made, rows=tuple(lost)), {}).chapters
+    ]
+    assert "Final mass" not in titles
+    assert "Ends" in titles
 
 
 def test_who_falls_does_so_somewhere(made):

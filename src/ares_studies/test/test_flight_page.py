@@ -21,8 +21,10 @@ from ares_studies.flight_page.geometry import (
     impact_track,
     thrust_angles,
 )
-from ares_studies.flight_page.globe import make_globe, read_land
+from ares_studies.flight_page.globe import make_globe
+from ares_studies.flight_page.land import coasts, read_land
 from ares_studies.flight_page.page import Account, Happening, make_report, render
+from ares_studies.pages.parts import line
 
 MISSION = load_mission("ares_v")
 ENVIRONMENT = MISSION.environment_array()[0]
@@ -95,7 +97,7 @@ def account(name="peg", **changes):
         "problems": (),
         "key_numbers": (("final mass", "1.00", "kg"),),
         "facts": (("bag", "bags/made_up"),),
-        "insertion": None,
+        "tables": {"Insertion": None},
         "end": "insertion",
         "events": (Happening(0.0, "flight started", 1e6),),
         "marks": (),
@@ -268,10 +270,15 @@ def test_charts_leave_out_what_is_not_known_and_name_their_units():
     assert "Predicted jettison" not in titles
     assert "Position error" not in titles
     assert [item.name for item in items] == [f"Figure {k + 1}" for k in range(len(items))]
+    by_time = [item.content.x for item in items if item.content.x.unit == "s"]
+    assert len(set(by_time)) == 1
     for item in items:
-        assert item.content.x.unit == "s"
         assert item.content.y.unit or item.title == "Eccentricity"
-        assert len({item.content.x.span for item in items}) == 1
+        own = [one for one in item.content.series if one.name != "land"]
+        # one cursor goes over all: each point has a time
+        assert all(bool(one.t) is (item.content.x.unit != "s") for one in own)
+    range_km = items[titles.index("Altitude over ground range")].content
+    assert (range_km.x.unit, range_km.y.unit) == ("km", "km")
     heating = items[titles.index("Heating")].content
     assert heating.y.log
     assert [level.at for level in heating.levels] == [1135.0]
@@ -332,3 +339,38 @@ def test_the_page_carries_all_that_it_needs_and_no_more():
     assert '<script type="text/plain" id="plotly">' in page
     numbers = page.split('id="report">', 1)[1].split("</script>", 1)[0]
     assert json.loads(numbers.replace("<\\/", "</"))["globe"]["ends"] == ["insertion"]
+
+
+def test_the_map_is_near_and_has_its_coasts():
+    flight = make_flight(recording())
+    chapters = make_chapters([flight], ["peg"], ())
+    item = next(i for c in chapters for i in c.items if i.title == "Ground track")
+    figure, track = item.content, flight.states.track
+    assert item.wide
+    assert figure.x.span == pytest.approx(
+        (track.longitude_deg.min() - 1.0, track.longitude_deg.max() + 1.0), abs=1e-3
+    )
+    middle = math.radians(0.5 * (track.latitude_deg.min() + track.latitude_deg.max()))
+    assert figure.stretch == pytest.approx(1.0 / math.cos(middle), abs=1e-6)
+    assert [one.name for one in figure.series] == ["latitude", "land"]
+
+
+def test_a_track_over_the_date_line_goes_on_and_so_do_the_coasts():
+    box = (170.0, 200.0, -50.0, -30.0)
+    land = coasts(read_land(), box)
+    known = [(x, y) for x, y in zip(land.x, land.y, strict=True) if x is not None]
+    assert known
+    assert all(170.0 <= x <= 200.0 and -50.0 <= y <= -30.0 for x, y in known)
+    # New Zealand lies there, also where longitudes are counted the other way
+    west = coasts(read_land(), (-190.0, -160.0, -50.0, -30.0))
+    shared = {(round(x - 360.0, 2), y) for x, y in known if x <= 190.0 and x >= 170.0}
+    assert shared <= {(x, y) for x, y in zip(west.x, west.y, strict=True) if x is not None}
+
+
+def test_a_way_by_time_keeps_its_ends_and_its_corners():
+    t = np.linspace(0.0, 100.0, 2001)
+    x, y = np.minimum(t, 40.0), np.maximum(t - 40.0, 0.0)
+    drawn = line("way", "here", x, y, 3, t=t)
+    assert (drawn.t[0], drawn.t[-1]) == (0.0, 100.0)
+    assert 40.0 in drawn.t
+    assert len(drawn.x) == len(drawn.y) == len(drawn.t) < 400

@@ -21,6 +21,8 @@ import pytest
 from scipy import stats
 
 from ares_models.mission import Mission, load_mission
+from ares_models.mission_target import target_record
+from ares_models.orbits import Elements
 from ares_studies.closed_loop import fly_compiled
 from ares_studies.montecarlo import engines
 from ares_studies.montecarlo.campaign import Plan, fly_campaign, missing
@@ -33,7 +35,7 @@ from ares_studies.montecarlo.engines import (
 )
 from ares_studies.montecarlo.flights import Range, Settings
 from ares_studies.montecarlo.reach import reaches
-from ares_studies.montecarlo.report import drawn_name, make_report, render
+from ares_studies.montecarlo.report import drawn_name, make_report, perigee_apogee, render
 from ares_studies.montecarlo.statistics import Tally, bound_rank, flights_needed, summarize
 from ares_studies.montecarlo.store import GROUP, Store, StoreError
 from ares_studies.montecarlo.table import Outcome, make_table
@@ -526,6 +528,67 @@ def test_one_failed_flight_does_not_flatten_the_others(hundred, tmp_path):
     assert histogram.counts.sum() == 99
 
 
+def test_a_single_failure_is_marked_in_every_histogram(standard, tmp_path):
+    weak = Settings(
+        standard.mission,
+        Dispersions(thrust=0.01, log_density={"mean": 0.0, "sigma": 1.5}),
+    )
+    _, table = fly(Plan(weak, 60), tmp_path, partial(fly_on_cores, count=2))
+    rows = table.to_pylist()
+    first = next(row["flight"] for row in rows if not row["succeeded"])
+    kept = [row["flight"] for row in rows if row["succeeded"] or row["flight"] == first]
+    pq.write_table(table.take(kept), tmp_path / "one.parquet")
+    summary = summarize(tmp_path / "one.parquet", 127_880.0)
+    assert [row["flight"] for row in summary.failures] == [first]
+    globe = make_ways(weak, [], summary.failed)
+    report = make_report(weak, summary, {}, "./ares fly", {}, globe)
+    assert report.command == "./ares fly"
+    histograms = [
+        item.content
+        for chapter in report.chapters
+        for item in chapter.items
+        if item.kind == "figure" and item.content.y.title == "flights"
+    ]
+    assert len(histograms) >= 6
+    for figure in histograms:
+        (mark,) = [one for one in figure.series if one.shape == "marks"]
+        assert len(mark.x) == 1
+        assert mark.texts[0].startswith(f"flight {first}<br>")
+    # its fairing stayed on: where there is no time of that, it stands beside the bins
+    jettison = next(f for f in histograms if f.x.title == "fairing jettison")
+    (mark,) = [one for one in jettison.series if one.shape == "marks"]
+    assert mark.x[0] > jettison.series[0].x[-1]
+    assert "no fairing jettison" in mark.texts[0]
+    assert "1 that have no value" in jettison.finding
+
+
+def test_perigee_and_apogee_are_those_of_the_state_reached():
+    mission = load_mission("ares_v")
+    target, mu = target_record(mission)[0], mission.environment.mu_m3_s2
+    names = ("perigee_radius_error_m", "apogee_radius_error_m", "semi_major_axis_error_m")
+    sample = {name: np.full(3, np.nan) for name in (*names, "eccentricity_error")}
+    sample["radius_error_m"] = np.array([0.0, 50.0, np.nan])
+    sample["speed_error_m_s"] = np.array([0.0, -3.0, 0.0])
+    sample["flight_path_angle_error_deg"] = np.array([0.0, 0.2, 0.0])
+    perigee, apogee = perigee_apogee(sample, target, mu)
+    for k in range(2):
+        r = float(target["radius"]) + sample["radius_error_m"][k]
+        v = float(target["speed"]) + sample["speed_error_m_s"][k]
+        angle = float(target["flight_path_angle"])
+        angle += math.radians(sample["flight_path_angle_error_deg"][k])
+        state = (np.array([r, 0.0, 0.0]), v * np.array([math.sin(angle), math.cos(angle), 0.0]))
+        orbit = Elements.from_state(*state, mu)
+        assert perigee[k] == pytest.approx(orbit.perigee_radius, abs=0.01)
+        assert apogee[k] == pytest.approx(orbit.apogee_radius, abs=0.01)
+    assert math.isnan(perigee[2])
+    transfer = target_record(load_mission("geostationary_transfer"))[0]
+    sample["perigee_radius_error_m"] = np.array([1.0, 2.0, 3.0])
+    sample["apogee_radius_error_m"] = np.array([-1.0, 0.0, 1.0])
+    perigee, apogee = perigee_apogee(sample, transfer, mu)
+    assert perigee[2] - float(transfer["perigee_radius"]) == pytest.approx(3.0, abs=1e-6)
+    assert apogee[0] - float(transfer["apogee_radius"]) == pytest.approx(-1.0, abs=1e-6)
+
+
 def test_a_summary_of_a_campaign(standard, tmp_path):
     weak = Settings(
         standard.mission,
@@ -611,7 +674,7 @@ def test_the_page_shows_the_campaign(standard, tmp_path):
     json.dumps(report.to_json(), allow_nan=False)
     items = {item.title: item for chapter in report.chapters for item in chapter.items}
     bars = items["Final mass"].content.series
-    assert [series.name for series in bars] == ["success", "failure"]
+    assert [series.name for series in bars] == ["success", "failure", "each failure"]
     assert sum(sum(series.y) for series in bars) == 200
     cloud = items["Radius against speed"].content.series
     assert sum(len(series.x) for series in cloud) == 200

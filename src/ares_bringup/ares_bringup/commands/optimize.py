@@ -5,6 +5,7 @@ import json
 import math
 from collections.abc import Sequence
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 from rich.console import Console
@@ -14,7 +15,7 @@ from rich.text import Text
 from ares_bringup.doubts import show_warnings
 from ares_bringup.options import CannotStart
 from ares_bringup.progress import search
-from ares_bringup.report import BLANK, console, number
+from ares_bringup.report import BLANK, console, number, shown_path
 from ares_models.mission import Mission, MissionError, load_mission
 from ares_models.mission_physics import longest_flight
 from ares_optimizer.deadline import Deadline
@@ -52,6 +53,8 @@ def optimize(
     heating: str | None,
     held: Sequence[str],
     time_limit_s: float,
+    out: Path | None = None,
+    beside: Path | None = None,
 ) -> int:
     """Solve, print, say by the exit status whether the optimum was found.
 
@@ -62,14 +65,22 @@ def optimize(
         heating: where the heating limit holds; None: as the mission says.
         held: jettisons held at a time, `NAME=SECONDS` each.
         time_limit_s: wall time of the search, s.
+        out: the page; None: none.
+        beside: bag whose flight lies over the optimum on it; None: none.
 
     Returns:
         0 for a proven optimum, 3 for a flight that may be none, 4 where there is none, 1 where
         none was found; the reason is in what is printed.
 
     Raises:
-        CannotStart: bad mission, method or option; one line.
+        CannotStart: bad mission, method, option or bag, or the page cannot be written; one line.
     """
+    flown = None
+    if beside is not None:
+        from ares_bringup.recorded import read_flight
+
+        # before the search: a bag that cannot be read is said at once
+        flown = read_flight(beside)
     try:
         mission = load_mission(mission_name)
         show_warnings(mission_name)
@@ -89,6 +100,14 @@ def optimize(
         print(json.dumps(solution.to_json(mission.arc_names), indent=2, allow_nan=False))
     else:
         _print(mission, solution, console())
+    if out is not None:
+        if solution.trajectory is None:
+            raise CannotStart(f"no page: there is no flight to show ({solution.reason})")
+        from ares_bringup.commands.optimum_page import write_page
+
+        write_page(out, mission, solution, flown)
+        if not as_json:
+            print(f"page  {shown_path(str(out))}")
     return VERDICTS.get(solution.status, NOT_FOUND)[1]
 
 

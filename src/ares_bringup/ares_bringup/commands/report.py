@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """What `ares report` does: flights from their bags onto a page. No ROS."""
 
+import json
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from markupsafe import escape
 
 from ares_bags.files import find_file
+from ares_bags.writer import DATE_KEY, GUIDANCE_KEY, MACHINE_KEY
 from ares_bringup.options import CannotStart
 from ares_bringup.recorded import RecordedFlight, read_flight, tell_notes
 from ares_bringup.report import ORBIT_ERRORS, number, shown_path
@@ -20,6 +23,7 @@ from ares_bringup.summary import (
     orbit_state,
 )
 from ares_bringup.whole_file import write_whole
+from ares_studies.flight_page.budget import Budget
 from ares_studies.flight_page.data import Recording, make_flight
 from ares_studies.flight_page.page import (
     MAX_FLIGHTS,
@@ -77,9 +81,17 @@ def report(paths: Sequence[Path], out: Path | None, mission: str | None = None) 
     if out is None:
         out = find_file(paths[0]).parent / (PAGE if len(paths) == 1 else COMPARISON)
     names = short_names(flown)
-    accounts = [_account(name, flight) for name, flight in zip(names, flown, strict=True)]
     flights = [make_flight(recording_of(name, one)) for name, one in zip(names, flown, strict=True)]
-    comparison = _comparison(names, flown) if len(flown) > 1 else None
+    accounts = [
+        account_of(name, one, flight.budget)
+        for name, one, flight in zip(names, flown, flights, strict=True)
+    ]
+    comparison = None
+    if len(flown) > 1:
+        told = [
+            told_of(one.summary, flight.budget) for one, flight in zip(flown, flights, strict=True)
+        ]
+        comparison = compare(names, told)
     write_whole(out, render(make_report(flights, accounts, comparison)).encode())
     return out
 
@@ -113,7 +125,14 @@ def _bag_name(path: Path) -> str:
 # ---- what is told of a flight
 
 
-def _account(name: str, flown: RecordedFlight) -> Account:
+def account_of(name: str, flown: RecordedFlight, budget: Budget) -> Account:
+    """Tell of a recorded flight.
+
+    Args:
+        name: unlike that of others on the page.
+        flown: the flight.
+        budget: what its thrust went into.
+    """
     summary = flown.summary
     problems = summary.shortcomings()
     verdict = summary.verdict
@@ -129,7 +148,7 @@ def _account(name: str, flown: RecordedFlight) -> Account:
         problems=tuple(problems),
         key_numbers=tuple(_key_numbers(summary)),
         facts=tuple(_facts(flown)),
-        insertion=_insertion(summary),
+        tables={"Insertion": _insertion(summary), "Delta-V budget": budget_table(budget)},
         end=ENDINGS.get(summary.outcome, "end"),
         events=tuple(
             Happening(event.time, summary.event_name(event), event.mass) for event in summary.events
@@ -164,6 +183,7 @@ def _facts(flown: RecordedFlight) -> list[tuple[str, str]]:
         ("guidance", flown.law),
         ("flown", f"{number(times[0], 2)} to {number(times[-1], 2)} s, {len(times):,} states"),
     ]
+    lines += _made_by(flown.custom)
     if summary.guidance_cycles:
         iterations = summary.first_convergence_iterations
         lines.append(
@@ -179,6 +199,23 @@ def _facts(flown: RecordedFlight) -> list[tuple[str, str]]:
     return lines
 
 
+def _made_by(custom: Mapping[str, str]) -> list[tuple[str, str]]:
+    """When and where it was flown and by what, as far as the bag says."""
+    lines = [(key, custom[key]) for key in (DATE_KEY, MACHINE_KEY) if custom.get(key)]
+    for key, text in custom.items():
+        if not key.startswith(GUIDANCE_KEY):
+            continue
+        try:
+            settings = json.loads(text)
+        except ValueError:
+            continue
+        if isinstance(settings, dict):
+            told = (("software", "software"), ("mission_digest", "mission digest"))
+            lines += [(name, str(settings[key])) for key, name in told if settings.get(key)]
+    # a guidance that was started again says the same
+    return list(dict.fromkeys(lines))
+
+
 def _complaints(diagnostics: Sequence[Diagnostic]) -> list[Complaint]:
     """Each text once, with its first time and how often it was said."""
     counts = Counter((line.level, line.node, line.message) for line in diagnostics)
@@ -191,7 +228,7 @@ def _complaints(diagnostics: Sequence[Diagnostic]) -> list[Complaint]:
 
 
 def _insertion(summary: FlightSummary) -> Table | None:
-    """Flown, target, error and tolerance of what the mission asks for."""
+    """Error, tolerance, flown and target of what the mission asks for: the verdict first."""
     end = summary.end
     if end is None:
         return None
@@ -206,14 +243,14 @@ def _insertion(summary: FlightSummary) -> Table | None:
             Row(
                 f"{name},{unit}" if unit else name,
                 (
-                    parts.number(flown, decimals),
-                    parts.number(flown - error, decimals),
                     small(error),
                     _tolerance(judged.allowed[key]),
+                    parts.number(flown, decimals),
+                    parts.number(flown - error, decimals),
                 ),
             )
         )
-    columns = (Column("flown"), Column("target"), Column("error"), Column("tolerance"))
+    columns = (Column("error"), Column("tolerance"), Column("flown"), Column("target"))
     return Table(columns, tuple(rows), f"At {number(end.time, 3)} s, when the flight was over.")
 
 
@@ -237,29 +274,89 @@ def _judged(summary: FlightSummary) -> dict[str, float]:
     }
 
 
-def _comparison(names: Sequence[str], flown: Sequence[RecordedFlight]) -> Table:
-    """The flights beside each other, and each minus the first."""
-    summaries = [flight.summary for flight in flown]
-    # no prose: f_igm is the name of a folder, and no symbol with an index
-    first, *others = (escape(name) for name in names)
-    columns = [Column(first)]
-    for other in others:
-        columns += [Column(other), Column("minus the first")]
+#: Rows of a budget: name, attribute, and what it is.
+_BUDGET = (
+    ("ideal", "ideal_m_s", "integral of the thrust acceleration"),
+    ("gravity", "gravity_m_s", "its pull against the velocity"),
+    ("steering", "steering_m_s", "thrust beside the velocity"),
+    ("drag", "drag_m_s", "the model has no air forces"),
+    ("pressure", "pressure_m_s", "the thrust is that in vacuum"),
+    ("gained", "gained_m_s", "inertial speed at the end minus that at the begin"),
+)
+
+
+def budget_table(budget: Budget) -> Table:
+    """What the thrust went into: ideal minus all losses is what was gained."""
     rows = [
-        _compared("final mass, kg", [summary.m_f_kg for summary in summaries], 2),
-        _compared("cut-off, s", [summary.t_meco_s for summary in summaries], 3),
-        _compared("jettison, s", [summary.t_plf_s for summary in summaries], 3),
+        Row(f"{name}: {meaning}", (parts.number(getattr(budget, field), 2),))
+        for name, field, meaning in _BUDGET
     ]
-    errors = [summary.insertion_error for summary in summaries]
-    for key in dict.fromkeys(key for error in errors for key in error):
+    if math.isfinite(budget.left_m_s):
+        left = f"left: with the {number(budget.left_kg, 1)} kg of propellant in the last stage"
+        rows.append(Row(left, (parts.number(budget.left_m_s, 2),)))
+    columns = (Column("delta-V, m/s"),)
+    finding = (
+        "Ideal minus gravity, steering, drag and pressure is the speed gained, within "
+        f"{parts.about(abs(budget.open_m_s))} m/s."
+    )
+    return Table(columns, tuple(rows), finding)
+
+
+@dataclass(frozen=True)
+class Told:
+    """What the table of several flights tells of one: numbers at its end, and its budget.
+
+    Attributes:
+        verdict: in a few words.
+        m_f_kg, t_meco_s, t_plf_s: final mass, cut-off and jettison; None: unknown.
+        errors: flown minus target, by the names of the judge.
+        budget: what the thrust went into.
+    """
+
+    verdict: str
+    m_f_kg: float | None
+    t_meco_s: float | None
+    t_plf_s: float | None
+    errors: Mapping[str, float]
+    budget: Budget
+
+
+def told_of(summary: FlightSummary, budget: Budget) -> Told:
+    """What is told of a recorded flight beside others."""
+    return Told(
+        summary.verdict,
+        summary.m_f_kg,
+        summary.t_meco_s,
+        summary.t_plf_s,
+        summary.insertion_error,
+        budget,
+    )
+
+
+def compare(names: Sequence[str], told: Sequence[Told]) -> Table:
+    """The flights beside each other, and below each number its difference from the first."""
+    # no prose: f_igm is the name of a folder, and no symbol with an index
+    columns = tuple(Column(escape(name)) for name in names)
+    rows = [
+        Row("", tuple(word(one.verdict) for one in told)),
+        _compared("final mass, kg", [one.m_f_kg for one in told], 2),
+        _compared("cut-off, s", [one.t_meco_s for one in told], 3),
+    ]
+    if any(one.t_plf_s is not None for one in told):
+        rows.append(_compared("jettison, s", [one.t_plf_s for one in told], 3))
+    for key in dict.fromkeys(key for one in told for key in one.errors):
         name, unit, _ = QUANTITIES[key]
         label = f"error of {name},{unit}" if unit else f"error of {name}"
-        rows.append(_compared(label, [error.get(key) for error in errors], None))
-    return Table(tuple(columns), tuple(rows))
+        rows.append(_compared(label, [one.errors.get(key) for one in told], None))
+    for name, field in (*((name, field) for name, field, _ in _BUDGET), ("left", "left_m_s")):
+        values = [getattr(one.budget, field) for one in told]
+        if any(math.isfinite(value) and value for value in values):
+            rows.append(_compared(f"delta-V, {name}, m/s", values, 2))
+    return Table(columns, tuple(rows), "In small letters: minus the first.")
 
 
 def _compared(label: str, values: Sequence[float | None], decimals: int | None) -> Row:
-    """A row of `_comparison`; None of the decimals: two figures."""
+    """A row of `compare`; None of the decimals: two figures."""
 
     def cell(value: float, *, signed: bool = False) -> Cell:
         if math.isnan(value):
@@ -269,5 +366,7 @@ def _compared(label: str, values: Sequence[float | None], decimals: int | None) 
     known = [math.nan if value is None else value for value in values]
     cells = [cell(known[0])]
     for value in known[1:]:
-        cells += [cell(value), cell(value - known[0], signed=True)]
+        away = value - known[0]
+        below = cell(away, signed=True).text if math.isfinite(away) else ""
+        cells.append(replace(cell(value), below=below))
     return Row(label, tuple(cells))

@@ -73,6 +73,15 @@ def optimize(
         float, typer.Option(min=0.0, help="Wall time after which the search is given up, s.")
     ] = 30.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    out: Annotated[
+        Path | None, typer.Option(help="Write the optimum as a page into this file (.html).")
+    ] = None,
+    bag: Annotated[
+        Path | None,
+        typer.Option(
+            "--beside", metavar="BAG", help="Of --out: lay the flight of this bag over it."
+        ),
+    ] = None,
 ) -> None:
     """Find the optimal ascent off line, with its proof.
 
@@ -86,6 +95,14 @@ def optimize(
         "jettison_target": jettison_target and jettison_target.value,
     }
     asked = {name: value for name, value in given.items() if value is not None}
+    if bag is not None and out is None:
+        raise BadInput("--beside goes with --out only")
+    if out is not None:
+        needs("pages")
+        if out.suffix not in (".html", ".htm"):
+            raise BadInput(f"--out is {str(out)!r}; expected a file ending in .html")
+        if method is Method.ANALYTIC or maximize is not None:
+            raise BadInput("--out goes with neither --method analytic nor --maximize")
     if method is Method.ANALYTIC:
         from ares_bringup.commands.analytic import optimize_analytic
 
@@ -114,6 +131,8 @@ def optimize(
         heating.value if heating is not None else None,
         tuple(hold_jettison or ()),
         time_limit,
+        out,
+        bag,
     )
     raise typer.Exit(status)
 

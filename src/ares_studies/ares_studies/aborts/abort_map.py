@@ -23,7 +23,7 @@ from ares_studies.aborts.ends import NOWHERE, Judge, Reached, better
 from ares_studies.aborts.optimum import Optimizer
 from ares_studies.aborts.rows import FailureRow, failure_rows
 from ares_studies.closed_loop import fly_compiled, ready_law
-from ares_studies.flight_page.globe import land_on
+from ares_studies.flight_page.land import land_on
 from ares_studies.montecarlo.engines import cores
 from ares_vehicle_sim.arrays import IMPACT
 from ares_vehicle_sim.simulator import Simulator

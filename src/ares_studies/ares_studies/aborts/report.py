@@ -3,16 +3,15 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
 from itertools import groupby
 from typing import Any
 
-from ares_models.impacts import Outline
 from ares_models.judge import End
 from ares_studies.aborts.abort_map import ACCURACY, AbortMap, MapRow, Point
 from ares_studies.aborts.ends import Reached
-from ares_studies.flight_page.globe import read_land
+from ares_studies.flight_page.land import coasts, outlines, read_land
 from ares_studies.pages.parts import (
     Axis,
     Cell,
@@ -126,7 +125,8 @@ def make_report(made: AbortMap, facts: Mapping[str, str]) -> MapReport:
         facts: how it was made, for people.
     """
     masses = [row for row in made.rows if math.isfinite(row.points[0].failure.time_s)]
-    figures = [_mass_figure(row) for row in masses]
+    figures = _seen([_mass_figure(row) for row in masses])
+    lacking = _seen([_short_figure(masses), *_lacking_figures(masses)])
     chapters: tuple[Chapter, ...] = (
         Chapter(
             1,
@@ -141,7 +141,7 @@ def make_report(made: AbortMap, facts: Mapping[str, str]) -> MapReport:
             "What is lacking",
             "Final mass beside that of the optimizer that was told, and the speed that the energy "
             "of the end is short of.",
-            _named("figure", 1 + len(figures), [_short_figure(masses), *_lacking_figures(masses)]),
+            _named("figure", 1 + len(figures), lacking),
         ),
         Chapter(
             3,
@@ -152,7 +152,11 @@ def make_report(made: AbortMap, facts: Mapping[str, str]) -> MapReport:
         ),
     )
     if made.outside.of:
-        chapters += (_falls_chapter(made, 1 + len(figures) + len(chapters[1].items)),)
+        chapters += (_falls_chapter(made, 1 + len(figures) + len(lacking)),)
+    # what has nothing to show is left out
+    chapters = tuple(
+        replace(chapter, number=k) for k, chapter in enumerate((c for c in chapters if c.items), 1)
+    )
     return MapReport(
         made.title,
         facts,
@@ -365,9 +369,11 @@ def _lacking_figures(rows: list[MapRow]) -> list[Item]:
         if all(point.flown.end is End.TARGET for point in row.points):
             continue
         times = [point.at_s for point in row.points]
+        lacking = {field: [getattr(p, field).lacking_m_s for p in row.points] for field, *_ in WHO}
         series = tuple(
-            line(name, role, times, [getattr(p, field).lacking_m_s for p in row.points], 2)
+            line(name, role, times, lacking[field], 2)
             for field, name, role in WHO
+            if any(math.isfinite(value) for value in lacking[field])
         )
         figure = Figure(_TIME, Axis("speed that is lacking", "m/s"), series)
         items.append(Item("", "figure", "", f"{_title(row.name)}: speed lacking", "", figure))
@@ -396,10 +402,9 @@ def _falls_figure(made: AbortMap) -> Item:
     fallen = [point.flown for point in made.points if point.flown.falls]
     series = []
     if made.land:
-        rings = [tuple(zip(ring[1::2], ring[::2], strict=True)) for ring in read_land()]
-        series.append(_outlines("land", "otis", rings))
+        series.append(coasts(read_land()))
     if made.areas:
-        series.append(_outlines("areas", "other", made.areas.values()))
+        series.append(outlines("areas", "other", made.areas.values()))
     kinds: tuple[tuple[str, Role, bool], ...] = (
         ("flown, outside the areas" if made.areas else "flown", "here", False),
         ("flown, inside one", "thesis", True),
@@ -424,29 +429,21 @@ def _around(values: list[float], most: float) -> tuple[float, float]:
     return max(-most, min(values) - _BESIDE_DEG), min(most, max(values) + _BESIDE_DEG)
 
 
-def _outlines(name: str, role: Role, rings: Iterable[Outline]) -> Series:
-    """Closed lines as one, broken between them and where they pass 180 deg."""
-    x: list[float | None] = []
-    y: list[float | None] = []
-    for ring in rings:
-        before = ring[0][1]
-        for latitude, longitude in ring:
-            if abs(longitude - before) > 180.0:
-                x.append(None)
-                y.append(None)
-            x.append(round(longitude, 2))
-            y.append(round(latitude, 2))
-            before = longitude
-        x.append(None)
-        y.append(None)
-    return Series(name, role, "line", tuple(x), tuple(y))
-
-
 def _falls(made: AbortMap) -> Item:
     fallen = Counter(point.flown.area for point in made.points if point.flown.falls)
     names = {"": "outside all areas", **{name: name for name in made.areas}}
     rows = [Row(text, (Cell(f"{fallen[name]:,}", fallen[name]),)) for name, text in names.items()]
     return Item("", "table", "", "Flights that fall", "", Table((Column("flown"),), tuple(rows)))
+
+
+def _seen(items: list[Item]) -> list[Item]:
+    """The figures that show something."""
+    return [
+        item
+        for item in items
+        if isinstance(item.content, Figure)
+        and any(y is not None for one in item.content.series for y in one.y)
+    ]
 
 
 def _title(name: str) -> str:

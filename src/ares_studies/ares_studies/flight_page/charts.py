@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The charts of a page on flights: what each shows, in which unit."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -8,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ares_studies.flight_page.data import Flight, span_of
+from ares_studies.flight_page.land import coasts, land_on
 from ares_studies.pages.parts import (
     Axis,
     Chapter,
@@ -33,13 +35,17 @@ _LEVEL_ROOM = 5.0
 
 @dataclass(frozen=True)
 class Line:
-    """A line of a chart: its name where a chart has several, its points, kept decimals."""
+    """A line of a chart: its name where a chart has several, its points, kept decimals.
+
+    `t` has the times of the points where x is none.
+    """
 
     name: str
     x: Array
     y: Array
     digits: int
     step: bool = False
+    t: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -52,6 +58,9 @@ class Chart:
         axis: name and unit of y.
         lines: of a flight; none: it has nothing to show there.
         level: name and height of a horizontal line; None: none.
+        x: name and unit of x; None: mission elapsed time.
+        least: what the height of the axis stands for at least, in its unit.
+        is_map: longitude and latitude, with the land, over the whole width.
     """
 
     title: str
@@ -59,6 +68,9 @@ class Chart:
     axis: Axis
     lines: Callable[[Flight], Sequence[Line]]
     level: Callable[[Flight], tuple[str, float] | None] = lambda _flight: None
+    x: Axis | None = None
+    least: float = 0.0
+    is_map: bool = False
 
 
 def _state(name: str, scale: float = 1.0, digits: int = 3) -> Callable[[Flight], Sequence[Line]]:
@@ -79,12 +91,43 @@ def _speeds(flight: Flight) -> Sequence[Line]:
     ]
 
 
-def _orbit_altitudes(flight: Flight) -> Sequence[Line]:
+def _over_range(flight: Flight) -> Sequence[Line]:
     states = flight.states
-    return [
-        Line("perigee", states.time_s, states.perigee_m / 1e3, 2),
-        Line("apogee", states.time_s, states.apogee_m / 1e3, 2),
-    ]
+    return [Line("", states.range_m / 1e3, states.altitude_m / 1e3, 3, t=states.time_s)]
+
+
+def _ground_track(flight: Flight) -> Sequence[Line]:
+    """The track; a longitude goes on beyond 180 deg where the flight does."""
+    track = flight.states.track
+    longitude = np.unwrap(track.longitude_deg, period=360.0)
+    return [Line("", longitude, track.latitude_deg, 4, t=flight.states.time_s)]
+
+
+def _propellant(flight: Flight) -> Sequence[Line]:
+    if not np.any(np.isfinite(flight.propellant_kg)):
+        return []
+    return [Line("", flight.states.time_s, flight.propellant_kg / 1e3, 3)]
+
+
+def _optimality(*columns: tuple[str, str, int]) -> Callable[[Flight], Sequence[Line]]:
+    """Lines of what proves an optimum: name, column and decimals each; none of a flown flight."""
+
+    def lines(flight: Flight) -> Sequence[Line]:
+        proof = flight.optimality
+        if proof is None:
+            return []
+        known = [(name, getattr(proof, column), digits) for name, column, digits in columns]
+        return [
+            Line(name, proof.time_s, y, digits)
+            for name, y, digits in known
+            if np.any(np.isfinite(y))
+        ]
+
+    return lines
+
+
+def _zero(flight: Flight) -> tuple[str, float] | None:
+    return None if flight.optimality is None else ("", 0.0)
 
 
 def _heating(flight: Flight) -> Sequence[Line]:
@@ -125,7 +168,7 @@ def _navigation(name: str, scale: float, digits: int) -> Callable[[Flight], Sequ
 CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
     (
         "Trajectory",
-        "The truth, as the simulator published it.",
+        "The way of the vehicle: of a flight the truth, as the simulator published it.",
         (
             Chart(
                 "Altitude", "Above the ground.", Axis("altitude", "km"), _state("altitude_m", 1e-3)
@@ -148,6 +191,21 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
                 Axis("ground range", "km"),
                 _state("range_m", 1e-3, 2),
             ),
+            Chart(
+                "Altitude over ground range",
+                "The shape of the flight.",
+                Axis("altitude", "km"),
+                _over_range,
+                x=Axis("ground range", "km"),
+            ),
+            Chart(
+                "Ground track",
+                "The places below, and the land around them.",
+                Axis("latitude", "deg"),
+                _ground_track,
+                x=Axis("longitude", "deg"),
+                is_map=True,
+            ),
         ),
     ),
     (
@@ -167,6 +225,12 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
                 _state("yaw_deg", digits=5),
             ),
             Chart("Mass", "Of the vehicle.", Axis("mass", "t"), _state("mass_kg", 1e-3)),
+            Chart(
+                "Propellant",
+                "Left in the running stage, by the masses of the mission.",
+                Axis("propellant", "t"),
+                _propellant,
+            ),
             Chart("Thrust", "Of all engines.", Axis("thrust", "kN"), _state("thrust_n", 1e-3, 2)),
             Chart(
                 "Acceleration",
@@ -188,10 +252,16 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
         "The orbit on which the vehicle would go on without thrust.",
         (
             Chart(
-                "Perigee and apogee",
-                "Altitudes above the equatorial radius; below zero the orbit meets the ground.",
-                Axis("altitude", "km"),
-                _orbit_altitudes,
+                "Perigee",
+                "Above the equatorial radius; below zero the orbit meets the ground.",
+                Axis("perigee altitude", "km"),
+                _state("perigee_m", 1e-3, 2),
+            ),
+            Chart(
+                "Apogee",
+                "Above the equatorial radius; an escape has none.",
+                Axis("apogee altitude", "km"),
+                _state("apogee_m", 1e-3, 2),
             ),
             Chart(
                 "Inclination",
@@ -204,6 +274,45 @@ CHAPTERS: tuple[tuple[str, str, tuple[Chart, ...]], ...] = (
                 "Of the osculating orbit.",
                 Axis("eccentricity", ""),
                 _state("eccentricity", digits=6),
+            ),
+        ),
+    ),
+    (
+        "Optimality",
+        "What makes it the optimum, from the costates along the way.",
+        (
+            Chart(
+                "Primer vector, size",
+                "Costate of the velocity, 1 at the start; thrust is worth most where it is large.",
+                Axis("primer", ""),
+                _optimality(("", "primer", 8)),
+            ),
+            Chart(
+                "Primer vector, direction",
+                "Its parts ahead, up and right at the vehicle: where the best thrust points.",
+                Axis("part of the primer", ""),
+                _optimality(
+                    ("ahead", "primer_ahead", 5),
+                    ("up", "primer_up", 5),
+                    ("right", "primer_right", 5),
+                ),
+            ),
+            Chart(
+                "Switching function",
+                "Final mass that a kg of propellant burnt here is worth beyond its price: above "
+                "zero a burn pays, below zero a coast would; free coasts begin and end at zero. "
+                "Burns of given length have none.",
+                Axis("switching function", "kg/kg"),
+                _optimality(("", "switching", 9)),
+                _zero,
+            ),
+            Chart(
+                "Hamiltonian",
+                "With mass costate and price of propellant: constant along each arc, zero where "
+                "the length of the arc is free.",
+                Axis("Hamiltonian", "m/s2"),
+                _optimality(("", "hamiltonian_m_s2", 9)),
+                least=0.01,
             ),
         ),
     ),
@@ -280,10 +389,15 @@ def make_chapters(
             if not series:
                 continue
             figures += 1
-            axis = _with_room(chart.axis, series)
+            axis = _with_room(chart.axis, series, chart.least)
             figure = Figure(time, axis, series, tuple(instants), _levels(chart, flights))
+            if chart.x is not None:
+                figure = replace(figure, x=chart.x, instants=())
+            if chart.is_map:
+                figure = _with_land(figure, flights[0])
             key, name = f"figure-{figures}", f"Figure {figures}"
-            items.append(Item(key, "figure", name, chart.title, chart.see, figure))
+            wide = chart.is_map
+            items.append(Item(key, "figure", name, chart.title, chart.see, figure, wide))
         if items:
             chapters.append(Chapter(len(chapters) + 1, title, text, tuple(items)))
     return tuple(chapters)
@@ -307,9 +421,38 @@ def _series(chart: Chart, flights: Sequence[Flight], names: Sequence[str]) -> tu
                 one.digits,
                 "step" if one.step and shape == "line" else shape,
                 log=chart.axis.log,
+                t=one.t,
             )
             found.append(drawn)
     return tuple(found)
+
+
+#: deg beside a ground track, and of land beyond that: a map is as wide as its frame.
+_BESIDE_DEG = 1.0
+_LAND_BEYOND = 6.0
+
+
+def _with_land(figure: Figure, flight: Flight) -> Figure:
+    """A map of some tracks, as near as they let it be, with the coasts around."""
+    x, y = ([v for one in figure.series for v in getattr(one, k) if v is not None] for k in "xy")
+    spans = [
+        (min(values) - _BESIDE_DEG, max(values) + _BESIDE_DEG) if values else None
+        for values in (x, y)
+    ]
+    middle = 0.5 * (min(y) + max(y)) if y else 0.0
+    land: tuple[Series, ...] = ()
+    rings = land_on(flight.mission.environment.earth.equatorial_radius_m)
+    if rings and x:
+        width = _LAND_BEYOND * max(max(x) - min(x), max(y) - min(y), 2.0 * _BESIDE_DEG)
+        box = (min(x) - width, max(x) + width, min(y) - width, max(y) + width)
+        land = (coasts(rings, box),)
+    return replace(
+        figure,
+        x=replace(figure.x, span=spans[0]),
+        y=replace(figure.y, span=spans[1]),
+        series=(*figure.series, *land),
+        stretch=1.0 / max(math.cos(math.radians(middle)), 0.1),
+    )
 
 
 def _levels(chart: Chart, flights: Sequence[Flight]) -> tuple[Guide, ...]:
@@ -319,13 +462,13 @@ def _levels(chart: Chart, flights: Sequence[Flight]) -> tuple[Guide, ...]:
     return () if levels or level is None else (Guide(level[1], level[0]),)
 
 
-def _with_room(axis: Axis, series: Sequence[Series]) -> Axis:
+def _with_room(axis: Axis, series: Sequence[Series], at_least: float) -> Axis:
     """An axis on which the noise of a level line does not fill the height."""
     values = [y for one in series for y in one.y if y is not None]
     if axis.log or not values:
         return axis
     low, high = min(values), max(values)
-    least = 1e-5 * max(abs(low), abs(high), 1e-3)
+    least = max(1e-5 * max(abs(low), abs(high), 1e-3), at_least / (2.0 * _LEVEL_ROOM))
     if high - low >= least:
         return axis
     middle = 0.5 * (low + high)

@@ -17,10 +17,15 @@ const charts = plots.map((plot) => {
     button.append(output);
     return output;
   });
-  const line = document.createElement("div");
-  line.className = "cursor";
-  line.hidden = true;
-  return { plot, figure, outputs, line, digits: decimals(figure) };
+  // a line where x is the time, else a dot on each way
+  const ways = figure.series.filter((series) => series.t.length);
+  const lines = (ways.length ? ways : [null]).map((series) => {
+    const line = document.createElement("div");
+    line.className = series ? `dot ${series.role}` : "cursor";
+    line.hidden = true;
+    return line;
+  });
+  return { plot, figure, outputs, ways, lines, digits: decimals(figure) };
 });
 
 // four figures of what the lines of a chart span
@@ -32,12 +37,14 @@ function decimals({ series, y: { log } }) {
   return span > 0 ? Math.max(0, Math.min(7, 3 - Math.floor(Math.log10(span)))) : 3;
 }
 
-function valueAt(series, t) {
-  if (t < series.x[0] - 1e-6 || t > series.x.at(-1) + 1e-6) return null;
-  const [i, share] = place(series.x, t);
-  const here = series.y[i];
+function valueAt(series, t, values = series.y) {
+  const times = series.t.length ? series.t : series.x;
+  // the ends of the slider are rounded
+  if (t < times[0] - 0.01 || t > times.at(-1) + 0.01) return null;
+  const [i, share] = place(times, t);
+  const here = values[i];
   if (series.shape === "step" || share === 0 || here === null) return here;
-  const next = series.y[i + 1];
+  const next = values[i + 1];
   return next === null ? null : here + share * (next - here);
 }
 
@@ -62,19 +69,35 @@ function placeText(flight) {
     + `${Math.abs(longitude).toFixed(2)}° ${longitude < 0 ? "W" : "E"}`;
 }
 
-function updateChart({ plot, figure, outputs, line, digits }) {
+function updateChart({ plot, figure, outputs, ways, lines, digits }) {
   figure.series.forEach((series, i) => {
+    // the coast of a map has no time
+    if (ways.length && !series.t.length) return;
     const value = valueAt(series, now);
     outputs[i].textContent = shown(value, digits) + (value === null ? "" : ` ${figure.y.unit}`);
   });
   const axis = plot._fullLayout && plot._fullLayout.xaxis;
   if (!axis) return;
+  if (ways.length) {
+    ways.forEach((way, i) => putDot(plot, way, lines[i]));
+    return;
+  }
+  const [line] = lines;
   const at = axis.l2p(now);
   const size = plot._fullLayout._size;
   line.hidden = !(at >= -0.5 && at <= axis._length + 0.5);
   line.style.transform = `translateX(${axis._offset + at}px)`;
   line.style.top = `${size.t}px`;
   line.style.height = `${size.h}px`;
+}
+
+// where a way is by now
+function putDot(plot, way, dot) {
+  const { xaxis, yaxis } = plot._fullLayout;
+  const x = valueAt(way, now, way.x), y = valueAt(way, now);
+  const across = x === null ? NaN : xaxis.l2p(x), down = y === null ? NaN : yaxis.l2p(y);
+  dot.hidden = !(across >= 0 && across <= xaxis._length && down >= 0 && down <= yaxis._length);
+  dot.style.transform = `translate(${xaxis._offset + across}px, ${yaxis._offset + down}px)`;
 }
 
 let waiting = false;
@@ -152,39 +175,59 @@ document.querySelectorAll("[data-time]").forEach((button) => {
 });
 
 // the pointer over any chart
-function follow(plot) {
+function follow({ plot, ways }) {
   const look = (event) => {
     const axis = plot._fullLayout && plot._fullLayout.xaxis;
     if (!axis || (event.pointerType === "touch" && event.type === "pointerdown")) return;
-    const along = event.clientX - plot.getBoundingClientRect().left - axis._offset;
+    const frame = plot.getBoundingClientRect();
+    const along = event.clientX - frame.left - axis._offset;
     if (along < 0 || along > axis._length) return;
     pause();
-    setTime(axis.p2l(along));
+    setTime(ways.length ? nearestTime(plot, ways, along, event.clientY - frame.top) : axis.p2l(along));
   };
   plot.addEventListener("pointermove", look, { passive: true });
   plot.addEventListener("click", look);
 }
 
-// a zoom of one chart is a zoom of all
+// when a way is nearest to a place
+function nearestTime(plot, ways, along, height) {
+  const { xaxis, yaxis } = plot._fullLayout;
+  let least = Infinity, time = now;
+  for (const { x, y, t } of ways) {
+    t.forEach((at, i) => {
+      if (x[i] === null || y[i] === null) return;
+      const away = Math.hypot(xaxis.l2p(x[i]) - along, yaxis.l2p(y[i]) + yaxis._offset - height);
+      if (away < least) [least, time] = [away, at];
+    });
+  }
+  return time;
+}
+
+// a zoom of one chart in time is a zoom of all
+const timed = charts.filter(({ ways }) => !ways.length).map(({ plot }) => plot);
 let zooming = false;
 function link(plot) {
   plot.on("plotly_relayout", async (change) => {
     if (zooming || !Object.keys(change).some((key) => key.startsWith("xaxis."))) return;
+    if (!timed.includes(plot)) {
+      update();
+      return;
+    }
     zooming = true;
     const figure = figures[plot.dataset.key];
     const range = change["xaxis.autorange"] ? figure.x.span : [...plot._fullLayout.xaxis.range];
-    for (const other of plots) await Plotly.relayout(other, { "xaxis.range": [...range] });
+    for (const other of timed) await Plotly.relayout(other, { "xaxis.range": [...range] });
     zooming = false;
     update();
   });
 }
 
 document.addEventListener("drawn", () => {
-  for (const { plot, line } of charts) {
-    if (line.isConnected) continue;
-    plot.append(line);
-    follow(plot);
-    link(plot);
+  for (const chart of charts) {
+    if (chart.lines[0].isConnected) continue;
+    chart.plot.append(...chart.lines);
+    follow(chart);
+    link(chart.plot);
   }
   update();
 });

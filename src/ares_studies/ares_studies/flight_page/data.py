@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ares_models.mission import Mission
 from ares_models.orbits import Elements
+from ares_studies.flight_page.budget import Budget, make_budget, propellant_left
 from ares_studies.flight_page.geometry import (
     Track,
     ground_range,
@@ -31,6 +32,29 @@ _NO_ERROR = 1e-9
 
 
 @dataclass(frozen=True)
+class Optimality:
+    """What proves an optimum along its way, shape (n,) each.
+
+    Attributes:
+        time_s: mission elapsed time; an event stands twice.
+        primer: size of the primer vector, the costate of the velocity; 1 at the start.
+        primer_up, primer_ahead, primer_right: its parts along the radius, along the horizontal
+            velocity, and to the right of it.
+        switching: switching function, kg of final mass per kg of propellant; nan: the burn has a
+            given length.
+        hamiltonian_m_s2: with mass costate and price of propellant.
+    """
+
+    time_s: Array
+    primer: Array
+    primer_up: Array
+    primer_ahead: Array
+    primer_right: Array
+    switching: Array
+    hamiltonian_m_s2: Array
+
+
+@dataclass(frozen=True)
 class Recording:
     """A flight as its bag has it.
 
@@ -41,6 +65,7 @@ class Recording:
         truth: columns of VehicleState; all with `time` in s. At least one row.
         navigation: columns of NavState; may have no rows, then only `time`.
         status: columns of GuidanceStatus; the same.
+        optimality: of an optimum; None: it was flown.
     """
 
     name: str
@@ -49,6 +74,7 @@ class Recording:
     truth: Columns
     navigation: Columns
     status: Columns
+    optimality: Optimality | None = None
 
 
 @dataclass(frozen=True)
@@ -135,6 +161,9 @@ class Flight:
         impact_time_s: of the impact points, shape (m,).
         impact: where the vehicle would have fallen.
         heating_limit_w_m2: the least of the mission's; None: none.
+        propellant_kg: left in the running stage, by the masses of the mission, a number a state.
+        budget: what the thrust went into.
+        optimality: of an optimum; None: it was flown.
     """
 
     name: str
@@ -147,6 +176,9 @@ class Flight:
     impact_time_s: Array
     impact: Track
     heating_limit_w_m2: float | None
+    propellant_kg: Array
+    budget: Budget
+    optimality: Optimality | None
 
 
 def make_flight(recording: Recording) -> Flight:
@@ -157,6 +189,7 @@ def make_flight(recording: Recording) -> Flight:
     states = states_from_start(picked, mission)
     falls = rows[_spread(len(rows), MAX_IMPACTS)]
     limits = [part.heating_limit_w_m2 for part in mission.jettisons if part.heating_limit_w_m2]
+    left = propellant_left(truth["mass"], truth["arc"], truth["jettisoned"], mission.arrays())
     return Flight(
         name=recording.name,
         law=recording.law,
@@ -174,6 +207,9 @@ def make_flight(recording: Recording) -> Flight:
             mission.earth(),
         ),
         heating_limit_w_m2=min(limits, default=None),
+        propellant_kg=left[rows],
+        budget=make_budget(truth, left, mission),
+        optimality=recording.optimality,
     )
 
 

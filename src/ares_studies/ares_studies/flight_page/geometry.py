@@ -22,6 +22,23 @@ class Track:
     longitude_deg: Array
 
 
+def local_axes(position: Array, velocity: Array) -> tuple[Array, Array, Array]:
+    """Axes at the vehicle: up, ahead along the horizontal velocity, right of it.
+
+    Args:
+        position: inertial, shape (n, 3), m.
+        velocity: inertial, shape (n, 3), m/s.
+
+    Returns:
+        Unit vectors, shape (n, 3) each; zero ahead and right where the velocity is vertical.
+    """
+    up = position / np.linalg.norm(position, axis=1, keepdims=True)
+    right = np.cross(velocity, up)
+    size = np.linalg.norm(right, axis=1, keepdims=True)
+    right = right / np.where(size > 0.0, size, 1.0)
+    return up, np.cross(up, right), right
+
+
 def thrust_angles(position: Array, velocity: Array, direction: Array) -> tuple[Array, Array]:
     """Pitch and yaw of the thrust.
 
@@ -38,9 +55,7 @@ def thrust_angles(position: Array, velocity: Array, direction: Array) -> tuple[A
     Returns:
         Pitch and yaw, shape (n,) each, deg; yaw is 0 where thrust or velocity is vertical.
     """
-    up = position / np.linalg.norm(position, axis=1, keepdims=True)
-    right = np.cross(velocity, up)
-    along = np.cross(up, right)
+    up, along, right = local_axes(position, velocity)
     sine = np.sum(direction * up, axis=1)
     across = np.sum(direction * right, axis=1)
     ahead = np.sum(direction * along, axis=1)

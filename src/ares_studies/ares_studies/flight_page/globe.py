@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The globe: ways over the Earth, in places and heights, and the land below."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -12,12 +10,8 @@ from numpy.typing import NDArray
 
 from ares_studies.flight_page.charts import ROLES
 from ares_studies.flight_page.data import Flight, Phase
+from ares_studies.flight_page.land import land_on
 from ares_studies.pages.parts import Role
-
-LAND = "land.json"
-#: Land is drawn on a body whose radius is that of the Earth, to a share of it.
-_EARTH_RADIUS_M = 6378e3
-_LIKE_THE_EARTH = 0.01
 
 
 @dataclass(frozen=True)
@@ -77,17 +71,6 @@ class Globe:
     land: tuple[tuple[float, ...], ...]
     ends: tuple[str, ...]
     nearest: float = 1.0
-
-
-def read_land() -> tuple[tuple[float, ...], ...]:
-    """Rings of land: longitude and latitude in turn, deg."""
-    data: dict[str, Any] = json.loads(files(__package__).joinpath(LAND).read_text("utf-8"))
-    return tuple(tuple(ring) for ring in data["rings"])
-
-
-def land_on(radius_m: float) -> tuple[tuple[float, ...], ...]:
-    """The land of a body of some radius; none on one that is not the Earth."""
-    return read_land() if abs(radius_m / _EARTH_RADIUS_M - 1.0) < _LIKE_THE_EARTH else ()
 
 
 def make_globe(flights: Sequence[Flight], names: Sequence[str], ends: Sequence[str]) -> Globe:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A page on one flight, or on several that lie over each other."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -41,7 +41,7 @@ class Account:
 
     Attributes:
         name: short, unlike those of the other flights on the page.
-        bag: path of the bag, for people.
+        bag: path of the bag, for people; empty: there is none.
         law: that steered.
         title: of the mission.
         verdict: how it ended, in a few words.
@@ -49,7 +49,8 @@ class Account:
         problems: what was not as it should be, a line each.
         key_numbers: the most important ones: name, value, unit.
         facts: more of them: name and value.
-        insertion: flown, target, error, tolerance; None without an end.
+        tables: insertion, delta-V budget and what else there is, by title; None: the flight has
+            no end in its bag.
         end: what the last mark on the globe is called.
         events: in the order of time.
         marks: instants for the charts.
@@ -65,7 +66,7 @@ class Account:
     problems: tuple[str, ...]
     key_numbers: tuple[tuple[str, str, str], ...]
     facts: tuple[tuple[str, str], ...]
-    insertion: Table | None
+    tables: Mapping[str, Table | None]
     end: str
     events: tuple[Happening, ...]
     marks: tuple[Guide, ...]
@@ -78,6 +79,8 @@ class FlightReport:
 
     Attributes:
         title: what was flown.
+        kicker: what the page is, in a few words.
+        command: that made it.
         accounts: of the flights.
         roles: their colours.
         comparison: differences; None for one flight.
@@ -87,6 +90,8 @@ class FlightReport:
     """
 
     title: str
+    kicker: str
+    command: str
     accounts: tuple[Account, ...]
     roles: tuple[Role, ...]
     comparison: Table | None
@@ -96,7 +101,11 @@ class FlightReport:
 
 
 def make_report(
-    flights: Sequence[Flight], accounts: Sequence[Account], comparison: Table | None
+    flights: Sequence[Flight],
+    accounts: Sequence[Account],
+    comparison: Table | None,
+    kicker: str = "",
+    command: str = "ares report",
 ) -> FlightReport:
     """What the page shows.
 
@@ -104,12 +113,18 @@ def make_report(
         flights: what is drawn, MAX_FLIGHTS at most.
         accounts: what is told of each.
         comparison: differences between several.
+        kicker: what the page is; empty: one flight by its law, or so many over each other.
+        command: that makes it.
     """
+    if not kicker and len(flights) > 1:
+        kicker = f"{len(flights)} flights over each other"
     names = [account.name for account in accounts]
     titles = list(dict.fromkeys(account.title for account in accounts))
     marks = accounts[0].marks if len(flights) == 1 else ()
     return FlightReport(
         title=" and ".join(titles),
+        kicker=kicker or f"Flight report, guidance {accounts[0].law}",
+        command=command,
         accounts=tuple(accounts),
         roles=ROLES[: len(flights)],
         comparison=comparison,

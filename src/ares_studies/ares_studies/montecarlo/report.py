@@ -5,11 +5,18 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from html import escape
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ares_models.arrays import (
+    TARGET_RADIUS_SPEED_ANGLE_INCLINATION,
+    TARGET_RADIUS_SPEED_ANGLE_PLANE,
+    Record,
+)
+from ares_models.mission_target import target_record
 from ares_models.tolerances import FLIGHT_PATH_ANGLE_DEG, RADIUS_M, SPEED_M_S
 from ares_studies.flight_page.globe import Globe
 from ares_studies.montecarlo.flights import Settings
@@ -47,6 +54,11 @@ from ares_vehicle_sim.draws import FIELDS
 
 Array = NDArray[np.float64]
 
+#: Targets that name radius, speed and angle, and so the orbit of what is reached.
+_AIMED_STATES = (TARGET_RADIUS_SPEED_ANGLE_INCLINATION, TARGET_RADIUS_SPEED_ANGLE_PLANE)
+
+#: Marks of flights without a value stand aside of a histogram by this share of its width.
+_ASIDE = 0.04
 #: Points of a scatter plot.
 CLOUD = 3000
 
@@ -119,6 +131,7 @@ class CampaignReport:
         chapters: figures and tables.
         cases: flights to look at again, by what is special about them.
         globe: ways of some flights over the Earth.
+        command: flies flight k again with ``--flight k`` behind it.
     """
 
     title: str
@@ -128,6 +141,7 @@ class CampaignReport:
     chapters: tuple[Chapter, ...]
     cases: Mapping[str, tuple[Case, ...]]
     globe: Globe
+    command: str
 
     @property
     def globe_key(self) -> list[tuple[str, Role, int]]:
@@ -181,7 +195,7 @@ def make_report(
             "Insertion",
             "Flown minus target at the end of the flight. Terminal accuracy asks for "
             f"{RADIUS_M:g} m, {SPEED_M_S:g} m/s, {FLIGHT_PATH_ANGLE_DEG:g} deg at most.",
-            tuple(_insertion_figures(summary)),
+            tuple(_insertion_figures(summary, settings)),
         ),
         Chapter(
             3,
@@ -200,6 +214,7 @@ def make_report(
         chapters=_numbered(chapters),
         cases=_cases(summary, command, reached),
         globe=globe,
+        command=command,
     )
 
 
@@ -326,8 +341,33 @@ def _histogram(
         )
         for label, role, counts in kinds
     )
-    figure = Figure(Axis(title, unit), flights, series, tuple(instants), finding=_beyond(histogram))
+    each, without = _each_failure(summary, name, floor)
+    finding = f"{_beyond(histogram)} {without}".strip()
+    figure = Figure(Axis(title, unit), flights, (*series, *each), tuple(instants), finding=finding)
     return _item(title, "", figure)
+
+
+def _each_failure(summary: Summary, name: str, floor: float) -> tuple[tuple[Series, ...], str]:
+    """A mark for each of the first flights that failed; beyond the bins where it has no value."""
+    edges = summary.histograms[name].edges
+    beyond = edges[-1] + _ASIDE * (edges[-1] - edges[0])
+    x, texts = [], []
+    for row in summary.failures:
+        value = row[name]
+        x.append(beyond if value is None else float(np.clip(value, edges[0], edges[-1])))
+        none = "" if value is not None else f"no {RESULT_NAMES[name][0]}; "
+        texts.append(_said(row["flight"], none + row["failure"]))
+    if not x:
+        return (), ""
+    without = x.count(beyond)
+    told = f"At the right, beyond the bins: {without:,} that have no value." if without else ""
+    at = (floor,) * len(x)
+    return (Series("each failure", "thesis", "marks", tuple(x), at, tuple(texts)),), told
+
+
+def _said(flight: int, failure: str) -> str:
+    """A flight and why it failed, in lines that fit beside a pointer."""
+    return f"flight {flight}<br>{escape(failure, quote=False).replace('; ', '<br>')}"
 
 
 def _beyond(histogram: Histogram) -> str:
@@ -367,7 +407,12 @@ def _result_figures(summary: Summary) -> list[Item]:
 
 def _cloud(summary: Summary, x: str, y: str, title: str, x_axis: Axis, y_axis: Axis) -> Item:
     """A scatter plot of two columns; flights that failed stand out."""
-    xs, ys = summary.sample[x][:CLOUD], summary.sample[y][:CLOUD]
+    return _scatter(summary, summary.sample[x], summary.sample[y], title, x_axis, y_axis)
+
+
+def _scatter(summary: Summary, x: Array, y: Array, title: str, x_axis: Axis, y_axis: Axis) -> Item:
+    """A scatter plot of two numbers of each flight of the sample."""
+    xs, ys = x[:CLOUD], y[:CLOUD]
     flights = summary.sample["flight"][:CLOUD]
     good = summary.sample["succeeded"][:CLOUD].astype(bool)
     known = np.isfinite(xs) & np.isfinite(ys)
@@ -375,18 +420,60 @@ def _cloud(summary: Summary, x: str, y: str, title: str, x_axis: Axis, y_axis: A
         ("success", "here", "cloud", good),
         ("failure", "thesis", "marks", ~good),
     )
+    why = summary.failed
     series = []
     for name, role, shape, which in kinds:
         chosen = np.flatnonzero(known & which)
         if chosen.size:
-            texts = tuple(f"flight {flight}" for flight in flights[chosen].tolist())
+            texts = tuple(
+                _said(flight, why[flight]) if flight in why else f"flight {flight}"
+                for flight in flights[chosen].tolist()
+            )
             x_points, y_points = tuple(xs[chosen].tolist()), tuple(ys[chosen].tolist())
             series.append(Series(name, role, shape, x_points, y_points, texts))
     return _item(title, f"The first {len(xs):,} flights.", Figure(x_axis, y_axis, tuple(series)))
 
 
-def _insertion_figures(summary: Summary) -> list[Item]:
+def perigee_apogee(sample: Mapping[str, Array], target: Record, mu: float) -> tuple[Array, Array]:
+    """Perigee and apogee of the orbits reached, from the errors and the target.
+
+    Args:
+        sample: columns of the table of flights, shape (n,) each.
+        target: record of dtype TARGET.
+        mu: gravitational parameter, m3/s2.
+
+    Returns:
+        Radii of perigee and apogee, shape (n,) each, m; nan where the errors do not tell them,
+        or the orbit has none.
+    """
+    perigee = float(target["perigee_radius"]) + sample["perigee_radius_error_m"]
+    apogee = float(target["apogee_radius"]) + sample["apogee_radius_error_m"]
+    size = float(target["semi_major_axis"]) + sample["semi_major_axis_error_m"]
+    shape = float(target["eccentricity"]) + sample["eccentricity_error"]
+    if int(target["kind"]) in _AIMED_STATES:
+        radius = float(target["radius"]) + sample["radius_error_m"]
+        speed = float(target["speed"]) + sample["speed_error_m_s"]
+        error = np.radians(sample["flight_path_angle_error_deg"])
+        angle = float(target["flight_path_angle"]) + error
+        size = 1.0 / (2.0 / radius - speed**2 / mu)
+        parameter = (radius * speed * np.cos(angle)) ** 2 / mu
+        shape = np.sqrt(np.maximum(0.0, 1.0 - parameter / size))
+    perigee = np.where(np.isfinite(perigee), perigee, size * (1.0 - shape))
+    apogee = np.where(np.isfinite(apogee), apogee, size * (1.0 + shape))
+    bound = (perigee > 0.0) & (apogee >= perigee)
+    return np.where(bound, perigee, math.nan), np.where(bound, apogee, math.nan)
+
+
+def _insertion_figures(summary: Summary, settings: Settings) -> list[Item]:
     items = []
+    environment = settings.mission.environment
+    target = target_record(settings.mission)[0]
+    ground = environment.earth.equatorial_radius_m
+    orbit = perigee_apogee(summary.sample, target, environment.mu_m3_s2)
+    if np.any(np.isfinite(orbit[0]) & np.isfinite(orbit[1])):
+        axes = [Axis(f"{name} altitude", "km") for name in ("perigee", "apogee")]
+        heights = [(radius - ground) / 1e3 for radius in orbit]
+        items.append(_scatter(summary, heights[0], heights[1], "Perigee and apogee", *axes))
     pairs = (
         ("speed_error_m_s", "radius_error_m", "Radius against speed"),
         ("inclination_error_deg", "flight_path_angle_error_deg", "Angle against inclination"),

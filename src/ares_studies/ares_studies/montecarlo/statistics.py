@@ -33,7 +33,7 @@ RESERVE_CONFIDENCE = 0.90
 SAMPLE = GROUP
 #: Flights of each list of worst ones.
 WORST = 5
-#: Flights that failed which are kept, for their ways over the Earth.
+#: Flights that failed which are kept, for their ways over the Earth and their marks.
 FAILED = 30
 BINS = 80
 #: A histogram is wider than the flights that succeeded by this share at most, on either side.
@@ -220,7 +220,7 @@ class Summary:
         histograms: by column of the table.
         influences: of each draw on a result, strongest first, by the result's column.
         worst: rows, by what is bad about them.
-        failed: the first flights that failed, and why.
+        failures: rows of the first flights that failed.
         sample: columns of the first flights.
     """
 
@@ -229,8 +229,13 @@ class Summary:
     histograms: dict[str, Histogram]
     influences: dict[str, list[Influence]]
     worst: dict[str, list[dict[str, Any]]]
-    failed: dict[int, str]
+    failures: list[dict[str, Any]]
     sample: dict[str, Array] = field(repr=False)
+
+    @property
+    def failed(self) -> dict[int, str]:
+        """The first flights that failed, and why."""
+        return {row["flight"]: row["failure"] for row in self.failures}
 
 
 HISTOGRAMS = (
@@ -283,8 +288,8 @@ def summarize(path: Path, nominal_kg: float) -> Summary:
         reserve=Reserve(flights_needed(), used if np.isfinite(used) else np.nan, nominal_kg),
         histograms=histograms,
         influences={name: _influences(gathered.sample, name) for name in TOLD},
-        worst=gathered.worst,
-        failed=gathered.failed,
+        worst={FAILURES: gathered.failures[: 2 * WORST], **gathered.worst},
+        failures=gathered.failures,
         sample=gathered.sample,
     )
 
@@ -297,9 +302,8 @@ class _Gathered:
         self.tail = _Tail(int((1.0 - RESERVE_SHARE) * count) + 1)
         self.spans: dict[str, Interval] = {}
         self.good_spans: dict[str, Interval] = {}
-        self.failed: dict[int, str] = {}
-        self.worst: dict[str, list[dict[str, Any]]] = {FAILURES: []}
-        self.worst |= {name: [] for name, _, _ in LISTS}
+        self.failures: list[dict[str, Any]] = []
+        self.worst: dict[str, list[dict[str, Any]]] = {name: [] for name, _, _ in LISTS}
         self.sample: dict[str, Array] = {}
 
     def add(self, table: Any) -> None:
@@ -312,9 +316,7 @@ class _Gathered:
             values = table[name].to_numpy()
             _widen(self.spans, name, values)
             _widen(self.good_spans, name, values[good])
-        first = np.flatnonzero(~good)[: FAILED - len(self.failed)]
-        told = table.select(["flight", "failure"]).take(first).to_pylist()
-        self.failed |= {row["flight"]: row["failure"] for row in told}
+        self.failures += _rows(table, np.flatnonzero(~good)[: FAILED - len(self.failures)])
         for title, name, low_is_bad in LISTS:
             values = table[name].to_numpy()
             badness = -values if low_is_bad else np.abs(values)
@@ -324,9 +326,6 @@ class _Gathered:
             ]
             order = np.argsort([row[name] if low_is_bad else -abs(row[name]) for row in both])
             self.worst[title] = [both[k] for k in order[:WORST]]
-        failed = np.flatnonzero(~good)
-        room = 2 * WORST - len(self.worst[FAILURES])
-        self.worst[FAILURES] += _rows(table, failed[:room])
         if not self.sample:
             self.sample = {
                 name: table[name].to_numpy()

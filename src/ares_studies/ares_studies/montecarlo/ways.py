@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from ares_models.mission import Mission
 from ares_studies.closed_loop import ready_law
 from ares_studies.flight_page.geometry import ground_track
-from ares_studies.flight_page.globe import Globe, GlobeFlight, Way, land_on, rounded
+from ares_studies.flight_page.globe import Globe, GlobeFlight, Way, rounded
+from ares_studies.flight_page.land import land_on
 from ares_studies.montecarlo.flights import Settings
 from ares_studies.montecarlo.statistics import Summary
 from ares_studies.pages.parts import Role

@@ -43,8 +43,10 @@ function trace(series, unit) {
       hovertemplate: "%{text}<extra></extra>", marker: { color: paint, size: 4 },
     };
   }
+  // a line of one point would not be seen
+  const alone = series.y.filter((y) => y !== null).length === 1;
   return {
-    ...common, mode: "lines", opacity: series.shape === "band" ? 0.4 : 1,
+    ...common, mode: alone ? "markers" : "lines", marker: { color: paint, size: 7 }, opacity: series.shape === "band" ? 0.4 : 1,
     hovertemplate: `%{y} ${unit}`, fill: series.shape === "bars" ? "tozeroy" : "none",
     line: {
       color: paint, width: WIDTH[series.shape], dash: DASH[series.shape] || "solid",
@@ -92,6 +94,8 @@ function layout(plot, figure) {
   const vertical = figure.y.log
     ? { type: "log", dtick: 1, ...(figure.y.span && { range: figure.y.span.map(Math.log10) }) }
     : { nticks: 7, ...(figure.y.span && { range: figure.y.span }) };
+  // of a map both axes show more than asked for, never less
+  const map = figure.stretch && { scaleanchor: "x", scaleratio: figure.stretch };
   const word = { showarrow: false, font: { ...FONT, color: quiet }, borderpad: 1 };
   return {
     font: { ...FONT, color: colour("ink") },
@@ -104,7 +108,7 @@ function layout(plot, figure) {
       namelength: -1,
     },
     xaxis: { ...axis, range, showgrid: false, nticks: ticks(plot, range), hoverformat: ".2f" },
-    yaxis: { ...axis, ...vertical, ...(linked && { fixedrange: true }) },
+    yaxis: { ...axis, ...vertical, ...map, ...(linked && !map && { fixedrange: true }) },
     shapes: [
       ...figure.instants.map((instant) => ({
         type: "line", x0: instant.at, x1: instant.at, yref: "paper", y0: 0, y1: 1, layer: "below",

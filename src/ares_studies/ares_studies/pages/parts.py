@@ -12,8 +12,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-#: Whose number it is; decides the colour. `other` and `third` are further results of ours.
-Role = Literal["here", "other", "third", "thesis", "otis"]
+#: Whose number it is; decides the colour. `other` and `third` are further results of ours, what is
+#: `quiet` is the ground of a map.
+Role = Literal["here", "other", "third", "thesis", "otis", "quiet"]
 Shape = Literal["line", "dashes", "dots", "step", "bars", "band", "marks", "cloud"]
 
 BLANK = "–"
@@ -27,10 +28,12 @@ class Cell:
     Attributes:
         text: as shown.
         value: the number behind it; None for a word or where there is none.
+        below: in small letters below it.
     """
 
     text: str
     value: float | None = None
+    below: str = ""
 
 
 @dataclass(frozen=True)
@@ -75,6 +78,7 @@ class Series:
         shape: how it is drawn.
         x, y: same length; None where there is nothing to draw.
         texts: one per mark, shown beside the pointer; empty for a line.
+        t: time of each point, s, where x is none and one cursor goes over all figures; else empty.
     """
 
     name: str
@@ -83,6 +87,7 @@ class Series:
     x: tuple[float | None, ...]
     y: tuple[float | None, ...]
     texts: tuple[str, ...] = ()
+    t: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -113,6 +118,7 @@ class Figure:
         instants: vertical lines.
         levels: horizontal lines.
         finding: what it shows, in a sentence.
+        stretch: of a map: how much longer a unit of y is drawn than one of x; None: no map.
     """
 
     x: Axis
@@ -121,6 +127,7 @@ class Figure:
     instants: tuple[Guide, ...] = ()
     levels: tuple[Guide, ...] = ()
     finding: str = ""
+    stretch: float | None = None
 
 
 @dataclass(frozen=True)
@@ -237,19 +244,26 @@ def line(
     shape: Shape = "line",
     *,
     log: bool = False,
+    t: ArrayLike | None = None,
 ) -> Series:
     """A line, thinned to what can be seen.
 
     Args:
         name: for the legend.
         role: decides the colour.
-        x: shape (n,), rising.
+        x: shape (n,), rising where there is no t.
         y: shape (n,); nan where there is nothing to draw.
         digits: decimals of y that are kept.
         shape: how it is drawn.
         log: seen on a logarithmic axis, on which there is no 0.
+        t: time of each point, shape (n,), s, where x is none.
     """
     xs, ys = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+    if t is not None:
+        ts = np.asarray(t, dtype=float)
+        kept = np.union1d(thin(ts, xs), thin(ts, ys))
+        times = tuple(np.round(ts[kept], 3).tolist())
+        return Series(name, role, shape, _numbers(xs[kept], 3), _numbers(ys[kept], digits), t=times)
     if log:
         ys = np.where(ys > 0.0, ys, np.nan)
     kept = thin(xs, np.log10(ys) if log else ys)

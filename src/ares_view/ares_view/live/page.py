@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 from functools import cache
 
 from ares_studies import flight_page
-from ares_studies.flight_page.globe import read_land
+from ares_studies.flight_page.land import read_land
 from ares_studies.pages.parts import Axis, Figure, Item, Role, Series, Shape
 from ares_studies.pages.templates import PALETTES, embedded, make_environment, one_line
 from ares_view.live.story import STATE_FIELDS, STATUS_FIELDS

@@ -22,7 +22,7 @@ from ares_studies.event_words import ENDS, EVENT_NAMES, MARKS, event_name
 from ares_studies.flight_page.charts import ROLES
 from ares_studies.flight_page.data import phase_name, states_of
 from ares_studies.flight_page.geometry import impact_track
-from ares_studies.flight_page.globe import land_on
+from ares_studies.flight_page.land import land_on
 
 #: As many states, and words of guidance, are kept of a flight.
 MAX_ROWS = 1500

@@ -1,0 +1,228 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page of an optimum: the parts of a flight's page, and its proof. No ROS."""
+
+import math
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from ares_bringup.commands.optimize import NOT_FOUND, VERDICTS, proof_lines
+from ares_bringup.commands.report import (
+    Told,
+    account_of,
+    budget_table,
+    compare,
+    recording_of,
+    told_of,
+)
+from ares_bringup.options import CannotStart
+from ares_bringup.recorded import RecordedFlight
+from ares_bringup.summary import apart
+from ares_bringup.whole_file import write_whole
+from ares_models.arrays import BURN
+from ares_models.mission import Mission
+from ares_models.software import software
+from ares_optimizer.solution import Solution
+from ares_studies.flight_page.budget import Budget
+from ares_studies.flight_page.data import Flight, make_flight
+from ares_studies.flight_page.optimum import LAW, record_optimum
+from ares_studies.flight_page.page import Account, Happening, make_report, render
+from ares_studies.pages.parts import BLANK, Cell, Column, Guide, Row, Table, number, power, word
+
+COMMAND = "ares optimize"
+
+
+def write_page(
+    out: Path, mission: Mission, solution: Solution, flown: RecordedFlight | None
+) -> None:
+    """Write the page of an optimum, beside a flight if there is one.
+
+    Args:
+        out: the page.
+        mission: that was solved.
+        solution: with a trajectory.
+        flown: a recorded flight; None: none.
+
+    Raises:
+        CannotStart: the flight is of another mission, or the page cannot be written; one line.
+    """
+    if flown is not None and flown.mission.name != mission.name:
+        raise CannotStart(
+            f"--beside is a flight of {flown.mission.name!r}; expected one of {mission.name!r}"
+        )
+    flights = [make_flight(record_optimum(LAW, mission, solution))]
+    accounts = [_account(mission, solution, flights[0])]
+    comparison = None
+    kicker = f"Optimum, method {solution.method}"
+    if flown is not None:
+        name = f"flown, {flown.law}"
+        flights.append(make_flight(recording_of(name, flown)))
+        accounts.append(account_of(name, flown, flights[1].budget))
+        told = [_told(solution, flights[0].budget), told_of(flown.summary, flights[1].budget)]
+        comparison = compare([LAW, name], told)
+        kicker += f", beside a flight by {flown.law}"
+    report = make_report(flights, accounts, comparison, kicker, COMMAND)
+    write_whole(out, render(report).encode())
+
+
+def _verdict(solution: Solution) -> str:
+    word = VERDICTS.get(solution.status, NOT_FOUND)[0]
+    return word[0].upper() + word[1:]
+
+
+def _told(solution: Solution, budget: Budget) -> Told:
+    return Told(
+        _verdict(solution),
+        _known(solution.m_f_kg),
+        _known(solution.t_meco_s),
+        _known(solution.t_plf_s),
+        {},
+        budget,
+    )
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _account(mission: Mission, solution: Solution, flight: Flight) -> Account:
+    events = _events(mission, solution, flight)
+    numbers = (
+        ("final mass", solution.m_f_kg, 2, "kg"),
+        ("cut-off", solution.t_meco_s, 3, "s"),
+        ("last jettison", solution.t_plf_s, 3, "s"),
+        ("delta-V", flight.budget.ideal_m_s, 1, "m/s"),
+    )
+    good = solution.converged
+    return Account(
+        name=LAW,
+        bag="",
+        law=LAW,
+        title=mission.title,
+        verdict=_verdict(solution),
+        good=good,
+        problems=() if good else (solution.reason,),
+        key_numbers=tuple(
+            (name, number(value, decimals).text, unit)
+            for name, value, decimals, unit in numbers
+            if math.isfinite(value)
+        ),
+        facts=tuple(_facts(mission, solution).items()),
+        tables={
+            "Constraints and their prices": constraint_table(solution),
+            "Steering": steering_table(mission, solution),
+            "Delta-V budget": budget_table(flight.budget),
+        },
+        end="cut-off",
+        events=events,
+        marks=_marks(mission, solution),
+        diagnostics=(),
+    )
+
+
+def _facts(mission: Mission, solution: Solution) -> dict[str, str]:
+    facts = {"mission": mission.name, "method": solution.method, "software": software()}
+    for k, line in enumerate(solution.steps):
+        facts[f"search {k + 1}"] = line
+    for k, line in enumerate(proof_lines(solution)):
+        facts["proof" if not k else f"proof, {k + 1}"] = line
+    return facts
+
+
+def constraint_table(solution: Solution) -> Table:
+    """The constraints as the independent integration finds them, and what each is worth."""
+    rows = []
+    for check in solution.constraints:
+        state = "active" if check.active else "slack"
+        if not check.satisfied:
+            state = "VIOLATED"
+        price = check.multiplier
+        cells = (
+            _price(price),
+            word(state),
+            _figures(check.value),
+            _figures(check.limit),
+        )
+        name = f"{check.name}, {check.unit}" if check.unit else check.name
+        rows.append(Row(name, cells))
+    columns = (Column("price, kg per unit"), Column("state"), Column("value"), Column("limit"))
+    finding = (
+        "Values by an independent integrator. A price is the final mass that a unit more of the "
+        "limit brings."
+    )
+    return Table(columns, tuple(rows), finding)
+
+
+def steering_table(mission: Mission, solution: Solution) -> Table:
+    """The steering laws: the thrust direction of each piece turns at a rate."""
+    rows = []
+    for arc in solution.arcs:
+        middle = 0.5 * (arc.start_s + arc.end_s)
+        name = next(
+            (
+                mission.arc_names[flown.arc]
+                for flown in solution.flown
+                if flown.start_s <= middle <= flown.end_s
+            ),
+            BLANK,
+        )
+        rate = math.degrees(float(np.linalg.norm(arc.direction_rate)))
+        cells = (
+            number(arc.start_s, 2),
+            number(arc.end_s, 2),
+            number(arc.start_mass_kg, 1),
+            number(arc.end_mass_kg, 1),
+            number(arc.delta_v_m_s, 2),
+            number(rate, 4),
+        )
+        rows.append(Row(name, cells))
+    titles = ("from, s", "to, s", "mass, kg", "to, kg", "delta-V, m/s", "rate, deg/s")
+    return Table(tuple(Column(title) for title in titles), tuple(rows))
+
+
+def _events(mission: Mission, solution: Solution, flight: Flight) -> tuple[Happening, ...]:
+    """Begin of each arc, the jettisons and the end, with the mass after each."""
+    found = [(arc.start_s, f"begins: {mission.arc_names[arc.arc]}") for arc in solution.flown]
+    found += [
+        (at, f"jettison: {mission.jettison_names[k]}")
+        for k, at in enumerate(solution.jettison_times_s)
+        if math.isfinite(at)
+    ]
+    found.append((solution.t_meco_s, "main-engine cut-off"))
+    states = flight.states
+    rows = [int(np.searchsorted(states.time_s, at + 1e-6)) - 1 for at, _ in found]
+    happenings = [
+        Happening(at, text, float(states.mass_kg[max(row, 0)]))
+        for (at, text), row in zip(found, rows, strict=True)
+    ]
+    return tuple(sorted(happenings, key=lambda happening: happening.time_s))
+
+
+def _marks(mission: Mission, solution: Solution) -> tuple[Guide, ...]:
+    """Instants of the charts: jettisons, staging, begin and end of coasts, cut-off."""
+    arcs = mission.arrays().arcs
+    words = {at: "jettison" for at in solution.jettison_times_s if math.isfinite(at)}
+    for before, arc in pairwise(solution.flown):
+        word = "ignition" if arcs[arc.arc]["kind"] == BURN else "coast"
+        if arcs[arc.arc]["stage"] != arcs[before.arc]["stage"]:
+            word = "staging"
+        words.setdefault(arc.start_s, word)
+    words.setdefault(solution.t_meco_s, "cut-off")
+    return tuple(
+        Guide(*mark) for mark in apart(words, solution.t_meco_s - solution.flown[0].start_s)
+    )
+
+
+def _price(value: float) -> Cell:
+    """A price with four figures and its sign; blank where it is not known."""
+    if value and not 1e-3 <= abs(value) < 1e4:
+        return power(value, 4, signed=True)
+    size = math.floor(math.log10(abs(value))) if value and math.isfinite(value) else 3
+    return number(value, max(3 - size, 0), signed=True)
+
+
+def _figures(value: float) -> Cell:
+    """A number with nine figures, six of them behind the point at most."""
+    size = math.floor(math.log10(abs(value))) if value else 0
+    return number(value, min(max(8 - size, 0), 6))

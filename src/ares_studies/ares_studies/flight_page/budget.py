@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the thrust of a flight went into: its delta-V budget, and the propellant that is left."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ares_models.arrays import MissionArrays
+from ares_models.kernels.environment import gravity
+from ares_models.kernels.sequence import loaded_mass
+from ares_models.mission import Mission
+
+Array = NDArray[np.float64]
+
+#: A time step without thrust at either end adds nothing to what the thrust gave.
+_NO_THRUST_N = 1e-6
+
+
+@dataclass(frozen=True)
+class Budget:
+    """A delta-V budget, m/s; all but `left_m_s` are sums over the flight.
+
+    The speed gained is ideal minus gravity minus steering minus drag minus pressure.
+
+    Attributes:
+        ideal_m_s: integral of the thrust acceleration.
+        gravity_m_s: integral of gravity against the inertial velocity.
+        steering_m_s: integral of the thrust acceleration times 1 - cos(angle to the velocity).
+        drag_m_s, pressure_m_s: the model has neither air forces nor back pressure: zero.
+        gained_m_s: inertial speed at the end minus that at the begin.
+        left_m_s: what the propellant left in the last stage would give; nan: not known.
+        left_kg: that propellant; nan: not known.
+    """
+
+    ideal_m_s: float
+    gravity_m_s: float
+    steering_m_s: float
+    drag_m_s: float
+    pressure_m_s: float
+    gained_m_s: float
+    left_m_s: float
+    left_kg: float
+
+    @property
+    def open_m_s(self) -> float:
+        """What the sum does not account for: the error of the quadrature."""
+        losses = self.gravity_m_s + self.steering_m_s + self.drag_m_s + self.pressure_m_s
+        return self.ideal_m_s - losses - self.gained_m_s
+
+
+def propellant_left(
+    mass: Array, arc: NDArray[np.integer], jettisoned: NDArray[np.integer], arrays: MissionArrays
+) -> Array:
+    """Propellant in the running stage by the masses of the mission, kg.
+
+    Args:
+        mass: shape (n,), kg.
+        arc: shape (n,), number of the arc.
+        jettisoned: shape (n,), bit k is set when jettison k is done.
+        arrays: of the mission.
+
+    Returns:
+        shape (n,); nan in an arc that the mission does not have.
+    """
+    arcs, jettisons = arrays.arcs, arrays.jettisons
+    empty = {}
+    for k, gone in set(zip(arc.tolist(), jettisoned.tolist(), strict=True)):
+        if k < len(arcs):
+            loaded = loaded_mass(int(arcs[k]["stage"]), arcs, jettisons, gone)
+            empty[k, gone] = float(loaded) - float(arcs[k]["propellant"])
+    pairs = zip(arc.tolist(), jettisoned.tolist(), strict=True)
+    return mass - np.array([empty.get(pair, math.nan) for pair in pairs])
+
+
+def make_budget(truth: Mapping[str, NDArray[Any]], left: Array, mission: Mission) -> Budget:
+    """Add up what the thrust gave and what took it.
+
+    Between two states position is the cubic through both, gravity is summed by Simpson's rule, and
+    what it does not explain of the change of velocity is the thrust's.
+
+    Args:
+        truth: columns of VehicleState, with `time` in s, n rows.
+        left: propellant left in the running stage, shape (n,), kg.
+        mission: whose gravity pulls.
+    """
+    time, thrust = truth["time"], truth["thrust"]
+    position, velocity = truth["position"], truth["velocity"]
+    mass, exhaust = float(truth["mass"][-1]), float(mission.arrays().arcs[-1]["exhaust_velocity"])
+    environment = mission.environment_array()[0]
+    step = np.diff(time)[:, None]
+    moved = step[:, 0] > 0.0
+    step, r, v = step[moved], position[:-1][moved], velocity[:-1][moved]
+    r_next, v_next = position[1:][moved], velocity[1:][moved]
+    middle = 0.5 * (r + r_next) + step / 8.0 * (v - v_next)
+    v_middle = 1.5 * (r_next - r) / step - 0.25 * (v + v_next)
+    pulls = [
+        np.array([gravity(tuple(place), environment) for place in places.tolist()]).reshape(-1, 3)
+        for places in (r, middle, r_next)
+    ]
+    pulled = step / 6.0 * (pulls[0] + 4.0 * pulls[1] + pulls[2])
+    pushed = v_next - v - pulled
+    burns = np.maximum(thrust[:-1][moved], thrust[1:][moved]) > _NO_THRUST_N
+    along = [_unit(x) for x in (v, v_middle, v_next)]
+    down = [np.sum(g * u, axis=1) for g, u in zip(pulls, along, strict=True)]
+    given = np.where(burns, np.linalg.norm(pushed, axis=1), 0.0)
+    useful = np.where(burns, np.sum(pushed * along[1], axis=1), 0.0)
+    dry = mass - float(left[-1])
+    return Budget(
+        ideal_m_s=float(np.sum(given)),
+        gravity_m_s=-float(np.sum(step[:, 0] / 6.0 * (down[0] + 4.0 * down[1] + down[2]))),
+        steering_m_s=float(np.sum(given - useful)),
+        drag_m_s=0.0,
+        pressure_m_s=0.0,
+        gained_m_s=float(np.linalg.norm(velocity[-1]) - np.linalg.norm(velocity[0])),
+        left_m_s=exhaust * math.log(mass / dry) if dry > 0.0 else math.nan,
+        left_kg=float(left[-1]),
+    )
+
+
+def _unit(vectors: Array) -> Array:
+    size = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.asarray(vectors / np.where(size > 0.0, size, 1.0))

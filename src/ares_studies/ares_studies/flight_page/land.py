@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The land: rings of coast, for the globe and for maps."""
+
+import json
+from collections.abc import Iterable, Sequence
+from importlib.resources import files
+from typing import Any
+
+from ares_studies.pages.parts import Role, Series
+
+LAND = "land.json"
+#: Land is drawn on a body whose radius is that of the Earth, to a share of it.
+_EARTH_RADIUS_M = 6378e3
+_LIKE_THE_EARTH = 0.01
+
+#: Least and most longitude, least and most latitude, deg.
+Box = tuple[float, float, float, float]
+EVERYWHERE: Box = (-180.0, 180.0, -90.0, 90.0)
+
+
+def read_land() -> tuple[tuple[float, ...], ...]:
+    """Rings of land: longitude and latitude in turn, deg."""
+    data: dict[str, Any] = json.loads(files(__package__).joinpath(LAND).read_text("utf-8"))
+    return tuple(tuple(ring) for ring in data["rings"])
+
+
+def land_on(radius_m: float) -> tuple[tuple[float, ...], ...]:
+    """The land of a body of some radius; none on one that is not the Earth."""
+    return read_land() if abs(radius_m / _EARTH_RADIUS_M - 1.0) < _LIKE_THE_EARTH else ()
+
+
+def coasts(rings: Iterable[Sequence[float]], box: Box = EVERYWHERE) -> Series:
+    """Coasts as a series of a map.
+
+    Args:
+        rings: longitude and latitude in turn, deg.
+        box: what is outside it is left out; longitudes may go beyond 180.
+    """
+    places = [tuple(zip(ring[1::2], ring[::2], strict=True)) for ring in rings]
+    return outlines("land", "quiet", places, box)
+
+
+def outlines(
+    name: str,
+    role: Role,
+    rings: Iterable[Iterable[tuple[float, float]]],
+    box: Box = EVERYWHERE,
+) -> Series:
+    """Closed lines as one, broken between them, where they pass 180 deg and outside a box.
+
+    Args:
+        name: for the legend.
+        role: decides the colour.
+        rings: latitude and longitude of their points, deg.
+        box: what is outside it is left out; longitudes may go beyond 180.
+    """
+    west, east, south, north = box
+    x: list[float | None] = []
+    y: list[float | None] = []
+    for ring in rings:
+        places = list(ring)
+        for turn in (-360.0, 0.0, 360.0):
+            before = None
+            for latitude, longitude in places:
+                shown = west <= longitude + turn <= east and south <= latitude <= north
+                if shown and before is not None and abs(longitude - before) <= 180.0:
+                    x.append(round(longitude + turn, 2))
+                    y.append(round(latitude, 2))
+                elif shown:
+                    x += [None, round(longitude + turn, 2)]
+                    y += [None, round(latitude, 2)]
+                before = longitude if shown else None
+    return Series(name, role, "line", tuple(x), tuple(y))

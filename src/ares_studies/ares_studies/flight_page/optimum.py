@@ -1,0 +1,245 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An optimum as the page of a flight takes it: its columns, and what proves it along the way."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from ares_models.arrays import BURN, Record
+from ares_models.mission import Mission
+from ares_optimizer.solution import FlownArc, Solution, Trajectory
+from ares_studies.flight_page.data import Optimality, Recording
+from ares_studies.flight_page.geometry import local_axes
+from ares_studies.history import profile_of
+
+Array = NDArray[np.float64]
+
+#: What steers an optimum, where flights name their law.
+LAW = "optimum"
+_NOTHING = {"time": np.empty(0)}
+#: A throttled burn keeps its acceleration at the limit to this share.
+_AT_LIMIT = 1e-9
+
+
+def record_optimum(name: str, mission: Mission, solution: Solution) -> Recording:
+    """Turn an optimum into the columns of a flight.
+
+    Args:
+        name: of it.
+        mission: what is flown.
+        solution: with a trajectory.
+
+    Returns:
+        the recording; with the course of its conditions if the method has costates.
+
+    Raises:
+        ValueError: the solution has no trajectory.
+    """
+    profile = profile_of(mission, solution)
+    track = solution.trajectory
+    assert track is not None
+    turn = np.array([0.0, 0.0, mission.earth().rotation_rate])
+    air = np.cross(turn, track.position)
+    truth = {
+        "time": track.time_s,
+        "position": track.position,
+        "velocity": track.velocity,
+        "mass": track.mass,
+        "thrust_direction": track.direction,
+        "thrust": track.thrust,
+        "altitude": profile.altitude_m,
+        "relative_speed": np.linalg.norm(track.velocity - air, axis=1),
+        "flight_path_angle": np.radians(profile.flight_path_angle_deg),
+        "inclination": np.radians(profile.inclination_deg),
+        "heating_rate": track.heating_rate,
+        "arc": _arcs(track.time_s, solution.flown),
+        "jettisoned": _jettisoned(track.time_s, mission, solution),
+    }
+    return Recording(
+        name=name,
+        law=LAW,
+        mission=mission,
+        truth=truth,
+        navigation=_NOTHING,
+        status=_NOTHING,
+        optimality=optimality_of(mission, solution),
+    )
+
+
+def _passed(time: Array, instants: Sequence[float]) -> NDArray[np.bool_]:
+    """Tell which instants lie behind each row, shape (n, m); of two rows at one, the second."""
+    before = np.append(np.diff(time) == 0.0, False)
+    at = np.asarray(instants, dtype=float)
+    near = np.abs(time[:, None] - at) < 1e-9
+    behind = (time[:, None] > at) | near
+    # the first of a pair stands before what happens, and so does the end of the flight
+    last = np.arange(len(time)) == len(time) - 1
+    return np.asarray(behind & ~(near & (before | last)[:, None]))
+
+
+def _arcs(time: Array, flown: Sequence[FlownArc]) -> NDArray[np.int64]:
+    """Number of the arc of each row, shape (n,)."""
+    passed = _passed(time, [arc.end_s for arc in flown[:-1]])
+    return np.array([arc.arc for arc in flown])[np.sum(passed, axis=1)]
+
+
+def _jettisoned(time: Array, mission: Mission, solution: Solution) -> NDArray[np.int64]:
+    """Bits of what is gone, shape (n,)."""
+    start = int(mission.start().navigation()["jettisoned"][0])
+    gone = np.full(len(time), start, dtype=np.int64)
+    for k, at in enumerate(solution.jettison_times_s):
+        if math.isfinite(at):
+            gone |= np.where(_passed(time, [at])[:, 0], 1 << k, 0)
+    return gone
+
+
+@dataclass(frozen=True)
+class _Stretch:
+    """A piece between two events, at the times of the costates: shape (n,) and (n, 3)."""
+
+    rows: NDArray[np.intp]
+    time: Array
+    mass: Array
+    thrust: Array
+    along: Array
+    size: Array
+    hamiltonian: Array
+
+
+def optimality_of(mission: Mission, solution: Solution) -> Optimality | None:
+    """Follow the conditions of an optimum along it; None where the method has no costates.
+
+    Along a burn H = lambda_r . V + lambda_v . (g + u T/m) - (mu + c) b, with b the mass flow, mu
+    the mass costate and c the price of propellant, which the free burns pay. The switching
+    function is c_e |lambda_v| / m - mu - c, over c: kg of final mass that a kg of propellant
+    burnt there is worth beyond its price. It is zero at the ends of free burns.
+
+    Source: Bryson and Ho, Applied Optimal Control, sections 3.5 and 3.6.
+    """
+    costates, track = solution.costates, solution.trajectory
+    if costates is None or track is None:
+        return None
+    arcs = mission.arrays().arcs
+    time = costates.time_s
+    switching = np.full(len(time), math.nan)
+    total = costates.hamiltonian.copy()
+    mu = price = 0.0
+    for flown in reversed(solution.flown):
+        arc = arcs[flown.arc]
+        free = bool(arc["kind"] == BURN and arc["duration"] == np.inf)
+        speed = _exhaust_speed(arcs, flown.arc)
+        following = arcs[min(flown.arc + 1, len(arcs) - 1)]
+        drops = following["stage"] != arc["stage"]
+        mu = 0.0 if drops else mu
+        pieces = _cut(solution, track, flown)
+        if free:
+            value = _per_flow(pieces[-1], speed)
+            if price == 0.0:
+                price = value - mu
+            elif drops and not _held(arc, flown):
+                mu = value - price
+        for piece in reversed(pieces):
+            costs = price if free else 0.0
+            mus = _mass_costate(piece, arc, mu, costs)
+            mu = float(mus[0])
+            flow = piece.thrust / speed if speed > 0.0 else np.zeros(len(piece.time))
+            total[piece.rows] = piece.hamiltonian - flow * (mus + costs)
+            if price > 0.0 and speed > 0.0 and (free or arc["kind"] != BURN):
+                worth = piece.size * speed / piece.mass
+                switching[piece.rows] = (worth - mus) / price - 1.0
+    track_at = _at(track, time)
+    position, velocity = track_at[:, :3], track_at[:, 3:]
+    parts = [np.sum(costates.lambda_v * axis, axis=1) for axis in local_axes(position, velocity)]
+    return Optimality(
+        time_s=time,
+        primer=np.linalg.norm(costates.lambda_v, axis=1),
+        primer_up=parts[0],
+        primer_ahead=parts[1],
+        primer_right=parts[2],
+        switching=switching,
+        hamiltonian_m_s2=total,
+    )
+
+
+def _exhaust_speed(arcs: NDArray[np.void], k: int) -> float:
+    """Exhaust velocity of a burn, or of the next one of a coast's stage; 0: there is none."""
+    for arc in arcs[k:]:
+        if arc["stage"] == arcs[k]["stage"] and arc["kind"] == BURN:
+            return float(arc["exhaust_velocity"])
+    return 0.0
+
+
+def _held(arc: Record, flown: FlownArc) -> bool:
+    """Tell if an arc ends at a bound of its length that holds the optimum."""
+    length = flown.end_s - flown.start_s
+    bounds = (float(arc["shortest"]), float(arc["longest"]))
+    return any(abs(length - bound) < 1e-6 for bound in bounds)
+
+
+def _cut(solution: Solution, track: Trajectory, flown: FlownArc) -> list[_Stretch]:
+    """The pieces of an arc between the jettisons in it, each with both its ends."""
+    costates = solution.costates
+    assert costates is not None
+    inside = [t for t in solution.jettison_times_s if flown.start_s < t < flown.end_s]
+    bounds = [flown.start_s, *sorted(inside), flown.end_s]
+    pieces = []
+    for begin, end in pairwise(bounds):
+        rows, own = _between(costates.time_s, begin, end), _between(track.time_s, begin, end)
+        time, samples = costates.time_s[rows], track.time_s[own]
+        direction = np.column_stack(
+            [np.interp(time, samples, track.direction[own, k]) for k in range(3)]
+        )
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        pieces.append(
+            _Stretch(
+                rows=rows,
+                time=time,
+                mass=np.interp(time, samples, track.mass[own]),
+                thrust=np.interp(time, samples, track.thrust[own]),
+                along=np.sum(costates.lambda_v[rows] * direction, axis=1),
+                size=np.linalg.norm(costates.lambda_v[rows], axis=1),
+                hamiltonian=costates.hamiltonian[rows],
+            )
+        )
+    return pieces
+
+
+def _between(time: Array, begin: float, end: float) -> NDArray[np.intp]:
+    """Rows from begin to end; of a pair at begin the second, at the end the first."""
+    first = int(np.searchsorted(time, begin + 1e-9, side="right")) - 1
+    last = int(np.searchsorted(time, end - 1e-9, side="left"))
+    return np.arange(max(first, 0), min(last, len(time) - 1) + 1)
+
+
+def _per_flow(piece: _Stretch, speed: float) -> float:
+    """Hamiltonian over mass flow at the end of a burn, without mass costate and price."""
+    return float(piece.hamiltonian[-1] * speed / piece.thrust[-1])
+
+
+def _mass_costate(piece: _Stretch, arc: Record, end: float, costs: float) -> Array:
+    """Mass costate along a piece, from its value at the end back, shape (n,)."""
+    acceleration = piece.thrust / piece.mass
+    throttled = acceleration > float(arc["max_acceleration"]) * (1.0 - _AT_LIMIT)
+    fixed = piece.along * acceleration / piece.mass
+    if not np.any(throttled):
+        rise = CubicSpline(piece.time, fixed).antiderivative()(piece.time)
+        return np.asarray(end + rise - rise[-1])
+    mus = np.full(len(piece.time), end)
+    for i in range(len(mus) - 2, -1, -1):
+        step = piece.time[i + 1] - piece.time[i]
+        if throttled[i] and throttled[i + 1]:
+            mus[i] = (mus[i + 1] + costs) * piece.mass[i + 1] / piece.mass[i] - costs
+        else:
+            mus[i] = mus[i + 1] - 0.5 * step * (fixed[i] + fixed[i + 1])
+    return mus
+
+
+def _at(track: Trajectory, time: Array) -> Array:
+    """Position and velocity at some times, shape (n, 6)."""
+    state = np.column_stack((track.position, track.velocity))
+    return np.column_stack([np.interp(time, track.time_s, column) for column in state.T])

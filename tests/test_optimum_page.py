@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`ares optimize --out`: the optimum as a page, alone and beside a flight."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from ares_bringup.commands.cli import main
+from ares_studies.pages.testing import illegible
+
+REFERENCE = Path(__file__).parent.parent / "bags" / "reference"
+OPTIMALITY = [
+    "Primer vector, size",
+    "Primer vector, direction",
+    "Switching function",
+    "Hamiltonian",
+]
+
+
+@pytest.fixture(scope="module")
+def beside(tmp_path_factory):
+    """The optimum of the reference flight's mission with that flight over it."""
+    out = tmp_path_factory.mktemp("optimum") / "beside.html"
+    assert main(["optimize", "--json", "--out", str(out), "--beside", str(REFERENCE)]) == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def transfer(tmp_path_factory):
+    """The optimum of two burns and a free coast."""
+    out = tmp_path_factory.mktemp("optimum") / "transfer.html"
+    words = ["optimize", "--json", "--mission", "geostationary_transfer", "--out", str(out)]
+    assert main(words) == 0
+    return out
+
+
+def data(path):
+    text = path.read_text(encoding="utf-8").split('id="report">', 1)[1].split("</script>", 1)[0]
+    return json.loads(text.replace("<\\/", "</"))
+
+
+def figure(path, title):
+    items = [item for chapter in data(path)["chapters"] for item in chapter["items"]]
+    return next(item["content"] for item in items if item["title"] == title)
+
+
+def test_the_optimum_has_the_parts_of_a_flight_and_its_proof(transfer):
+    titles = [item["title"] for chapter in data(transfer)["chapters"] for item in chapter["items"]]
+    assert {"Altitude", "Pitch of the thrust", "Ground track", "Propellant"} <= set(titles)
+    assert [title for title in titles if title in OPTIMALITY] == OPTIMALITY
+    text = transfer.read_text(encoding="utf-8")
+    assert '<p class="verdict">Optimal</p>' in text
+    assert "Constraints and their prices" in text
+    assert re.search(r"<code>ares optimize</code>", text)
+    # burns where it is above zero, coasts where it is below
+    (line,) = figure(transfer, "Switching function")["series"]
+    points = zip(line["x"], line["y"], strict=True)
+    coast = [y for x, y in points if 470.0 < x < 1320.0]
+    assert coast
+    assert max(coast) < 0.0
+    assert [guide["text"] for guide in figure(transfer, "Altitude")["instants"]] == [
+        "coast",
+        "ignition",
+        "cut-off",
+    ]
+
+
+def test_a_flight_lies_over_it_with_the_differences(beside):
+    names = [line["name"] for line in figure(beside, "Altitude")["series"]]
+    assert names == ["optimum", "flown, peg"]
+    text = beside.read_text(encoding="utf-8")
+    assert "Optimum, method indirect, beside a flight by peg" in text
+    row = re.search(r"final mass, kg</th>(.*?)</tr>", text, re.DOTALL)[1]
+    cells = re.findall(r"[\d,]+\.\d\d", row)
+    optimum, flown, away = (float(cell.replace(",", "")) for cell in cells)
+    assert flown == 174_117.62
+    assert optimum - flown == pytest.approx(away, abs=0.011)
+    # guidance has charts, the optimum none of them
+    assert [line["name"] for line in figure(beside, "Time to go")["series"]] == ["flown, peg"]
+
+
+@pytest.mark.parametrize("size", ["wide", "narrow"])
+@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("which", ["transfer", "beside"])
+def test_it_can_be_read(open_file, request, which, size, theme):
+    page = open_file(request.getfixturevalue(which), size, theme)
+    assert not illegible(page, size)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--out", "page.pdf"), "expected a file ending in .html"),
+        (("--beside", str(REFERENCE)), "--beside goes with --out only"),
+        (("--out", "p.html", "--method", "analytic"), "--out goes with neither"),
+        (("--out", "p.html", "--maximize", "payload"), "--out goes with neither"),
+        (("--out", "p.html", "--beside", "nowhere"), "does not exist"),
+        (("--out", "no/such/p.html"), "cannot be written"),
+        (
+            ("--out", "p.html", "--mission", "delta_iii", "--beside", str(REFERENCE)),
+            "flight of 'ares_v'; expected one of 'delta_iii'",
+        ),
+    ],
+)
+def test_bad_input_is_one_line(tmp_path, monkeypatch, capfd, words, said):
+    monkeypatch.chdir(tmp_path)
+    capfd.readouterr()
+    assert main(["optimize", "--json", *words]) == 2
+    err = capfd.readouterr().err
+    assert said in err
+    assert err.count("\n") == 1
+    assert not list(tmp_path.iterdir())
