@@ -98,7 +98,7 @@ _STARTS: Mapping[str, Mapping[str, object]] = {
     },
 }
 #: One in so many is flown or solved where not everything is done.
-SAMPLE = 40
+SAMPLE = 20
 _MODELS: Mapping[str, type[Part]] = {MISSION: Mission, DISPERSIONS: Dispersions}
 _KINDS: Mapping[str, InputKind] = {MISSION: MISSION_FILE, DISPERSIONS: DISPERSIONS_FILE}
 
