@@ -164,7 +164,7 @@ def test_rows_are_chosen_by_word_and_taken_in_turn(capsys):
 
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_a_campaign_that_is_interrupted_in_a_flight_says_nothing(number, status):
+def test_a_campaign_that_is_interrupted_in_a_flight_says_so(number, status):
     mark = f"interrupted-{os.getpid()}-{status}"
     command = [sys.executable, "-m", "ares_bringup", "faults", "-n", "1"]
     process = subprocess.Popen(
@@ -180,7 +180,8 @@ def test_a_campaign_that_is_interrupted_in_a_flight_says_nothing(number, status)
         time.sleep(0.05)
     process.send_signal(number)
     out, err = process.communicate(timeout=60)
-    assert (out, own_words(err)) == ("", "")
+    said = "ares: interrupted; 0 of 1 faults were flown, none is kept\n"
+    assert (out, own_words(err)) == ("", said)
     assert process.returncode == status
 
 

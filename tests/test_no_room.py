@@ -12,8 +12,13 @@ REFERENCE = Path(__file__).parent.parent / "bags" / "reference"
 
 
 @pytest.fixture
-def room() -> Iterator[Callable[[int], None]]:
-    """Set the bytes that a file may have, as a full disk does; none once the test is over."""
+def room(monkeypatch) -> Iterator[Callable[[int], None]]:
+    """Set the bytes that a file may have, as a full disk does; none once the test is over.
+
+    Compiled modules are not written meanwhile: Python keeps them cut.
+    """
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
+    monkeypatch.setattr("sys.dont_write_bytecode", True)
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     yield lambda limit: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, hard))
     resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))

@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +45,7 @@ from ares_bags.testing import (
     report,
 )
 from ares_bags.verify import verify
+from ares_bags.writer import DATE_KEY, MACHINE_KEY
 from ares_msgs.msg import FlightEvent, GuidanceStatus, NavState
 from ares_node.diagnostics import hardware_id
 from ares_node.identity import id_text
@@ -152,7 +154,10 @@ def test_what_is_published_is_in_the_bag(source: Source, recorders: Any, tmp_pat
 
     bag = open_bag(path)
     assert {name: topic.count for name, topic in bag.topics.items()} == counts
-    assert bag.custom_data == {
+    made = {key: bag.custom_data[key] for key in (DATE_KEY, MACHINE_KEY)}
+    assert abs(datetime.now(UTC) - datetime.fromisoformat(made[DATE_KEY])) < timedelta(hours=1)
+    assert made[MACHINE_KEY].endswith(f" {os.cpu_count()} cores")
+    assert bag.custom_data == made | {
         "mission": "ares_v",
         "law": "peg",
         "seed": "7",

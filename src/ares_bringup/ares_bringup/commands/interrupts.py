@@ -17,7 +17,7 @@ from contextlib import suppress
 from types import FrameType, TracebackType
 
 #: Wall time in s that a command gets to end in good order.
-GRACE = 1.0
+GRACE = 2.0
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 

@@ -8,8 +8,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from markupsafe import escape
-
 from ares_bags.files import find_file
 from ares_bags.writer import DATE_KEY, GUIDANCE_KEY, MACHINE_KEY
 from ares_bringup.options import CannotStart
@@ -35,6 +33,7 @@ from ares_studies.flight_page.page import (
 )
 from ares_studies.pages import parts
 from ares_studies.pages.parts import Cell, Column, Guide, Row, Table, small, word
+from ares_studies.pages.templates import chosen_name
 
 PAGE = "report.html"
 COMPARISON = "comparison.html"
@@ -335,8 +334,7 @@ def told_of(summary: FlightSummary, budget: Budget) -> Told:
 
 def compare(names: Sequence[str], told: Sequence[Told]) -> Table:
     """The flights beside each other, and below each number its difference from the first."""
-    # no prose: f_igm is the name of a folder, and no symbol with an index
-    columns = tuple(Column(escape(name)) for name in names)
+    columns = tuple(Column(chosen_name(name)) for name in names)
     rows = [
         Row("", tuple(word(one.verdict) for one in told)),
         _compared("final mass, kg", [one.m_f_kg for one in told], 2),

@@ -47,10 +47,15 @@ _CITATION = re.compile(r"\[(E\d+(?:, E\d+)*)\]")
 _INDEX = re.compile(r"(?<![A-Za-z_])([A-Za-zΑ-ωΔ]{1,2})_([A-Za-z]+\d?|\d+)")
 
 
+def chosen_name(text: str) -> Markup:
+    """Return a name that somebody has chosen as it is: f_igm has no index."""
+    return escape(text)
+
+
 def prose(text: str) -> Markup:
     """Text with its marks: ``t_PLF`` gets an index, ``[E3]`` becomes a link to the erratum.
 
-    A name that somebody has chosen is no prose: it comes as Markup and stays as it is.
+    Markup stays as it is, such as of `chosen_name`.
     """
     if isinstance(text, Markup):
         return text
