@@ -638,7 +638,7 @@ def tools_only(folder: Path) -> dict[str, str]:
 
 @pytest.fixture(scope="module")
 def fresh_clone(tmp_path_factory):
-    """What `./ares` answers from before anything is made."""
+    """Make what `./ares` answers from before anything is made."""
     folder = tmp_path_factory.mktemp("clone")
     for name in ("ares", "tools", "src/ares_models/ares_models", "src/ares_bringup"):
         place, origin = folder / name, ROOT / name

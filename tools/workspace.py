@@ -548,7 +548,7 @@ def announce(lock: int, lengths: Mapping[str, float]) -> None:
 
 
 def time_left(lock: int) -> float:
-    """How long the call that has the lock should still take, s; 1 s where that is not known."""
+    """Return how long the call with the lock should still take, s; 1 s where not known."""
     try:
         return max(float(os.pread(lock, 32, 0)) - time.time(), 1.0)
     except ValueError:

@@ -585,7 +585,7 @@ def test_guidance_says_how_many_statuses_there_were(
 def test_a_recorder_that_is_killed_leaves_what_was_flown(
     source: Source, recorders: Any, tmp_path: Path
 ) -> None:
-    """What the members tell of themselves is in the file before the first message."""
+    """The file has it before the first message."""
     simulator = Membership(source.node, Role.VEHICLE_SIM, "ares_v", FLIGHT_ID)
     guidance = Membership(source.node, Role.GUIDANCE, "ares_v", FLIGHT_ID)
     told = {

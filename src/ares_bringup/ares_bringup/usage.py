@@ -17,7 +17,7 @@ EXIT_BAD_INPUT = 2
 
 
 class Answer(NamedTuple):
-    """What a call comes to that no verb has to run for: the exit status, help, a refusal."""
+    """Return what a call comes to that needs no verb: the exit status, help, a refusal."""
 
     status: int
     out: str = ""

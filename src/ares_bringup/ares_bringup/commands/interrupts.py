@@ -144,7 +144,7 @@ class Interrupts:
 
     @property
     def came(self) -> bool:
-        """Whether a signal has come."""
+        """Tell whether a signal has come."""
         return self._number != 0
 
     def status(self, otherwise: int) -> int:

@@ -20,7 +20,13 @@ from ares_models.mission import Mission, MissionError, load_mission
 from ares_models.mission_physics import longest_flight
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.payload import greatest_payload
-from ares_optimizer.solution import OptimizerError, Solution, Status
+from ares_optimizer.solution import (
+    ConstraintCheck,
+    OptimizerError,
+    Solution,
+    Status,
+    SteeringArc,
+)
 from ares_optimizer.solve import solve
 
 EXIT_OPTIMAL = 0
@@ -224,28 +230,37 @@ def arc_table(solution: Solution) -> Table:
     """The steering laws, one row each."""
     table = plain_table("steering from", "to s", "mass kg", "to kg", "delta-V m/s", "rate deg/s")
     for arc in solution.arcs:
-        rate = math.degrees(float(np.linalg.norm(arc.direction_rate)))
-        table.add_row(
-            number(arc.start_s, 2),
-            number(arc.end_s, 2),
-            number(arc.start_mass_kg, 1),
-            number(arc.end_mass_kg, 1),
-            number(arc.delta_v_m_s, 2),
-            number(rate, 4),
-        )
+        table.add_row(*(number(*figure) for figure in arc_figures(arc)))
     return table
+
+
+def arc_figures(arc: SteeringArc) -> tuple[tuple[float, int], ...]:
+    """Return begin and end, s, masses, kg, delta-V, m/s, and rate, deg/s, each with decimals."""
+    return (
+        (arc.start_s, 2),
+        (arc.end_s, 2),
+        (arc.start_mass_kg, 1),
+        (arc.end_mass_kg, 1),
+        (arc.delta_v_m_s, 2),
+        (math.degrees(float(np.linalg.norm(arc.direction_rate))), 4),
+    )
+
+
+def name_and_state(check: ConstraintCheck) -> tuple[str, str]:
+    """Return the name of a constraint with its unit, and whether it is active, slack, VIOLATED."""
+    state = "active" if check.active else "slack"
+    name = f"{check.name}, {check.unit}" if check.unit else check.name
+    return name, state if check.satisfied else "VIOLATED"
 
 
 def constraint_table(solution: Solution) -> Table:
     """The constraints as the independent integration finds them."""
     table = plain_table("constraint", "value", "limit", "", "kg per unit")
     for check in solution.constraints:
-        state = "active" if check.active else "slack"
-        if not check.satisfied:
-            state = "VIOLATED"
+        name, state = name_and_state(check)
         price = f"{check.multiplier:+.4g}" if math.isfinite(check.multiplier) else BLANK
         table.add_row(
-            f"{check.name}, {check.unit}" if check.unit else check.name,
+            name,
             f"{check.value:,.7g}",
             f"{check.limit:,.7g}",
             state,

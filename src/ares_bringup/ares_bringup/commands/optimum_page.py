@@ -7,7 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ares_bringup.commands.optimize import NOT_FOUND, VERDICTS, proof_lines
+from ares_bringup.commands.optimize import (
+    NOT_FOUND,
+    VERDICTS,
+    arc_figures,
+    name_and_state,
+    proof_lines,
+)
 from ares_bringup.commands.report import (
     Told,
     account_of,
@@ -131,20 +137,16 @@ def _facts(mission: Mission, solution: Solution) -> dict[str, str]:
 
 
 def constraint_table(solution: Solution) -> Table:
-    """The constraints as the independent integration finds them, and what each is worth."""
+    """Tabulate the constraints as the independent integration finds them, and their prices."""
     rows = []
     for check in solution.constraints:
-        state = "active" if check.active else "slack"
-        if not check.satisfied:
-            state = "VIOLATED"
-        price = check.multiplier
+        name, state = name_and_state(check)
         cells = (
-            _price(price),
+            _price(check.multiplier),
             word(state),
             _figures(check.value),
             _figures(check.limit),
         )
-        name = f"{check.name}, {check.unit}" if check.unit else check.name
         rows.append(Row(name, cells))
     columns = (Column("price, kg per unit"), Column("state"), Column("value"), Column("limit"))
     finding = (
@@ -155,7 +157,7 @@ def constraint_table(solution: Solution) -> Table:
 
 
 def steering_table(mission: Mission, solution: Solution) -> Table:
-    """The steering laws: the thrust direction of each piece turns at a rate."""
+    """Tabulate the steering laws: the thrust direction of each piece turns at a rate."""
     rows = []
     for arc in solution.arcs:
         middle = 0.5 * (arc.start_s + arc.end_s)
@@ -167,16 +169,7 @@ def steering_table(mission: Mission, solution: Solution) -> Table:
             ),
             BLANK,
         )
-        rate = math.degrees(float(np.linalg.norm(arc.direction_rate)))
-        cells = (
-            number(arc.start_s, 2),
-            number(arc.end_s, 2),
-            number(arc.start_mass_kg, 1),
-            number(arc.end_mass_kg, 1),
-            number(arc.delta_v_m_s, 2),
-            number(rate, 4),
-        )
-        rows.append(Row(name, cells))
+        rows.append(Row(name, tuple(number(*figure) for figure in arc_figures(arc))))
     titles = ("from, s", "to, s", "mass, kg", "to, kg", "delta-V, m/s", "rate, deg/s")
     return Table(tuple(Column(title) for title in titles), tuple(rows))
 

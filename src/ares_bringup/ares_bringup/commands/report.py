@@ -285,7 +285,7 @@ _BUDGET = (
 
 
 def budget_table(budget: Budget) -> Table:
-    """What the thrust went into: ideal minus all losses is what was gained."""
+    """Tabulate what the thrust went into: ideal minus all losses is what was gained."""
     rows = [
         Row(f"{name}: {meaning}", (parts.number(getattr(budget, field), 2),))
         for name, field, meaning in _BUDGET
@@ -303,7 +303,7 @@ def budget_table(budget: Budget) -> Table:
 
 @dataclass(frozen=True)
 class Told:
-    """What the table of several flights tells of one: numbers at its end, and its budget.
+    """Hold what the table of several flights tells of one: numbers at its end, and its budget.
 
     Attributes:
         verdict: in a few words.
@@ -321,7 +321,7 @@ class Told:
 
 
 def told_of(summary: FlightSummary, budget: Budget) -> Told:
-    """What is told of a recorded flight beside others."""
+    """Return what is told of a recorded flight beside others."""
     return Told(
         summary.verdict,
         summary.m_f_kg,

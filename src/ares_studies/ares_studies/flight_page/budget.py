@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the thrust of a flight went into: its delta-V budget, and the propellant that is left."""
+"""Delta-V budget of a flight: what its thrust went into, and the propellant that is left."""
 
 import math
 from collections.abc import Mapping
@@ -47,7 +47,7 @@ class Budget:
 
     @property
     def open_m_s(self) -> float:
-        """What the sum does not account for: the error of the quadrature."""
+        """Return what the sum does not account for: the error of the quadrature."""
         losses = self.gravity_m_s + self.steering_m_s + self.drag_m_s + self.pressure_m_s
         return self.ideal_m_s - losses - self.gained_m_s
 

@@ -33,7 +33,7 @@ _NO_ERROR = 1e-9
 
 @dataclass(frozen=True)
 class Optimality:
-    """What proves an optimum along its way, shape (n,) each.
+    """Hold what proves an optimum along its way, shape (n,) each.
 
     Attributes:
         time_s: mission elapsed time; an event stands twice.
