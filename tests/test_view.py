@@ -37,6 +37,8 @@ from ares_view.standard.frames import Frames
 from ares_view.standard.node import FORWARDED, PUBLISHED, ViewNode
 
 EARTH = load_mission("ares_v").environment.earth
+#: Flight time in ns of states that best effort may lose at the end.
+LOST_AT_MOST = 2_000_000_000
 ECI, START, VEHICLE = Frames().eci, Frames().start, Frames().vehicle
 
 
@@ -124,7 +126,8 @@ def flown(graph, tmp_path):
     graph.start(GuidanceNode)
     graph.spin(lambda: any(e.type == FlightEvent.FLIGHT_COMPLETE for e in graph.events))
     graph.spin(lambda: "flight complete" in viewer.texts())
-    end = ns_from_stamp(graph.states[-1].stamp)
+    # a viewer asks for no state again: the last ones may be lost
+    end = ns_from_stamp(graph.states[-1].stamp) - LOST_AT_MOST
     graph.spin(lambda: all(stamp_of(viewer[x]) >= end for x in ("path", "fix")))
     recorder.drain_and_close(graph.executor)
     return viewer, open_bag(tmp_path / "bag")
@@ -197,10 +200,11 @@ def test_a_flight_in_standard_messages(flown, graph):
     last = viewer["path"][-1]
     stamps = [ns_from_stamp(point.header.stamp) for point in last.poses]
     assert stamps[0] == truth["stamp"][0]
-    assert truth["stamp"][-1] - stamps[-1] < 2e9
+    assert truth["stamp"][-1] - stamps[-1] <= LOST_AT_MOST
     assert len(stamps) == pytest.approx((truth["stamp"][-1] - truth["stamp"][0]) / 1e9, rel=0.05)
     assert viewer["pose"][-1].header.stamp == viewer["fix"][-1].header.stamp
-    assert ns_from_stamp(viewer["pose"][-1].header.stamp) == truth["stamp"][-1]
+    shown = ns_from_stamp(viewer["pose"][-1].header.stamp)
+    assert truth["stamp"][-1] - shown <= LOST_AT_MOST
     assert viewer.texts() == [
         "ignition",
         "staging",

@@ -8,6 +8,7 @@ and what converts Python's arguments, is made only for a kernel that Python call
 
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cached_property, update_wrapper
 from types import FunctionType
 from typing import Any
@@ -88,7 +89,16 @@ class _LinkedDispatcher(CPUDispatcher):
         return super().get_call_template([types.unliteral(kind) for kind in args], named)
 
 
-class _MachineCode(FunctionCache):
+class _Cache(FunctionCache):
+    """Compiled kernels on disk; one that finds no room there is used all the same."""
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """See the base class; numba leaves no part of a file behind."""
+        with suppress(OSError):
+            super().save_overload(sig, data)
+
+
+class _MachineCode(_Cache):
     """What is on disk, loaded without all that numba compiles with: 0.3 s of imports."""
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
@@ -152,7 +162,7 @@ class Kernel:
             targetoptions={**self._options, "no_cpython_wrapper": True},
             pipeline_class=_LinkedCompiler,
         )
-        dispatcher.enable_caching()
+        dispatcher._cache = _Cache(copy)
         return dispatcher
 
     @property
