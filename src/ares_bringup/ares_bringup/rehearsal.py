@@ -42,11 +42,11 @@ class _End:
     """Hold the end that a law comes to.
 
     Attributes:
-        word: of the judge.
+        missed: what is off by more than is allowed.
         mass_kg: at cut-off; 0 where the target is not reached.
     """
 
-    word: str
+    missed: str
     mass_kg: float = 0.0
 
 
@@ -75,8 +75,8 @@ def rehearse(flown: Mapping[str, Any]) -> str:
         raise CannotStart(str(error)) from error
     if not end.mass_kg:
         raise CannotStart(
-            f"guidance is {law!r}; expected a law that reaches the target by the plan: flown "
-            f"ahead, this one ends {end.word}{_advice(stage, law)}"
+            f"guidance is {law!r}, which misses the target when the mission is flown ahead "
+            f"({end.missed}); {_advice(stage, law)}"
         )
     plan_kg = stage.plan.m_f_kg
     lost = 1.0 - end.mass_kg / plan_kg
@@ -125,12 +125,13 @@ def _fly_ahead(stage: _Stage, law: str) -> _End:
 
     ready = ready_law(stage.mission, law, stage.settings, stage.plan)
     plant = fly_stepwise(stage.mission, stage.options, law=ready).plant
-    end = judgement(facts_of(stage.mission), plant["position"], plant["velocity"]).end
-    return _End(end.replace("_", " "), float(plant["mass"]) if end is End.TARGET else 0.0)
+    judged = judgement(facts_of(stage.mission), plant["position"], plant["velocity"])
+    reached = judged.end is End.TARGET
+    return _End("; ".join(judged.misses()), float(plant["mass"]) if reached else 0.0)
 
 
 def _advice(stage: _Stage, law: str) -> str:
-    """Name the other laws that do, of those that start by themselves."""
+    """Name the other laws that reach the target, of those that start by themselves."""
     from ares_guidance.laws import self_starting_laws
 
     others = [name for name in self_starting_laws() if name != law]
@@ -139,4 +140,4 @@ def _advice(stage: _Stage, law: str) -> str:
         with suppress(ValueError):
             if _fly_ahead(stage, name).mass_kg:
                 ways.append(name)
-    return f"; try law {' or '.join(ways)}" if ways else ", nor does any other law"
+    return f"try law {' or '.join(ways)}" if ways else "no other law reaches it"
