@@ -48,10 +48,9 @@ def judged_end(arrays: MissionArrays, flight: Flight) -> Judgement:
 
 def _lowest(arrays: MissionArrays, flight: Flight) -> float:
     """Return the lowest altitude of a flight, m."""
-    return min(
-        float(np.linalg.norm(r)) - surface_radius(r, arrays.environment[0])
-        for r in flight.trajectory.position
-    )
+    r = flight.trajectory.position
+    ground = surface_radius(r, arrays.environment[0])
+    return float(np.min(np.linalg.norm(r, axis=-1) - ground))
 
 
 def constraint_table(

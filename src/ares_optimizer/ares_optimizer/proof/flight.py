@@ -10,7 +10,7 @@ error.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +36,8 @@ Array = NDArray[np.float64]
 
 #: Thrust direction within one piece of the flight: unit vector, shape (3,), at a time in s.
 Direction = Callable[[float], Array]
-#: State within one piece: position, velocity and mass, shape (7,), at a time in s.
-State = Callable[[float], Array]
+#: State within one piece: position, velocity and mass, shape (7,) or (7, n), at one time or n, s.
+State = Callable[[Any], Array]
 #: Gives the direction for the piece between two times in s.
 Steering = Callable[[float, float], Direction]
 
@@ -196,14 +196,15 @@ def _sampled(
     """A piece every ``period`` s, and at its ends, where the states are known."""
     count = max(2, math.ceil((piece.end - piece.begin) / period) + 1)
     grid = np.linspace(piece.begin, piece.end, count)
-    states = np.array([ends[0], *(piece.state(t) for t in grid[1:-1]), ends[1]])
+    states = piece.state(grid).T
+    states[0], states[-1] = ends
     return Trajectory(
         grid,
         states[:, :3],
         states[:, 3:6],
         states[:, 6],
         np.array([direction(t) for t in grid]),
-        np.array([heating(y[:3], y[3:6], arrays) for y in states]),
+        heating(states[:, :3], states[:, 3:6], arrays),
         np.array([piece.engine(t, y[6])[0] for t, y in zip(grid, states, strict=True)]),
     )
 
@@ -217,7 +218,7 @@ def _greatest_heating(
     if not 0 < best < len(grid) - 1:
         return float(values[best]), float(grid[best])
     refined = minimize_scalar(
-        lambda t: -heating(state(t)[:3], state(t)[3:6], arrays),
+        lambda t: -float(heating(state(t)[:3], state(t)[3:6], arrays)),
         bounds=(grid[best - 1], grid[best + 1]),
         method="bounded",
         options={"xatol": 1e-6},
@@ -273,7 +274,7 @@ def fly(
             if j not in done and time <= t + _SAME_TIME:
                 done.add(j)
                 y[6] -= float(jettisons[j]["mass"])
-                at_jettison[j] = (heating(y[:3], y[3:6], arrays), t)
+                at_jettison[j] = (float(heating(y[:3], y[3:6], arrays)), t)
                 if jettisons[j]["criterion"] == HEATING_LIMIT:
                     watching, peak = True, -math.inf
         if math.isinf(end):

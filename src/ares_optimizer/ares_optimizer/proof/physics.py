@@ -29,32 +29,42 @@ def gravity(r: Array, environment: Record) -> Array:
     return g
 
 
-def surface_radius(r: Array, environment: Record) -> float:
-    """Distance of the ground below a position from the Earth's centre, m (Eq. 2.15)."""
+def surface_radius(r: Array, environment: Record) -> Array:
+    """Return the distance of the ground below a position from the Earth's centre, m (Eq. 2.15).
+
+    Args:
+        r: m, shape (..., 3).
+        environment: record ENVIRONMENT.
+    """
     equatorial = float(environment["equatorial_radius"])
     if environment["altitude_model"] == ALTITUDE_SPHERICAL:
-        return equatorial
+        return np.full(r.shape[:-1], equatorial)
     polar = float(environment["polar_radius"])
-    cos_square = 1.0 - float(r[2] ** 2 / (r @ r))
-    return polar / math.sqrt(1.0 + ((polar / equatorial) ** 2 - 1.0) * cos_square)
+    cos_square = 1.0 - r[..., 2] ** 2 / np.sum(r * r, axis=-1)
+    return polar / np.sqrt(1.0 + ((polar / equatorial) ** 2 - 1.0) * cos_square)
 
 
-def heating(r: Array, v: Array, arrays: MissionArrays) -> float:
-    """Free molecular heating 0.5 rho V_rel^3, W/m2 (Eqs. 2.2 to 2.5, 2.12, 2.15)."""
+def heating(r: Array, v: Array, arrays: MissionArrays) -> Array:
+    """Return the free molecular heating 0.5 rho V_rel^3, W/m2 (Eqs. 2.2 to 2.5, 2.12, 2.15).
+
+    Args:
+        r: m, shape (..., 3).
+        v: m/s, shape (..., 3).
+        arrays: the mission.
+    """
     environment = arrays.environment[0]
-    height = float(np.linalg.norm(r)) - surface_radius(r, environment)
+    height = np.linalg.norm(r, axis=-1) - surface_radius(r, environment)
     table = arrays.atmosphere
-    row = table[max(int(np.searchsorted(table[:, 0], height, side="right")) - 1, 0)]
+    row = table[np.maximum(np.searchsorted(table[:, 0], height, side="right") - 1, 0)].T
     x = height - row[0]
-    log_density = row[1] + row[2] * x
-    if x > 0.0:
-        log_density += (row[3] + row[4] * x) * x * x
-    omega = np.array([0.0, 0.0, float(environment["rotation_rate"])])
-    relative = v - np.cross(omega, r)
-    density = float(environment["density_factor"]) * math.exp(min(log_density, _DENSEST))
-    square = float(relative @ relative)
-    # a power would raise where this is infinite
-    return 0.5 * density * square * math.sqrt(square)
+    cubic = np.where(x > 0.0, row[3] + row[4] * x, 0.0)
+    log_density = row[1] + (row[2] + cubic * x) * x
+    rate = float(environment["rotation_rate"])
+    relative = np.stack((v[..., 0] + rate * r[..., 1], v[..., 1] - rate * r[..., 0], v[..., 2]), -1)
+    density = float(environment["density_factor"]) * np.exp(np.minimum(log_density, _DENSEST))
+    square = np.sum(relative * relative, axis=-1)
+    heat: Array = 0.5 * density * square * np.sqrt(square)
+    return heat
 
 
 def elements(r: Array, v: Array, mu: float) -> dict[str, float]:
