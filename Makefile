@@ -2,7 +2,7 @@
 # Flags for the flight: make fly FLAGS="--in-process --mission ares_v"
 
 .DEFAULT_GOAL := help
-.PHONY: help prepare fly test site boundscheck coverage sweep atheris lint format usage lock sbom audit clean
+.PHONY: help prepare fly test trials site boundscheck coverage sweep atheris lint format usage lock sbom audit clean
 
 help: ## list the targets
 	@echo "make TARGET [FLAGS=...]"
@@ -21,15 +21,18 @@ test: ## linters, type checker and every test
 site: ## docs and the reference as a site, build/site
 	@./ares exec python tools/build_site.py
 
+trials: ## every test, those too of which `make test` runs a sample; an hour
+	@./ares exec pytest -m "trial or not trial" --numprocesses=2 --dist=worksteal $(FLAGS)
+
 boundscheck: ## every test with bounds checks in the kernels; compiles them anew
 	@rm -rf build/boundscheck
 	@NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR="$(CURDIR)/build/boundscheck" ./ares exec \
-		pytest --numprocesses=2 --dist=worksteal --timeout=1800 $(FLAGS)
+		pytest -m "trial or not trial" --numprocesses=2 --dist=worksteal --timeout=1800 $(FLAGS)
 
 coverage: ## every test, and which lines none of them runs; twice as slow
 	@./ares exec python -m pip install --quiet --no-deps --require-hashes \
 		--requirement=requirements/locked/coverage.txt
-	@./ares exec pytest --cov --numprocesses=2 --dist=worksteal $(FLAGS)
+	@./ares exec pytest -m "trial or not trial" --cov --numprocesses=2 --dist=worksteal $(FLAGS)
 
 sweep: ## every input made from the schemas, everything done with each; an hour
 	@./ares exec python -m ares_bringup.sweep

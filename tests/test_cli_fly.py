@@ -33,6 +33,10 @@ KEYS = {
     "realtime_factor",
     "bag",
 }
+SIGNALS = [
+    signal.SIGINT,
+    *(pytest.param(number, marks=pytest.mark.trial) for number in (signal.SIGTERM, signal.SIGHUP)),
+]
 LAYOUTS = {"processes": [], "one_process": ["--in-process"]}
 
 
@@ -200,7 +204,10 @@ def test_what_a_node_refuses_is_one_line_and_exit_2(ares, argv, words):
 
 
 # one of each node: a parameter that is refused is the same for all
-@pytest.mark.parametrize(("argv", "words"), [REFUSED[0], REFUSED[1], REFUSED[3]])
+@pytest.mark.parametrize(
+    ("argv", "words"),
+    [REFUSED[1], *(pytest.param(*REFUSED[k], marks=pytest.mark.trial) for k in (0, 3))],
+)
 def test_what_a_node_of_its_own_refuses_is_one_line_and_exit_2(domain, bags, argv, words):
     check_refusal(fly(domain, bags, *argv), words)
 
@@ -236,7 +243,7 @@ def test_a_second_flight_on_the_same_graph_has_no_effect(ares, ros_domain, bags,
     assert [flight["domain_id"] for flight in flights] == [ros_domain, ros_domain]
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", SIGNALS)
 def test_an_interrupted_flight_keeps_its_bag_and_leaves_nothing(domain, bags, tmp_path, number):
     bag = tmp_path / "bag"
     argv = ("fly", "--json", "--pace", "20", "--bag", str(bag))
@@ -254,7 +261,7 @@ def test_an_interrupted_flight_keeps_its_bag_and_leaves_nothing(domain, bags, tm
     assert open_bag(bag).message_count > 0
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", SIGNALS)
 def test_an_interrupted_flight_in_one_process_does_not_fly_on(domain, bags, tmp_path, number):
     """The recorder takes what it has been sent, for which it has time for the whole flight."""
     bag = tmp_path / "bag"

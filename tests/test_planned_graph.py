@@ -340,6 +340,8 @@ def test_a_flight_without_pace_waits_for_a_restarted_guidance_that_plans(
     asked.free.clear()
     restarted(graph, first, missions)
     graph.spin(lambda: len(asked.requests) > 1)
+    # what was on its way has come
+    wait(graph, 0.5)
     held = len(graph.states)
     # longer than for an answer
     wait(graph, 1.5)

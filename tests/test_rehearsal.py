@@ -76,6 +76,7 @@ def test_a_law_that_flies_no_plan_says_so():
         rehearse({"mission": "falcon9_gto", "law": "peg_thesis"})
 
 
+@pytest.mark.trial
 def test_where_no_law_arrives_nothing_is_begun(ares, tmp_path):
     bag = tmp_path / "bag"
     mission = parameters("soyuz_gto", "optimal")["mission"]

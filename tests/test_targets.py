@@ -26,7 +26,7 @@ def transfer(tmp_path_factory):
     return str(path)
 
 
-@pytest.mark.parametrize("law", ["peg", "optimal"])
+@pytest.mark.parametrize("law", ["optimal", pytest.param("peg", marks=pytest.mark.trial)])
 def test_it_is_flown_and_judged_by_what_it_names(ares, transfer, law):
     options = ("--in-process", "--no-record", "--json")
     done = ares("fly", "--mission", transfer, "--guidance", law, *options)

@@ -83,6 +83,10 @@ class _ClosedCompiler(_Compiler):
 
 
 class _LinkedDispatcher(CPUDispatcher):
+    def enable_caching(self) -> None:
+        """Keep what is compiled on disk."""
+        self._cache = _Cache(self.py_func)
+
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """Take a literal for a number: numba would compile the kernel anew for each."""
         named = {name: types.unliteral(kind) for name, kind in kws.items()}
@@ -162,7 +166,7 @@ class Kernel:
             targetoptions={**self._options, "no_cpython_wrapper": True},
             pipeline_class=_LinkedCompiler,
         )
-        dispatcher._cache = _Cache(copy)
+        dispatcher.enable_caching()
         return dispatcher
 
     @property

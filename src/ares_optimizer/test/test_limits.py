@@ -32,7 +32,9 @@ def with_long_coast(seconds):
     return arrays, mission.start().navigation()
 
 
-@pytest.mark.parametrize("seconds", [4e3, 4e4, 1e5, 1e9, 1e300])
+@pytest.mark.parametrize(
+    "seconds", [1e5, 1e300, *(pytest.param(s, marks=pytest.mark.trial) for s in (4e3, 4e4, 1e9))]
+)
 @pytest.mark.parametrize("method", [name for name in METHODS if name != "analytic"])
 def test_a_coast_of_any_length_is_answered(method, seconds):
     """A coast of 1e5 s made 222 laws, and room there was for 128 events: a segmentation fault."""
@@ -41,7 +43,7 @@ def test_a_coast_of_any_length_is_answered(method, seconds):
         with pytest.raises(OptimizerError, match=r"^(the last burn begins|no flight can be laid)"):
             solve(arrays, method, state=start)
         return
-    solution = solve(arrays, method, state=start, time_limit_s=2.0)
+    solution = solve(arrays, method, state=start, time_limit_s=1.0)
     assert not solution.converged
     assert solution.reason
     assert "\n" not in solution.reason

@@ -85,7 +85,9 @@ FAILURES = [
 ]
 
 
-@pytest.mark.parametrize("seed", [None, 1, 2])
+@pytest.mark.parametrize(
+    "seed", [None, *(pytest.param(k, marks=pytest.mark.trial) for k in (1, 2))]
+)
 @pytest.mark.parametrize(("name", "failure", "radius_m"), FAILURES)
 def test_what_would_fall_into_an_area_falls_outside(name, failure, seed, radius_m):
     _, unsteered = fly(with_areas(name), failure, seed)
