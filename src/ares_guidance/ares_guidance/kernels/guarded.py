@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every law is flown in: nothing gets in that is not navigation, nor out what breaks a rule.
+"""Step of a law between its guards: navigation gate, impact-point avoidance, monitors.
 
-`guidance_step` is PEG's; each law has a copy of this module with its own step.
+`guidance_step` is PEG's; each law gets a copy of this module with its own step.
 """
 
 from ares_guidance.arrays import (
@@ -21,7 +21,7 @@ from ares_models.jit import kernel
 
 @kernel
 def begin_anew(state: Record) -> None:
-    """Forget a flight that was none: the law starts with the present state.
+    """Reset the law to start from the present state.
 
     Args:
         state: record GUIDANCE_STATE. Changed.
@@ -41,7 +41,7 @@ def begin_anew(state: Record) -> None:
 
 @kernel
 def guarded_step(mission: MissionRecords, onboard: Onboard) -> None:
-    """Answer one navigation state; one that is refused with the last answer, which goes on in time.
+    """Answer one navigation state; a refused one gets the last answer, continued in time.
 
     Args: as in :func:`ares_guidance.kernels.cycle.guidance_step`.
     """
@@ -68,5 +68,5 @@ def guarded_step(mission: MissionRecords, onboard: Onboard) -> None:
     else:
         if guarded:
             keep_out(vehicle_left(mission, state), onboard)
-        # what the propellant lasts is the weakened engines' business
+        # depletion depends on the weakened engines
         watch_answer(vehicle_left(mission, state), onboard)
