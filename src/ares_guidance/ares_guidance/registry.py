@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which guidance laws are installed, without importing any. Standard library only."""
+"""Registry of the installed guidance laws; imports none of them, only the standard library."""
 
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
@@ -10,10 +10,10 @@ GROUP = "ares_guidance.laws"
 
 @cache
 def registered_laws() -> dict[str, EntryPoint]:
-    """Entry points of the laws by name."""
+    """Return the entry points of the laws by name."""
     return {entry.name: entry for entry in entry_points(group=GROUP)}
 
 
 def law_names() -> list[str]:
-    """Names of the laws."""
+    """Return the names of the laws, sorted."""
     return sorted(registered_laws())

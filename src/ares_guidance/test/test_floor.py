@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How low a plan goes: by the samples, and along the coasts between them."""
+"""Lowest altitude of a plan: by the samples, and along the coasts between them."""
 
 import math
 from dataclasses import replace
@@ -28,7 +28,7 @@ def mission(tmp_path_factory):
 
 
 def trajectory(orbit, length):
-    """Burn, coast and burn, of which nothing is told but the state where the coast begins."""
+    """Return a burn, a coast and a burn, sampled only at the start of the coast."""
     begin, end = 300.0, 300.0 + length
     position, velocity = orbit.state(MU)
     none, no_vectors = np.zeros(0), np.zeros((0, 3))

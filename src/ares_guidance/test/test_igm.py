@@ -30,7 +30,7 @@ def igm(mission, **settings):
 
 
 def upper_stage(mission, arc, mass, speed_short, below, aside=0.0, turned=0.0):
-    """A navigation state of the last burn, some way short of the target.
+    """Return a navigation state of the last burn, short of the target.
 
     Args:
         speed_short: m/s under the target's speed.
@@ -72,7 +72,7 @@ STATES = {
 
 
 def flown_plan(nav, mission, law, turns):
-    """Where the steering of the law leads under IGM's own model, by quadrature.
+    """Integrate the law's steering under IGM's own model, by quadrature.
 
     Constant mean gravity, pitch and yaw linear in time; ``turns`` 0 leaves chi-tilde alone.
 
