@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from ares_models.earth import Earth
 from ares_models.impacts import find_impact, outlines
-from ares_models.kernels.impact import fall, impact_direction, impact_moves, outside_areas
+from ares_models.kernels.impact import fall, impact_direction, impact_jacobian, outside_areas
 from ares_models.mission import Mission, load_mission
 
 ARES = load_mission("ares_v")
@@ -113,7 +113,7 @@ def test_the_impact_is_where_an_integrated_fall_ends(name):
 def test_it_moves_with_the_velocity_as_integrated_falls_do():
     record = BODIES["Earth"]
     for r, v, time in random_states(5, 12):
-        moves = np.array(impact_moves(tuple(r.tolist()), tuple(v.tolist()), time, record))
+        moves = np.array(impact_jacobian(tuple(r.tolist()), tuple(v.tolist()), time, record))
         if not np.all(np.isfinite(moves)):
             continue
         for k in range(3):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `make boundscheck` relies on: a kernel that leaves its arrays raises, wherever it is."""
+"""Bounds checks for `make boundscheck`: a kernel that leaves its arrays raises, wherever it is."""
 
 import os
 import subprocess

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The one judge: what is off, how much of it may be, and what an end is."""
+"""The judge: errors, tolerances and outcomes."""
 
 import math
 
@@ -81,7 +81,7 @@ def gto(**moved):
     return r, v * (1.0 + moved.pop("speed", 0.0) / np.linalg.norm(v))
 
 
-# ---- what is off
+# ---- errors
 
 
 def test_a_keplerian_target_is_judged_at_the_nearest_point_of_its_orbit():
@@ -117,7 +117,7 @@ def test_a_target_by_elements_is_judged_by_what_it_names(name):
         assert judged(r, 2.0 * v, **GTO, named=bit).end is not End.TARGET
 
 
-# ---- how much of it may be
+# ---- tolerances
 
 
 def shaken(r, v):
@@ -199,7 +199,7 @@ def test_a_node_means_less_in_a_flat_plane():
         assert allowed == pytest.approx(expected * ORIENTATION_DEG, rel=1e-3)
 
 
-# ---- what an end is
+# ---- outcomes
 
 RADIUS, SPEED = 6_600_000.0, 7_800.0
 STATE = {

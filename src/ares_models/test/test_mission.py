@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Missions: what the shipped ones hold, and what becomes of them as arrays."""
+"""Missions: content of the shipped ones, and their arrays."""
 
 import math
 import pickle

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Masses by item: each once, what is ignited follows; both forms of one vehicle are one."""
+"""Masses by item: each once, ignition masses follow; both forms of a vehicle are equal."""
 
 import pytest
 import yaml

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a mission begins: five forms of one state, the ground they are relative to."""
+"""Initial states of missions: five forms of one state, the ground they are relative to."""
 
 import math
 
@@ -20,7 +20,7 @@ EPOCH = "2026-01-01T06:00:00Z"
 
 
 def started(tmp_path, state, epoch=None, zero_longitude_deg=None, rotation_rate=7.2921159e-5):
-    """Ares V with another initial state, in another frame, as the file says."""
+    """Load Ares V with another initial state, epoch, longitude zero or rotation rate."""
     data, _ = read_input(MISSION.find("ares_v"), MISSION)
     data["initial_state"] = {"time_s": 155.9, **state}
     earth = data["environment"]["earth"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Targets by elements: what a file may say, what it comes to, and what is refused."""
+"""Targets by elements: allowed keys, the resulting orbits, refused values."""
 
 import json
 import math

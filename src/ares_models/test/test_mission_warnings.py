@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is hardly meant is said, with line and key; of what flies nothing is."""
+"""Warnings name doubtful values by line and key; sound missions have none."""
 
 import pytest
 import yaml

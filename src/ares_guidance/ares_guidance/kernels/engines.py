@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ares_guidance.arrays import Onboard
 from ares_models.arrays import BURN, Record
 from ares_models.jit import kernel
-from ares_models.kernels.throttle import FULL, stretch
+from ares_models.kernels.throttle import FULL, throttle_regime
 from ares_models.kernels.thrust_curve import start_length, tail_length
 from ares_models.kernels.vectors import load, norm, store, sub
 
@@ -31,7 +31,7 @@ def burns_steadily(nav: Record, since: float, arcs: NDArray[Any]) -> bool:
     arc = arcs[nav.arc]
     begun = nav.arc_start_time
     if math.isfinite(arc.max_acceleration):
-        kind, _ = stretch(arc, (arc.exhaust_velocity, arc.mass_flow), nav.mass)
+        kind, _ = throttle_regime(arc, (arc.exhaust_velocity, arc.mass_flow), nav.mass)
         if kind != FULL:
             return False
     if arc.kind != BURN or since < begun + max(LATEST, start_length(arc)):

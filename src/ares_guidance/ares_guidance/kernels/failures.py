@@ -25,7 +25,7 @@ from ares_guidance.arrays import (
 from ares_models.arrays import BURN, HEATING_LIMIT, MISSION_TIME, MissionRecords, Record
 from ares_models.jit import inlined, kernel
 from ares_models.kernels.sequence import aboard, drop_time, empty_mass, last_ignition
-from ares_models.kernels.throttle import FULL, LEAST, LIMITED, stretch
+from ares_models.kernels.throttle import FULL, LEAST, LIMITED, throttle_regime
 from ares_models.kernels.thrust_curve import start_length, tail_length
 from ares_models.kernels.vectors import load, norm, store, sub
 from ares_models.kernels.weakened import weaken_stage
@@ -199,8 +199,8 @@ def check_throttle(mission: MissionRecords, onboard: Onboard, gain: float, flow:
         return False
     thrust, consumed = (found.thrust, found.flow) if found.thrust > 0.0 else (1.0, 1.0)
     engine = (arc.exhaust_velocity * thrust / consumed, arc.mass_flow * consumed)
-    kind, _ = stretch(arc, engine, nav.mass)
-    earlier, _ = stretch(arc, engine, found.mass)
+    kind, _ = throttle_regime(arc, engine, nav.mass)
+    earlier, _ = throttle_regime(arc, engine, found.mass)
     if kind == FULL and earlier == FULL:
         return False
     ratio = gain / ((nav.time - found.seen) * arc.max_acceleration)

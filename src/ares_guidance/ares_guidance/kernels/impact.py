@@ -44,7 +44,7 @@ from ares_guidance.kernels.shortfall import SETTLED, lacking_speed
 from ares_models.arrays import BURN, MissionRecords, Record
 from ares_models.jit import kernel
 from ares_models.kernels.environment import altitude, gravity
-from ares_models.kernels.impact import impact_direction, impact_moves, outside_areas
+from ares_models.kernels.impact import impact_direction, impact_jacobian, outside_areas
 from ares_models.kernels.sequence import arc_after_burnout, empty_mass, mass_at_staging
 from ares_models.kernels.steering import copy_steering
 from ares_models.kernels.targets import perigee_radius
@@ -392,7 +392,7 @@ def thrust_along_bearing(
     """
     r, v = load(nav.position), load(nav.velocity)
     place = impact_direction(r, v, nav.time, mission.environment)
-    x, y, z = impact_moves(r, v, nav.time, mission.environment)
+    x, y, z = impact_jacobian(r, v, nav.time, mission.environment)
     ahead = add(scale(own[0], x), add(scale(own[1], y), scale(own[2], z)))
     aside = cross(place, ahead)
     c, s = math.cos(bearing), math.sin(bearing)

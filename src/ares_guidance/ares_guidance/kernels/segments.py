@@ -22,7 +22,7 @@ from ares_models.kernels.sequence import (
     last_ignition,
     mass_at_staging,
 )
-from ares_models.kernels.throttle import LEAST, LIMITED, mass_after, stretch, time_to_burn
+from ares_models.kernels.throttle import LEAST, LIMITED, mass_after, throttle_regime, time_to_burn
 from ares_models.kernels.thrust_curve import curve_area, flow_area, start_length, tail_length
 
 #: Number of constant-thrust segments that replace the rest of a solid motor's table.
@@ -97,7 +97,7 @@ def add_segment(
 
 
 @kernel
-def plan_stretches(
+def plan_regimes(
     onboard: Onboard,
     arc: Record,
     engine: tuple[float, float],
@@ -122,7 +122,7 @@ def plan_stretches(
     exhaust_velocity, flow = engine
     limit = arc.max_acceleration
     for _ in range(3):
-        kind, length = stretch(arc, engine, mass)
+        kind, length = throttle_regime(arc, engine, mass)
         end = min(last, begin + length)
         rate = flow * arc.min_throttle if kind == LEAST else flow
         segment = add_segment(onboard, begin, end, mass, (exhaust_velocity, rate))
@@ -208,7 +208,7 @@ def plan_burn(
                 if segment_end - cursor > 1.5 * piece:
                     part_end = cursor + piece
                 part = mean_engine(arc, engine, cursor - ignition, part_end - ignition)
-            mass = plan_stretches(onboard, arc, part, (cursor, part_end), mass, empty)
+            mass = plan_regimes(onboard, arc, part, (cursor, part_end), mass, empty)
             cursor = part_end
         if drop < 0:
             break

@@ -40,7 +40,13 @@ from ares_models.kernels.sequence import (
 )
 from ares_models.kernels.states import insertion_quantities
 from ares_models.kernels.steering import copy_decision
-from ares_models.kernels.throttle import LIMITED, mass_after, stretch, throttle, time_to_burn
+from ares_models.kernels.throttle import (
+    LIMITED,
+    mass_after,
+    throttle,
+    throttle_regime,
+    time_to_burn,
+)
 from ares_models.kernels.thrust_curve import (
     flow_area,
     flow_value,
@@ -136,7 +142,7 @@ def throttle_change(plant: Record, arcs: NDArray[Any], limit: float) -> float:
     arc = arcs[plant.arc]
     if not throttled(plant, arc, plant.time):
         return limit
-    _, span = stretch(arc, (arc.exhaust_velocity, arc.mass_flow), plant.mass)
+    _, span = throttle_regime(arc, (arc.exhaust_velocity, arc.mass_flow), plant.mass)
     return min(limit, plant.time + span)
 
 
@@ -497,7 +503,7 @@ def integrate(mission: MissionRecords, vehicle: Vehicle, end: float) -> None:
     s1 = scale(t1 / m_end, u1)
     if throttled(plant, arc, t):
         engine = (arc.exhaust_velocity, arc.mass_flow)
-        kind, _ = stretch(arc, engine, m)
+        kind, _ = throttle_regime(arc, engine, m)
         if kind == LIMITED:
             s0, sm, s1 = limited_thrust(arc.max_acceleration, (u0, um, u1))
             m_end = mass_after(arc, engine, kind, m, h)
