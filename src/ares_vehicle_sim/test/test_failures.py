@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What fails in the plant: the vehicle that is left, and nothing else."""
+"""Failures of the plant: the remaining vehicle, and no other change."""
 
 import math
 
@@ -24,7 +24,7 @@ STEPS = SimulatorOptions(navigation_period_s=1.0, integration_step_s=1.0)
 
 
 def fly(name, failure=None, until=math.inf):
-    """The simulator after an unguided flight to a time or to its end."""
+    """Return the simulator after an unguided flight to a time or to its end."""
     simulator = Simulator(load_mission(name), STEPS, failure=failure)
     while not simulator.complete and simulator.plant["time"] < until:
         simulator.advance()

@@ -227,8 +227,8 @@ def test_no_command_is_taken_while_one_is_under_way():
     vehicle.begin()
     vehicle.steering["direction"] = [0.0, 0.0, 1.0]
     assert command(vehicle.mission, vehicle.carried, vehicle.steering)
-    assert plant["coming"]["direction"] == pytest.approx([0.0, 1.0, 0.0])
-    assert plant["coming_time"] == pytest.approx(50.25)
+    assert plant["pending"]["direction"] == pytest.approx([0.0, 1.0, 0.0])
+    assert plant["pending_time"] == pytest.approx(50.25)
 
 
 def test_a_flight_that_does_not_end_is_ended():
