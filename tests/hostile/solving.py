@@ -74,7 +74,7 @@ class OptimizerAnswers(NodeTarget):
         node._answers.request(self._state)
         node._asked = now
         node._wants_guess = True
-        node._take_guess(answer, now)
+        node._use_guess(answer, now)
         if not node._wants_guess:
             node._answers.step(now, measured)
             if node._law.steered and flies(node._law.steering):

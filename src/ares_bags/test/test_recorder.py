@@ -593,7 +593,7 @@ def test_a_recorder_that_is_killed_leaves_what_was_flown(
         f"guidance {id_text(guidance.member_id)}": '{"law": "peg"}',
     }
     for member, settings in zip((simulator, guidance), told.values(), strict=True):
-        member.tell_settings(settings)
+        member.announce_settings(settings)
     simulator.listen()
     guidance.listen()
     recorder = recorders(

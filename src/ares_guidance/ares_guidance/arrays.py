@@ -398,8 +398,8 @@ NAVIGATION_WATCH = np.dtype(
         ("repeats", np.int64),  # repetitions of the last accepted state
         ("reasons", np.int64),  # REFUSED_* bits of the present row of refusals
         ("acquired", np.int64),  # number of reacquisitions
-        ("told", np.int64),  # number of refusals that were reported in a status
-        ("told_time", np.float64),  # s, time of the last such state
+        ("reported", np.int64),  # number of refusals that were reported in a status
+        ("reported_time", np.float64),  # s, time of the last such state
         ("interval", np.float64),  # s between the last two accepted states
         ("last", NAVIGATION_FIX),  # last accepted state
         ("now", NAVIGATION_FIX),

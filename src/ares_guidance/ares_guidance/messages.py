@@ -173,9 +173,9 @@ class Answers:
         nav["time"] = now / NANOSECONDS
         self._measured[0] = measured
         self._stamp = stamp_from_ns(now)
-        told = int(self.law.state["navigation"]["told"])
+        reported = int(self.law.state["navigation"]["reported"])
         due = self.law.step(nav)
-        return due or int(self.law.state["navigation"]["told"]) != told
+        return due or int(self.law.state["navigation"]["reported"]) != reported
 
     def command(self) -> ThrustCommand:
         """Build the command that answers the last state."""

@@ -142,7 +142,7 @@ JOIN_PERIOD = 0.5
 GONE_AFTER = 5.0
 
 
-def _named(texts: dict[int, str], bits: int) -> str:
+def _join_texts(texts: dict[int, str], bits: int) -> str:
     """Join the texts of the bits that are set."""
     return "; ".join(text for bit, text in texts.items() if bits & bit)
 
@@ -167,7 +167,7 @@ class GuidanceNode(FlightNode):
             flown = {item.name: values[item.name] for item in PARAMETERS if item is not FLIGHT_ID}
             self._answers = answers = Answers(mission, flown)
             self._law = answers.law
-            self._membership.tell_settings(answers.settings())
+            self._membership.announce_settings(answers.settings())
             # compile before the simulator waits for an answer
             prepare = rehearse if self._law.lacks_plan else check_law
             prepare(values["law"], answers.arrays, mission.start().navigation())
@@ -198,9 +198,9 @@ class GuidanceNode(FlightNode):
         #: stamp in ns and sequence number of the last accepted state
         self._last: tuple[int, int] | None = None
         self._longest_cycle_s = 0.0
-        self._told_longest_cycle = False
+        self._published_longest_cycle = False
         self._heard_at = -math.inf
-        self._told: set[int] = set()
+        self._warned: set[int] = set()
         self._looked_since: float | None = None
         self._active = False
         self._statuses = 0
@@ -240,7 +240,7 @@ class GuidanceNode(FlightNode):
             self._watch.reset()
         self._reported = int(GuidanceStatus.NONE)
         self._findings = 0
-        self._told_safe = False
+        self._reported_safe = False
         self._avoiding = 0
         self._without_jettison = False
         self._fallen_back = False
@@ -277,7 +277,7 @@ class GuidanceNode(FlightNode):
             self._statuses = 0
             self._forget()
         if simulator.mission not in ("", self._mission_name):
-            self._tell(
+            self._warn_once(
                 f"flight {id_text(mine.flight_id)} flies mission {simulator.mission}, this "
                 f"guidance is for {self._mission_name}: it has no part in it",
             )
@@ -287,14 +287,14 @@ class GuidanceNode(FlightNode):
             if mine.state is State.PRESENT or again:
                 plans = self._law.lacks_plan
                 mine.agree(mine.member_id, State.PLANNING if plans else State.READY)
-                self._take_held_back()
+                self._answer_held_back()
         elif not simulator.guidance_id:
             if mine.state in AGREED and simulator.state in OPEN:
                 # the simulator no longer counts on this guidance
                 mine.say(State.PRESENT)
         else:
             mine.say(State.PRESENT)
-            self._tell(
+            self._warn_once(
                 f"flight {id_text(mine.flight_id)} has another guidance: this one has no part in it"
             )
 
@@ -302,18 +302,18 @@ class GuidanceNode(FlightNode):
     def _guiding(self) -> bool:
         return self._membership.state in AGREED
 
-    def _tell(self, text: str) -> None:
+    def _warn_once(self, text: str) -> None:
         """Report a warning once per flight."""
-        if self._membership.flight_id not in self._told:
-            self._told.add(self._membership.flight_id)
+        if self._membership.flight_id not in self._warned:
+            self._warned.add(self._membership.flight_id)
             self.diagnostics.report(Level.WARN, text, 0)
 
     def _on_watch(self) -> None:
-        self._take_held_back()
+        self._answer_held_back()
         if not self._wants_guess:
             self._watch.cancel()
 
-    def _take_held_back(self) -> None:
+    def _answer_held_back(self) -> None:
         data = self._held_back
         if data is not None and self._guiding:
             now, _, sequence, measured = self._answers.read(data)
@@ -354,7 +354,7 @@ class GuidanceNode(FlightNode):
                 self._without_guess("no such service on the graph", now)
             return not self._wants_guess
         if self._guess.done():
-            self._take_guess(self._guess.result(), now)
+            self._use_guess(self._guess.result(), now)
         elif waited > limit:
             self._guess.cancel()
             self._without_guess(f"no answer within {waited:.1f} s", now)
@@ -372,7 +372,7 @@ class GuidanceNode(FlightNode):
         self._asked = self._answers.read(data)[0]
         self._guess = optimizer.call_async(request)
 
-    def _take_guess(self, answer: Any, now: int) -> None:
+    def _use_guess(self, answer: Any, now: int) -> None:
         if answer is None or answer.error_code != SolveTrajectory.Response.NONE:
             reason = answer.message if answer else "the call failed"
             self._without_guess(reason or f"error {answer.error_code}", now)
@@ -482,7 +482,7 @@ class GuidanceNode(FlightNode):
         if refused > self._refused:
             if self._refused_before is None:
                 self._refused_before = self._refused
-                reasons = _named(REFUSAL_TEXTS, int(watch["reasons"]))
+                reasons = _join_texts(REFUSAL_TEXTS, int(watch["reasons"]))
                 text = f"navigation refused, the last solution is held: {reasons}"
                 self.diagnostics.report(Level.WARN, text, now)
             self._refused = refused
@@ -504,16 +504,16 @@ class GuidanceNode(FlightNode):
         violations, violated = int(monitors["violations"]), int(monitors["violated"])
         more = violations > self._violations and worth_saying(violations)
         if violated != self._violated or more:
-            reasons = _named(MONITOR_TEXTS, int(monitors["flags"]))
+            reasons = _join_texts(MONITOR_TEXTS, int(monitors["flags"]))
             text = f"answer not let out, the last good one is held: {reasons}"
             self.diagnostics.report(Level.ERROR, text, now, {"violations": violations})
         self._violations, self._violated = violations, violated
 
     def _report(self, now: int) -> None:
         state = self._law.state
-        if int(state["phase"]) >= GuidanceStatus.PHASE_HOLD and not self._told_longest_cycle:
+        if int(state["phase"]) >= GuidanceStatus.PHASE_HOLD and not self._published_longest_cycle:
             # later cycles only refine the cut-off
-            self._told_longest_cycle = True
+            self._published_longest_cycle = True
             milliseconds = f"{1e3 * self._longest_cycle_s:.6g}"
             self._timing_out.publish(
                 timing(self, self._membership.flight_id, {LONGEST_CYCLE_MS: milliseconds})
@@ -559,9 +559,9 @@ class GuidanceNode(FlightNode):
             text = describe(found, *self._names)
             self.diagnostics.report(Level.WARN, text, now, {"ratio": float(found["ratio"])})
         safe = aims_at_safe_orbit(state)
-        if safe and not self._told_safe:
+        if safe and not self._reported_safe:
             self.diagnostics.report(Level.WARN, SAFE_ORBIT, now)
-        self._told_safe = safe
+        self._reported_safe = safe
         mode = int(state["avoid"]["mode"])
         if mode != self._avoiding and (text := describe_avoiding(state["avoid"], self._areas)):
             self.diagnostics.report(Level.WARN, text, now)

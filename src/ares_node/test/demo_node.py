@@ -25,7 +25,7 @@ def hold() -> None:
 
 
 class DemoNode(FlightNode):
-    """Reports on /diagnostics until told to stop."""
+    """Report on /diagnostics until told to stop."""
 
     def __init__(self, **kwargs: Any) -> None:
         mode = Parameter("mode", "run", "How to behave.", choices=MODES)
@@ -34,7 +34,7 @@ class DemoNode(FlightNode):
             self.first = self.create_timer(0.001, self.say_idle)
 
     def say_idle(self) -> None:
-        """Once, from inside the run's loop."""
+        """Run once, inside the loop."""
         self.first.cancel()
         print("idle", flush=True)
 

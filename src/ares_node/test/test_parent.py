@@ -25,7 +25,7 @@ PATIENCE = 120.0
 
 @pytest.fixture
 def launcher():
-    """A process that does nothing."""
+    """Start a process that does nothing."""
     process = subprocess.Popen(["sleep", "600"])
     yield process
     process.kill()
@@ -34,7 +34,7 @@ def launcher():
 
 @pytest.fixture
 def start():
-    """Starts a child that is told its launcher."""
+    """Start a child that knows its launcher."""
     started = []
 
     def run(pid):

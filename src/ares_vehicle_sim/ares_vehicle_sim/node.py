@@ -268,7 +268,7 @@ class VehicleSimNode(FlightNode):
             )
             failed.callback(self._membership.close)
             flown = {item.name: values[item.name] for item in PARAMETERS if item is not FLIGHT_ID}
-            self._membership.tell_settings(json.dumps({"software": software()} | flown | texts))
+            self._membership.announce_settings(json.dumps({"software": software()} | flown | texts))
             # compile the plant now, by one step of a private flight
             rehearsal = Simulator(*flight)
             rehearsal.advance()

@@ -430,9 +430,9 @@ def refuse(onboard: Onboard, reasons: int) -> None:
     watch = onboard.state.navigation
     if watch.row == 0:
         watch.reasons = 0
-    if watch.row == 0 or not abs(nav.time - watch.told_time) < onboard.settings.cycle_period:
-        watch.told += 1
-        watch.told_time = nav.time
+    if watch.row == 0 or not abs(nav.time - watch.reported_time) < onboard.settings.cycle_period:
+        watch.reported += 1
+        watch.reported_time = nav.time
     watch.row += 1
     watch.refused += 1
     watch.reasons |= reasons
