@@ -106,7 +106,7 @@ def test_a_coast_that_ends_before_its_perigee_is_as_low_as_its_end(mission):
 
 
 def test_the_oblate_earth_bends_a_coast(mission):
-    """A day in a low orbit: what J2 does to the perigee counts."""
+    """Over a day in a low orbit the effect of J2 on the perigee counts."""
     arrays = mission.arrays()
     arrays.environment["j2"] = 0.00108263
     orbit = Elements(6.6e6, 0.02, 1.1, 0.1, 0.2, true_anomaly=1.0)

@@ -48,7 +48,7 @@ class DemoNode(FlightNode):
             print("starting", flush=True)
             time.sleep(60.0)
         if mode == "wrapped_start":
-            # as Python 3.11 does with what a `__set_name__` raises
+            # as Python 3.11 wraps an exception of a `__set_name__`
             try:
                 print("starting", flush=True)
                 time.sleep(60.0)

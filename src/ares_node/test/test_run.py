@@ -246,7 +246,7 @@ def test_the_reason_of_a_refused_start_goes_to_rosout(ros_context: Context) -> N
 
 
 def test_a_timer_that_is_destroyed_says_nothing_more(ros_context: Context) -> None:
-    """Its last word may wait in the executor already."""
+    """A last call of a timer may be pending in the executor when it is destroyed."""
     executor = EventsExecutor(context=ros_context)
     node = FlightNode("demo", context=ros_context)
     heard: list[int] = []
@@ -269,7 +269,7 @@ def test_a_timer_that_is_destroyed_says_nothing_more(ros_context: Context) -> No
 
 
 def test_a_reader_that_is_destroyed_says_nothing_more(ros_context: Context) -> None:
-    """A message for it may wait in the executor already."""
+    """A message may be pending in the executor when its subscription is destroyed."""
     executor = EventsExecutor(context=ros_context)
     node = FlightNode("demo", context=ros_context)
     heard: list[int] = []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""States as bytes, held against the middleware's own conversion."""
+"""Serialized states against the middleware's own conversion."""
 
 import struct
 

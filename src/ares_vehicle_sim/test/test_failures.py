@@ -119,7 +119,7 @@ def test_a_stuck_throttle_passes_the_limit():
     (over,) = plant["events"][plant["events"]["type"] == OVER_LIMIT]
     assert arc["thrust"] / over["mass"] == pytest.approx(1.01 * arc["max_acceleration"])
     assert not times(free, OVER_LIMIT)
-    # so late that the engine stops before: said by nobody, since it did not come to pass
+    # so late that the engine stops before: no event, since the failure did not happen
     end = free.plant["time"]
     late = fly("space_shuttle_sts121", Failure(FailureKind.STUCK_THROTTLE, end - 0.1))
     assert times(late, FAILED) and not times(late, OVER_LIMIT)

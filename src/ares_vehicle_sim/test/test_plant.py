@@ -99,7 +99,7 @@ def test_a_solid_motor_burns_by_its_table(own_flow):
     arc["start_time"][0, :7] = times
     arc["start_fraction"][0, :7] = thrust
     arc["start_flow"][0, :7] = flow
-    # what the table takes, as a file gives it: rounded
+    # propellant of the table, rounded as in a file
     arc["propellant"] = round(float(arc["mass_flow"][0]) * float(np.trapezoid(flow, times)), 6)
     plant = vehicle.fly(220.0)
     first = 4000.0 * math.log(300e3 / (300e3 - 125e3))
