@@ -288,7 +288,7 @@ class RecorderNode(FlightNode):
     # ---- the flight
 
     def _on_member(self, _member: FlightMember) -> None:
-        agreed = self._membership.witness()
+        agreed = self._membership.agree_as_observer()
         self._note_members()
         if agreed:
             self._try(lambda writer: writer.note())

@@ -15,7 +15,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from ares_bags.playback import Playback
-from ares_node.diagnostics import PACE, PAUSED, Timing, pace_word
+from ares_node.diagnostics import PACE, PAUSED, Timing, pace_message
 from ares_node.qos import DIAGNOSTIC
 
 #: Wall time in s between words on the pace.
@@ -53,7 +53,7 @@ def remote(node: Node, playback: Playback, topic: str, flight_id: int) -> Iterat
         say()
 
     def say() -> None:
-        out.publish(pace_word(node, flight_id, playback.rate, playback.paused))
+        out.publish(pace_message(node, flight_id, playback.rate, playback.paused))
 
     out = node.create_publisher(Timing, topic, DIAGNOSTIC)
     node.add_on_set_parameters_callback(_check)

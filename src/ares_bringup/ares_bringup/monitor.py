@@ -115,7 +115,7 @@ class FlightMonitor:
         """Agree to the flight now: it waits for nothing else."""
         if self.held:
             self.held = False
-            self._membership.witness()
+            self._membership.agree_as_observer()
 
     def say_verdict(self) -> None:
         """Tell the live page what the flight came to."""
@@ -128,7 +128,7 @@ class FlightMonitor:
         """Tell the others that the process of the guidance that flew is no more."""
         simulator = self._membership.simulator
         if simulator is not None:
-            self._membership.speak_for(int(simulator.guidance_id))
+            self._membership.announce_departure(int(simulator.guidance_id))
 
     @property
     def ended(self) -> bool:
@@ -150,7 +150,7 @@ class FlightMonitor:
         if self.held:
             self._membership.join()
         else:
-            self._membership.witness()
+            self._membership.agree_as_observer()
         self.summary.flight_id = self._membership.flight_id
         if self._ends and not self._flies():
             # of several the simulator's own is the last

@@ -40,7 +40,7 @@ from ares_guidance.registry import law_names
 from ares_models.mission import load_mission
 from ares_msgs.msg import FlightMember, GuidanceStatus, NavState, ThrustCommand
 from ares_msgs.srv import SolveTrajectory
-from ares_node.diagnostics import LONGEST_CYCLE_MS, Level, Timing, timing, worth_saying
+from ares_node.diagnostics import LONGEST_CYCLE_MS, Level, Timing, is_worth_reporting, timing
 from ares_node.identity import id_text
 from ares_node.membership import AGREED, FLIGHT_ID, OPEN, Membership, Role, State
 from ares_node.node import FlightNode
@@ -462,7 +462,7 @@ class GuidanceNode(FlightNode):
     def _pass_over(self, now: int) -> None:
         """Count a late state, which arrived after a newer one, and do not answer it."""
         self._late += 1
-        if worth_saying(self._late):
+        if is_worth_reporting(self._late):
             self.diagnostics.report(
                 Level.WARN,
                 "navigation state older than one before it: not answered",
@@ -502,7 +502,7 @@ class GuidanceNode(FlightNode):
         """Report each newly violated rule, and the number of violations at every tenfold."""
         monitors = self._law.state["monitors"]
         violations, violated = int(monitors["violations"]), int(monitors["violated"])
-        more = violations > self._violations and worth_saying(violations)
+        more = violations > self._violations and is_worth_reporting(violations)
         if violated != self._violated or more:
             reasons = _join_texts(MONITOR_TEXTS, int(monitors["flags"]))
             text = f"answer not let out, the last good one is held: {reasons}"

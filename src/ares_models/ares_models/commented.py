@@ -95,7 +95,7 @@ class _Writer:
     def __init__(self, reasons: Mapping[KeyPath, str], used: set[_SchemaKey]) -> None:
         self._reasons = reasons
         self._used = used
-        self._told: set[_SchemaKey] = set()
+        self._written: set[_SchemaKey] = set()
         self._top = ""
 
     def mapping(
@@ -106,7 +106,7 @@ class _Writer:
             self._top = str(path[0]) if path else key
             if key in data:
                 yield from self._value(key, info, data[key], (*path, key))
-            elif (self._top, key, info.description) not in self._used | self._told:
+            elif (self._top, key, info.description) not in self._used | self._written:
                 yield from (f"# {line}" for line in self._left_out(key, info))
 
     def _value(self, key: str, info: FieldInfo, value: Any, path: KeyPath) -> Iterator[str]:
@@ -152,11 +152,11 @@ class _Writer:
                 yield from (f"  {line}" for line in lines)
 
     def _comment(self, key: str, info: FieldInfo, reason: str | None) -> str:
-        told = (self._top, key, info.description)
-        if reason is None and told not in self._told:
+        entry = (self._top, key, info.description)
+        if reason is None and entry not in self._written:
             limits = allowed(info.rebuild_annotation(), key)
             reason = "; ".join(filter(None, (info.description, limits)))
-        self._told.add(told)
+        self._written.add(entry)
         return f"  # {reason}" if reason else ""
 
 

@@ -34,7 +34,7 @@ VERDICT = "verdict"
 GOOD = "good"
 
 
-def worth_saying(count: int) -> bool:
+def is_worth_reporting(count: int) -> bool:
     """Return whether to report a repeated event: the first, and every tenfold count."""
     return count > 0 and math.log10(count).is_integer()
 
@@ -51,7 +51,7 @@ class Level(Enum):
 #: Levels that go to /rosout too, with their severity there.
 _LOGGED = {Level.WARN: Log.WARN, Level.ERROR: Log.ERROR}
 #: Timeout for the delivery of a node's last log record, wall time, s.
-_LAST_WORDS = 0.2
+_LOG_TIMEOUT = 0.2
 
 
 def folded(text: str) -> str:
@@ -142,10 +142,10 @@ class Diagnostics:
             )
         )
 
-    def last_words(self, message: str) -> None:
+    def log_last_error(self, message: str) -> None:
         """Log an error on /rosout and wait for its delivery, before the node ends."""
         self.log(Level.ERROR, message)
-        self._log.wait_for_all_acked(Duration(seconds=_LAST_WORDS))
+        self._log.wait_for_all_acked(Duration(seconds=_LOG_TIMEOUT))
 
 
 def number_of(said: Mapping[str, str], key: str) -> float | None:
@@ -157,7 +157,7 @@ def number_of(said: Mapping[str, str], key: str) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def pace_word(node: Node, flight_id: int, pace: float, paused: bool) -> DiagnosticStatus:
+def pace_message(node: Node, flight_id: int, pace: float, paused: bool) -> DiagnosticStatus:
     """Build the message on a flight's pace for the topic TIMING.
 
     Args:

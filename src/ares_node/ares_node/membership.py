@@ -16,7 +16,7 @@ from rclpy.publisher import Publisher
 from rclpy.subscription import Subscription
 
 from ares_msgs.msg import FlightMember
-from ares_node.diagnostics import Level, worth_saying
+from ares_node.diagnostics import Level, is_worth_reporting
 from ares_node.identity import new_id
 from ares_node.key import FORGED
 from ares_node.parameters import Parameter
@@ -63,23 +63,23 @@ OPEN = (State.PREPARING, State.PRESENT, State.READY, State.FLYING)
 AGREED = (State.READY, State.PLANNING)
 
 
-def _content(word: FlightMember) -> tuple[object, ...]:
+def _content(announcement: FlightMember) -> tuple[object, ...]:
     """Return the content of an announcement, to compare it with others."""
     return (
-        word.words,
-        word.state,
-        word.flight_id,
-        word.guidance_id,
-        word.last_sequence,
-        word.reason,
-        word.mission,
-        word.role,
+        announcement.words,
+        announcement.state,
+        announcement.flight_id,
+        announcement.guidance_id,
+        announcement.last_sequence,
+        announcement.reason,
+        announcement.mission,
+        announcement.role,
     )
 
 
-def _state_name(word: FlightMember) -> str:
+def _state_name(member: FlightMember) -> str:
     """Return the name of the state in an announcement."""
-    return State(word.state).name if word.state in set(State) else f"state {word.state}"
+    return State(member.state).name if member.state in set(State) else f"state {member.state}"
 
 
 def _report(node: Node, text: str) -> None:
@@ -131,7 +131,7 @@ class Membership:
         self._node = node
         self._given = flight_id
         self._heard: dict[int, FlightMember] = {}
-        self._word = FlightMember(
+        self._announcement = FlightMember(
             flight_id=flight_id,
             member_id=self.member_id,
             role=role,
@@ -142,7 +142,7 @@ class Membership:
         self._complain = complain or partial(_report, node)
         self.seals = Seals(node, lambda: self.flight_id, self._complain)
         #: own announcements, to recognise forged ones
-        self._said: set[tuple[object, ...]] = set()
+        self._announced: set[tuple[object, ...]] = set()
         self._out = node.create_publisher(FlightMember, FLIGHT_MEMBER, MEMBER)
         #: publishers of announcements for other members
         self._others_out: list[Publisher] = []
@@ -151,7 +151,7 @@ class Membership:
 
     def announce_settings(self, settings: str) -> None:
         """Attach settings to announcements from `listen` on."""
-        self._word.settings = settings
+        self._announcement.settings = settings
 
     def listen(self, changed: Callable[[FlightMember], None] = lambda _member: None) -> None:
         """Announce that the node is present and subscribe to the others; call it last.
@@ -179,24 +179,24 @@ class Membership:
         """Wait until the others have received the last announcement, at most ``seconds``."""
         self._out.wait_for_all_acked(Duration(seconds=seconds))
 
-    def speak_for(self, member_id: int) -> None:
+    def announce_departure(self, member_id: int) -> None:
         """Announce that another member, whose process has ended, has left."""
-        word = self._heard.get(member_id)
-        if word is None or word.state == State.LEFT:
+        announcement = self._heard.get(member_id)
+        if announcement is None or announcement.state == State.LEFT:
             return
-        word.state = State.LEFT
-        word.words += 1
+        announcement.state = State.LEFT
+        announcement.words += 1
         # another publisher: late readers get the last announcement of each publisher
         publisher = self._node.create_publisher(FlightMember, FLIGHT_MEMBER, MEMBER)
         self._others_out.append(publisher)
-        publisher.publish(self.seals.sealed(word))
+        publisher.publish(self.seals.sealed(announcement))
 
     # ---- own announcements
 
     def _publish(self) -> None:
-        self._word.words += 1
-        self._said.add(_content(self._word))
-        self._out.publish(self.seals.sealed(self._word))
+        self._announcement.words += 1
+        self._announced.add(_content(self._announcement))
+        self._out.publish(self.seals.sealed(self._announcement))
 
     def say(
         self,
@@ -208,15 +208,15 @@ class Membership:
         reason: str = "",
     ) -> None:
         """Change the own state and announce it; arguments that are None keep their values."""
-        word = self._word
+        announcement = self._announcement
         before = (self.state, self.flight_id, self.guidance_id)
-        self.state = word.state = state
+        self.state = announcement.state = state
         if flight_id is not None:
-            self.flight_id = word.flight_id = int(flight_id)
+            self.flight_id = announcement.flight_id = int(flight_id)
         if guidance_id is not None:
-            self.guidance_id = word.guidance_id = int(guidance_id)
-        word.last_sequence = last_sequence
-        word.reason = reason
+            self.guidance_id = announcement.guidance_id = int(guidance_id)
+        announcement.last_sequence = last_sequence
+        announcement.reason = reason
         if before != (self.state, self.flight_id, self.guidance_id):
             self._publish()
 
@@ -233,7 +233,7 @@ class Membership:
                 self._publish()
             return
         if own:
-            if _content(member) not in self._said:
+            if _content(member) not in self._announced:
                 self._contradict(member)
             return
         if self.seals.key and known is not None and member.words <= known.words:
@@ -247,9 +247,9 @@ class Membership:
     def _contradict(self, member: FlightMember) -> None:
         """Repeat the own announcement after a forged one in this member's name."""
         self.contradicted += 1
-        if worth_saying(self.contradicted):
+        if is_worth_reporting(self.contradicted):
             self._complain(
-                f"{FORGED}a word in the name of {self._word.node}, {_state_name(member)}, "
+                f"{FORGED}a word in the name of {self._announcement.node}, {_state_name(member)}, "
                 f"contradicted ({self.contradicted} so far)"
             )
         self._publish()
@@ -314,7 +314,7 @@ class Membership:
         """Announce that simulator and guidance ``guidance_id`` are received."""
         self.say(state, guidance_id=guidance_id)
 
-    def witness(self) -> bool:
+    def agree_as_observer(self) -> bool:
         """Agree, as a recorder or judge, once simulator and guidance are received.
 
         Returns:

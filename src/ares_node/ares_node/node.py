@@ -250,7 +250,7 @@ class FlightNode(LifecycleNode):
             return TransitionCallbackReturn.FAILURE
         if self._starting:
             # the caller of `start` shows it
-            self.diagnostics.last_words(self.failure)
+            self.diagnostics.log_last_error(self.failure)
         else:
             self.get_logger().error(self.failure)
         return TransitionCallbackReturn.FAILURE

@@ -18,7 +18,7 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 
 from ares_msgs.msg import Seal
-from ares_node.diagnostics import worth_saying
+from ares_node.diagnostics import is_worth_reporting
 from ares_node.key import FORGED, digest, flight_key
 from ares_node.qos import FLIGHT, FLIGHT_SEAL
 
@@ -211,6 +211,6 @@ class Seals:
     def note(self, what: str) -> None:
         """Count a forged message; report the first and every tenfold."""
         self.forged += 1
-        if worth_saying(self.forged):
+        if is_worth_reporting(self.forged):
             text = f"{FORGED}{what} without the seal of the flight, refused"
             self._complain(f"{text} ({self.forged} so far)" if self.forged > 1 else text)

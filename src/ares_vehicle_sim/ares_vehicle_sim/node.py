@@ -24,7 +24,7 @@ from ares_models.failures import read_failure
 from ares_models.mission import read_mission
 from ares_models.software import software
 from ares_msgs.msg import FlightEvent, FlightMember, NavState, ThrustCommand, VehicleState
-from ares_node.diagnostics import Level, Timing, pace_word, worth_saying
+from ares_node.diagnostics import Level, Timing, is_worth_reporting, pace_message
 from ares_node.identity import id_text, new_id
 from ares_node.key import FORGED
 from ares_node.membership import AGREED, FLIGHT_ID, MOST_HEARD, OPEN, Membership, Role, State
@@ -55,7 +55,7 @@ MIN_PACE = 1e-3
 #: Period of the checks of graph and clock, wall time, s.
 WATCH_PERIOD = 0.02
 #: Period of the messages on the pace, wall time, s.
-PACE_WORD_PERIOD = 1.0
+PACE_PERIOD = 1.0
 #: Period of the lines on missing members before the start, wall time, s.
 WAITING_LINE_PERIOD = 10.0
 #: Longest preparation of a member, wall time, s.
@@ -289,7 +289,7 @@ class VehicleSimNode(FlightNode):
         self._events_in = self.create_subscription(
             FlightEvent, FLIGHT_EVENT, self._on_event, EVENTS
         )
-        self._events_said: set[bytes] = set()
+        self._published_events: set[bytes] = set()
         self._forged = 0
         self._accepted: ThrustCommand | None = None
         self._answered_ns = -1
@@ -309,7 +309,7 @@ class VehicleSimNode(FlightNode):
         self._refused = 0
         self._held = False
         self._paced: Timer | None = None
-        self._pace_word_at = -math.inf
+        self._pace_published_at = -math.inf
         self._lost_in_a_row = 0
         self._last_report: dict[str, int] = {}
         self._warned: set[int] = set()
@@ -487,7 +487,7 @@ class VehicleSimNode(FlightNode):
             if not self.simulator.complete:
                 self._try_to_start(now)
             return
-        if now - self._pace_word_at > PACE_WORD_PERIOD:
+        if now - self._pace_published_at > PACE_PERIOD:
             self._say_pace()
         if self._waiting and now >= self._answer_deadline and not self._waits_for_plan(now):
             self._waiting = False
@@ -677,19 +677,19 @@ class VehicleSimNode(FlightNode):
             self._say_event(self._event_message(event))
 
     def _say_event(self, event: FlightEvent) -> None:
-        self._events_said.add(canonical(event))
+        self._published_events.add(canonical(event))
         self._membership.seals.seal(event)
         self._event_out.publish(event)
 
     def _on_event(self, event: FlightEvent) -> None:
         """Report a forged event of this flight."""
-        if event.flight_id == self.flight_id and canonical(event) not in self._events_said:
+        if event.flight_id == self.flight_id and canonical(event) not in self._published_events:
             self._note_forged(f"an event of type {event.type} at {event.time:.9g} s")
 
     def _note_forged(self, what: str) -> None:
         """Count a forged message; report the first and every tenfold."""
         self._forged += 1
-        if worth_saying(self._forged):
+        if is_worth_reporting(self._forged):
             now = self.simulator.time_ns
             text = f"{FORGED}{what} ({self._forged} so far)"
             self.diagnostics.report(Level.ERROR, text, now)
@@ -774,10 +774,10 @@ class VehicleSimNode(FlightNode):
 
     def _say_pace(self) -> None:
         """Publish pace and pause for pages, and for the judge, to tell a pause from a hang."""
-        self._pace_word_at = time.monotonic()
+        self._pace_published_at = time.monotonic()
         values = self.values
-        word = pace_word(self, self.flight_id, values["pace"], values["paused"])
-        self._timing_out.publish(word)
+        message = pace_message(self, self.flight_id, values["pace"], values["paused"])
+        self._timing_out.publish(message)
 
     def _step(self) -> None:
         if self.values["paused"]:

@@ -121,7 +121,7 @@ class Relay:
         return self._message.data(stamp_ns, flight_id, sequence, record)
 
     def _on_member(self, _member: FlightMember) -> None:
-        self.membership.witness()
+        self.membership.agree_as_observer()
 
     def _on_state(self, data: bytes) -> None:
         stamp, flight_id, _, _ = self._message.read(data)
