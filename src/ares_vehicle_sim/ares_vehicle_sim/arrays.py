@@ -152,7 +152,7 @@ PLANT = np.dtype(
         ("failure", FAILURE),
         ("errors", NAVIGATION_ERRORS),
         ("measurements", np.uint64),  # navigation states so far
-        # since the first heating jettison; 0 before it
+        # since the last heating jettison; 0 before any
         ("peak_heating_after_jettison", np.float64),
         ("event_count", np.int64),
         ("events", EVENT, (MAX_EVENTS,)),
