@@ -33,8 +33,8 @@ from ares_optimizer.direct.kernels.problem import (
 )
 from ares_optimizer.direct.kernels.sqp import (
     Frame,
-    Prices,
-    Room,
+    Multipliers,
+    Workspace,
     lagrangian_gradient,
     reduced_hessian,
 )
@@ -267,17 +267,17 @@ def least_curvature(found: Found) -> float:
     """
     problem = found.transcription.problem
     n = problem.variables
-    room = Room(make_scratch(problem), make_point(problem), make_point(problem))
-    point = room.point
-    evaluate_with_gradients(found.variables, problem, room.scratch, point)
+    workspace = Workspace(make_scratch(problem), make_point(problem), make_point(problem))
+    point = workspace.point
+    evaluate_with_gradients(found.variables, problem, workspace.scratch, point)
     active = found.inequalities > 0.0
     rows = np.concatenate((point.equation_rows, point.inequality_rows[active]))
     basis = np.linalg.svd(rows)[2][len(rows) :].T
     if basis.shape[1] == 0:
         return math.inf
     base = np.empty(n)
-    multipliers = Prices(found.equations, found.inequalities)
+    multipliers = Multipliers(found.equations, found.inequalities)
     lagrangian_gradient(point, multipliers, base)
     frame = Frame(np.ascontiguousarray(basis), np.zeros(n), base)
-    hessian, _ = reduced_hessian(found.variables, problem, room, multipliers, frame)
+    hessian, _ = reduced_hessian(found.variables, problem, workspace, multipliers, frame)
     return float(np.linalg.eigvalsh(hessian)[0])
