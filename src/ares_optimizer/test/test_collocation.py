@@ -283,7 +283,7 @@ def test_a_flight_that_misses_its_target_does_not_stay_up() -> None:
         search = DirectSearch(request)
         lost = search.fly(np.array([1e5]))
         assert not lost.converged
-        assert not search.stays_up(lost)
+        assert not search.stays_above_ground(lost)
 
 
 def test_costates_are_those_of_the_two_point_problem() -> None:
