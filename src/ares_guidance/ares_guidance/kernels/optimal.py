@@ -39,13 +39,13 @@ from ares_optimizer.two_point.contract import (
     CONVERGED,
     HEATING_OPTIMAL,
     MAX_UNKNOWNS,
-    carried_back,
     field_of,
     find_optimum,
     free_column,
     gravity_terms,
     lengths_inside,
     next_ignition,
+    propagated_back,
     scaled_length,
     shoot,
     tangential_primer,
@@ -241,7 +241,7 @@ def planned_primer(
     elif k == nav.arc:
         later = nav.time - plan.ignition[k]
         return primer_later(believed.environment, load(nav.position), (p, q), later)
-    return carried_back(nav, believed, ignition, (p, q))
+    return propagated_back(nav, believed, ignition, (p, q))
 
 
 @kernel

@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 
 from ares_optimizer.direct.diagnose import (
+    failure_cause,
     held_by_heating,
     propellant_obstacle,
     rescue,
-    failure_cause,
 )
 from ares_optimizer.direct.multipliers import (
     CheckKey,

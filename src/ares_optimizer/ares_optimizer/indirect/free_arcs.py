@@ -20,8 +20,8 @@ from ares_optimizer.kernels.timetable import COLUMN_CUTOFF, COLUMN_JETTISON
 from ares_optimizer.plan import free_arcs, length_bounds, longest_burn, trial_lengths
 from ares_optimizer.two_point.arrays import HELD, LAMBDA_R, NOT_HELD, PRIMER
 from ares_optimizer.two_point.kernels.tangential import (
-    carried_back,
     next_ignition,
+    propagated_back,
     tangential_primer,
 )
 
@@ -237,7 +237,7 @@ def along_velocity(solver: TwoPointSolver, start: NDArray[np.void], unknowns: Ar
     records = solver.arrays.records()
     ignition = next_ignition(start[0], records, unknowns[solver.ends(start)])
     there = tangential_primer(start[0], records, ignition)
-    primer, rate = carried_back(start[0], records, ignition, there)
+    primer, rate = propagated_back(start[0], records, ignition, there)
     out = unknowns.copy()
     out[PRIMER] = primer
     out[LAMBDA_R] = [-component for component in rate]
