@@ -14,7 +14,7 @@ from ares_models.floors import floors_of, orbits_of
 from ares_optimizer.collocation.solve import VALLEYS, solve_collocation
 from ares_optimizer.direct.solve import solve_direct
 from ares_optimizer.floor_check import below_floor
-from ares_optimizer.indirect.solve import polished, solve_indirect
+from ares_optimizer.indirect.solve import refine_root, solve_indirect
 from ares_optimizer.indirect.solver import TwoPointOptions
 from ares_optimizer.plan import plans_arcs, saving_stage, throttled_ahead
 from ares_optimizer.request import Heating, Request
@@ -137,7 +137,7 @@ def _beside_valleys(request: Request, found: Solution) -> Solution | None:
         )
         if not other.converged or other.parameters is None or other.m_f_kg <= least:
             return None
-        exact = polished(request, other.parameters)
+        exact = refine_root(request, other.parameters)
     except OptimizerError:
         return None
     if not exact.converged or exact.m_f_kg <= least or below_floor(arrays, start, exact):
@@ -156,7 +156,7 @@ def _polished(request: Request, found: Solution) -> Solution | None:
     if touched or found.parameters is None or not found.converged:
         return None
     try:
-        exact = polished(request, found.parameters)
+        exact = refine_root(request, found.parameters)
     except OptimizerError:
         return None
     worse = exact.m_f_kg < found.m_f_kg * (1.0 - _SAME)

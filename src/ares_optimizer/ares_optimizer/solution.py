@@ -369,11 +369,11 @@ def _number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def next_to_nothing(taken_kg: float) -> str:
+def next_to_nothing(propellant_kg: float) -> str:
     """Why no optimum is sought where the free burns take next to nothing."""
     return (
-        f"optimal within {taken_kg:.3g} kg, which is all that the free burns take: those of fixed "
-        "length all but reach the target"
+        f"optimal within {propellant_kg:.3g} kg, which is all that the free burns take: "
+        "those of fixed length all but reach the target"
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ares_models.mission import load_mission
-from ares_optimizer.indirect.free_arcs import find_planned, is_least
+from ares_optimizer.indirect.free_arcs import find_planned, is_minimum
 from ares_optimizer.indirect.solver import TwoPointSolver
 from ares_optimizer.plan import free_arcs, length_bounds, trial_lengths, with_lengths
 from ares_optimizer.solution import Check, Status, UnfitMethod
@@ -154,7 +154,7 @@ def test_a_length_is_worth_what_its_change_costs(solved):
         solver.hold(start, held)
         there = solver.solve(start, root, restart=False)
         assert there.converged
-        return there.taken_kg
+        return there.propellant_kg
 
     cost(0.0)
     worth = float(solver.work["switches"]["worth"][0, 0] / solver.work["price"][0])
@@ -201,12 +201,12 @@ def test_a_saddle_is_no_minimum(solved):
     start = flight.start().navigation()
     solver = TwoPointSolver(flight.arrays())
     root = solver.solve(start, solved["titan2_coast"].parameters, restart=False)
-    assert is_least(solver, start, root)
+    assert is_minimum(solver, start, root)
     solver.hold(start, {0: 20.0})
     off = solver.solve(start, solved["titan2_coast"].parameters, restart=False)
     assert off.converged
     # as if 20 s had been found
-    assert not is_least(solver, start, replace(off, holds=(NOT_HELD,)))
+    assert not is_minimum(solver, start, replace(off, holds=(NOT_HELD,)))
 
 
 def test_last_burn_of_fixed_length(tmp_path):

@@ -321,7 +321,7 @@ def test_what_a_second_of_coast_is_worth(solved):
         solver.hold(start, {1: coast})
         there = solver.solve(start, root, restart=False)
         assert there.converged
-        return there.taken_kg
+        return there.propellant_kg
 
     taken(240.0)
     worth = float(solver.work["switches"]["worth"][0, 1] / solver.work["price"][0])
@@ -408,7 +408,7 @@ def test_a_free_length_of_a_held_burn():
         solver.hold(start, {0: solution.lengths_s[0] + change})
         there = solver.solve(start, solution.parameters, restart=False)
         assert there.converged
-        return there.taken_kg
+        return there.propellant_kg
 
     least = taken(0.0)
     # 7.7 kg/s flow; a second off costs 1.5 kg

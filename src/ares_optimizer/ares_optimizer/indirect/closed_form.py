@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The closed form beside the exact flight: errors of linear gravity, measured.
+"""Measure the errors of linear gravity: the closed form against the exact flight.
 
-Table 3.1 of the thesis compares the two gravities (its linear column is not
-omega0^2 r); :func:`gravity_table` does it right. What the linear field costs on a burn,
-and what shorter arcs buy, is in :func:`error_table`.
+Table 3.1 of the thesis compares the two gravities, but its linear column is not omega0^2 r;
+:func:`gravity_table` corrects it. :func:`error_table` has the errors on a burn for several arc
+lengths.
 """
 
 import math
@@ -32,7 +32,7 @@ _SUBSTEP_S = 1.0
 
 @dataclass(frozen=True)
 class GravityRow:
-    """Gravity at one radius.
+    """Hold gravity at one radius.
 
     Attributes:
         radius_m: the radius.
@@ -46,10 +46,10 @@ class GravityRow:
 
 
 def gravity_table(mu: float, radii: Sequence[float]) -> tuple[GravityRow, ...]:
-    """Table 3.1 done right: both gravities along a flight.
+    """Tabulate both gravities along a flight: Table 3.1, corrected.
 
-    Printed: a linear column of 1e-8 m/s2. Both agree at the first radius; beyond it the
-    linear field grows with r where the true one falls.
+    Printed: a linear column of 1e-8 m/s2. Both agree at the first radius; beyond it the linear
+    field grows with r while inverse-square gravity falls.
 
     Args:
         mu: m3/s2.
@@ -61,14 +61,14 @@ def gravity_table(mu: float, radii: Sequence[float]) -> tuple[GravityRow, ...]:
 
 @dataclass(frozen=True)
 class ArcError:
-    """End of a flight in closed form against the exact flight of the same steering.
+    """Hold the end of a flight in closed form minus that of the exact flight.
 
     Attributes:
         arc_length_s: longest arc.
-        rule: of the thrust integrals.
-        correction: rest of gravity given as impulses.
-        position_m: distance of the ends.
-        velocity_m_s: difference of the velocities there.
+        rule: quadrature of the thrust integrals.
+        correction: true if the nonlinear part of gravity is applied as impulses.
+        position_m: distance of the end points.
+        velocity_m_s: size of the difference of the velocities.
     """
 
     arc_length_s: float
@@ -86,13 +86,13 @@ def thrust_integrals(
     duration: float,
     rule: Rule = "milne",
 ) -> tuple[Array, Array]:
-    """Ic and Is of Eqs. 3.22, 3.23 over one arc, the primer by Eq. 3.21.
+    """Compute Ic and Is of Eqs. 3.22, 3.23 over one arc, the primer by Eq. 3.21.
 
     Args:
-        lambda_v: at the arc's start, shape (3,).
-        lambda_r: at the arc's start, shape (3,), 1/s.
+        lambda_v: at the start of the arc, shape (3,).
+        lambda_r: at the start of the arc, shape (3,), 1/s.
         omega: 1/s.
-        engine: thrust N and mass flow kg/s, constant, and mass kg at the start.
+        engine: constant thrust, N, and mass flow, kg/s; mass at the start, kg.
         duration: s.
         rule: ``simpson`` or ``milne``.
 
@@ -121,26 +121,26 @@ def flight_errors(
     options: TwoPointOptions,
     burn: int | None = None,
 ) -> ArcError:
-    """Fly a two-point problem's unknowns in closed form, and its steering exactly beside it.
+    """Fly unknowns in closed form, and the same steering in the exact field.
 
     Args:
         arrays: the mission.
         start: shape (1,), dtype NAVIGATION.
         unknowns: shape (7 + 2 drops,), see ``solver.Root``.
-        options: arcs and rule of the closed form; where the heating limit holds.
-        burn: arc of the mission to compare on, both flights from the same state at its start;
+        options: arcs and rule of the closed form; ``heating``.
+        burn: arc of the mission on which the flights are compared, from one state at its start;
             None: the whole flight.
 
     Raises:
-        OptimizerError: the times make no flight.
+        OptimizerError: the times are not possible.
     """
     closed = replace(options, propagator="closed_form").record()
     closed["step"] = _SUBSTEP_S
     exactly = replace(options, propagator="runge_kutta", step_s=_SUBSTEP_S).record()
     work = np.zeros(1, WORK)
-    room = np.zeros(MAX_UNKNOWNS)
-    room[: unknowns.size] = unknowns
-    field = begin_flight(start[0], arrays.records(), exactly[0], room, work[0])
+    padded = np.zeros(MAX_UNKNOWNS)
+    padded[: unknowns.size] = unknowns
+    field = begin_flight(start[0], arrays.records(), exactly[0], padded, work[0])
     state = work["state"][0]
     exact = state[:6].copy()
     count = int(work["segment_count"][0])
@@ -152,7 +152,7 @@ def flight_errors(
             parts = max(1, math.ceil(length / options.arc_length_s - 1e-9))
             exact_beside(segment, parts, field, closed[0], exact, work[0])
         elif segment["arc"] < burn:
-            # on the way there, the two-point problem's own flight
+            # before that arc, the exact flight of the two-point problem
             fly_segment(segment, max(1, math.ceil(length)), field, exactly[0], work[0])
             exact[:] = state[:6]
         if segment["end_heating"] >= 0 and options.heating is Heating.AT_JETTISON:
@@ -180,7 +180,7 @@ def error_table(
     heating: Heating = Heating.AT_JETTISON,
     burn: int | None = None,
 ) -> tuple[ArcError, ...]:
-    """Errors of the closed form for every arc length, by both rules, with correction and without.
+    """Tabulate errors of the closed form by arc length, rule and correction.
 
     Args:
         arrays: the mission.

@@ -21,7 +21,7 @@ from ares_models.kernels.environment import log_heating_gradient
 from ares_models.kernels.sequence import awaits_heating
 from ares_models.kernels.targets import two_planes
 from ares_models.kernels.vectors import dot, load, norm
-from ares_optimizer.kernels.elements import APSIS, ENERGY, is_asked
+from ares_optimizer.kernels.elements import APSIS, ENERGY, has_row
 from ares_optimizer.kernels.timetable import (
     COLUMN_CUTOFF,
     COLUMN_JETTISON,
@@ -162,11 +162,11 @@ def _perigee_is_cheapest(target: Record, work: Record) -> bool:
     """
     if target.kind != TARGET_ELEMENTS or not target.eccentricity < _NEARLY_ROUND:
         return True
-    if not is_asked(ENERGY, target) or not is_asked(APSIS, target):
+    if not has_row(ENERGY, target) or not has_row(APSIS, target):
         return True
     row = 0
     for other in range(APSIS):
-        if is_asked(other, target):
+        if has_row(other, target):
             row += 1
     return work.terminal_frame.multipliers[row] > 0.0
 
