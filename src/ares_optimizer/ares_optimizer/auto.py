@@ -11,7 +11,7 @@ import math
 from dataclasses import replace
 
 from ares_models.floors import floors_of, orbits_of
-from ares_optimizer.collocation.solve import VALLEYS, solve_collocation
+from ares_optimizer.collocation.solve import LOCAL_OPTIMA, solve_collocation
 from ares_optimizer.direct.solve import solve_direct
 from ares_optimizer.floor_check import below_floor
 from ares_optimizer.indirect.solve import refine_root, solve_indirect
@@ -121,7 +121,7 @@ def _beside_valleys(request: Request, found: Solution) -> Solution | None:
     Returns:
         what is proven to be better and keeps its floors; None: there is no such flight.
     """
-    if request.deadline.passed or (found.converged and found.notes[VALLEYS] < _SEVERAL):
+    if request.deadline.passed or (found.converged and found.notes[LOCAL_OPTIMA] < _SEVERAL):
         return None
     if not _saves_the_last_stage(request):
         return None

@@ -17,7 +17,7 @@ from ares_models.orbits import Elements
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.guess import Trial, guess_of, trials
 from ares_optimizer.collocation.radau import radau
-from ares_optimizer.collocation.solve import Found, Valley, floors_on, moved_events, times_of
+from ares_optimizer.collocation.solve import Found, LocalOptimum, floors_on, moved_events, times_of
 from ares_optimizer.collocation.solver import Point
 from ares_optimizer.collocation.transcription import Times, Transcription
 from ares_optimizer.deadline import Deadline
@@ -384,10 +384,10 @@ def test_solutions_are_one_where_mass_and_arcs_are() -> None:
     program, guess = first_program("falcon9_gto")
     point = Point(guess, 0, np.zeros(0), np.zeros(0), np.zeros(0), 0.0, 0, regularized=False)
     found = Found(program, point, 11_722.0)
-    valley = Valley(found, np.array([300.0, 900.0]))
-    assert valley.holds(replace(found, m_f_kg=11_723.0), np.array([301.0, 905.0]))
-    assert not valley.holds(replace(found, m_f_kg=11_723.0), np.array([301.0, 3_000.0]))
-    assert not valley.holds(replace(found, m_f_kg=11_900.0), np.array([301.0, 905.0]))
+    optimum = LocalOptimum(found, np.array([300.0, 900.0]))
+    assert optimum.holds(replace(found, m_f_kg=11_723.0), np.array([301.0, 905.0]))
+    assert not optimum.holds(replace(found, m_f_kg=11_723.0), np.array([301.0, 3_000.0]))
+    assert not optimum.holds(replace(found, m_f_kg=11_900.0), np.array([301.0, 905.0]))
 
 
 def test_an_event_that_has_run_into_another_is_moved_beyond_it() -> None:
