@@ -51,7 +51,7 @@ ROOMS = {
     "analytic": {"kernels", "proof", "direct"},
 }
 SHARED = {
-    *("deadline", "floors", "obstacles", "pieces", "plan", "prices", "request", "solution"),
+    *("deadline", "floors", "obstacles", "pieces", "plan", "request", "sensitivities", "solution"),
     "targets",
 }
 JOINS = {

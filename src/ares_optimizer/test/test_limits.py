@@ -164,7 +164,7 @@ def test_a_search_tells_how_it_goes_on(method):
 
 def test_a_search_ends_when_another_thread_says_so():
     deadline = Deadline(3600.0)
-    deadline.tell = lambda _progress: deadline.end_now()
+    deadline.report = lambda _progress: deadline.end_now()
     solution = solve(load_mission("delta_iii_coast"), "collocation", deadline=deadline)
     assert deadline.passed
     assert not solution.converged

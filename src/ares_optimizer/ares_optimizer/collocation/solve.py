@@ -36,7 +36,7 @@ from ares_optimizer.proof.checks import constraint_table, verification
 from ares_optimizer.proof.flight import Direction, Flight, Steering, fly
 from ares_optimizer.proof.held import held_checks, held_offsets
 from ares_optimizer.request import Heating, Request
-from ares_optimizer.sensitivities import target_worth
+from ares_optimizer.sensitivities import target_sensitivities
 from ares_optimizer.solution import (
     NOTHING_SAVED,
     OPTIMAL,
@@ -1213,7 +1213,7 @@ def _orbit_checks(proven: _Proven) -> Iterator[ConstraintCheck]:
         )
         judged = judge(state[:3], state[3:], orbit, mu, ground)
         rows = target_rows(orbit)
-        worth = target_worth(orbit, mu, state, jump)
+        worth = target_sensitivities(orbit, mu, state, jump)
         for row, price in zip(rows, worth, strict=True):
             limit = in_unit(orbit, row)
             error, allowed = judged.error_of(row.key)
@@ -1239,7 +1239,7 @@ def _with_sensitivities(
     target = arrays.target[0]
     costate = np.concatenate((adjoint.by_position[-1], adjoint.by_velocity[-1]))
     mu = float(arrays.environment[0]["mu"])
-    worth = target_worth(target, mu, adjoint.state[-1], costate)
+    worth = target_sensitivities(target, mu, adjoint.state[-1], costate)
     sensitivities: dict[tuple[Check, int | None], float] = {
         (row.key, None): -float(value)
         for row, value in zip(target_rows(target), worth, strict=True)

@@ -93,7 +93,7 @@ def solve_program(
         # from IPOPT: mode, iteration, objective, primal and dual infeasibility, ...
         seen["iterations"] = iterate[1]
         seen["regularization"] = iterate[7]
-        deadline.tell(
+        deadline.report(
             Progress(COLLOCATION, int(iterate[1]), iterate[3], -iterate[2] * program.mass)
         )
         return not deadline.passed and iterate[4] < _DIVERGED

@@ -162,7 +162,7 @@ def run(transcription: Transcription, guess: Array, goal: float, deadline: Deadl
     end, iterations, miss, curvature, nu, mu, values, final = search(
         variables, problem, goal, _ITERATIONS
     )
-    deadline.tell(Progress("direct", iterations, miss, float(final[7])))
+    deadline.report(Progress("direct", iterations, miss, float(final[7])))
     return Found(transcription, variables, end, miss, curvature, nu, mu, values, final, iterations)
 
 

@@ -39,11 +39,11 @@ from ares_optimizer.kernels import timetable
 from ares_optimizer.obstacles import check_obstacle, target_obstacle
 from ares_optimizer.pieces import first_ignitions
 from ares_optimizer.plan import free_arcs, length_bounds, with_lengths
-from ares_optimizer.prices import target_worth
 from ares_optimizer.proof.checks import constraint_table, verification
 from ares_optimizer.proof.flight import Direction, Steering, fly
 from ares_optimizer.proof.held import held_checks, held_obstacle, held_offsets
 from ares_optimizer.request import Heating, Request
+from ares_optimizer.sensitivities import target_sensitivities
 from ares_optimizer.solution import (
     OPTIMAL,
     OUT_OF_TIME,
@@ -615,7 +615,7 @@ def _multipliers(
         )
     )
     rows = target_rows(arrays.target[0])
-    worth = target_worth(arrays.target[0], mu, state, costate)
+    worth = target_sensitivities(arrays.target[0], mu, state, costate)
     flow = -1.0 / price
     per_unit: dict[tuple[Check, int | None], float] = {
         (rows[i].key, None): flow * float(worth[i]) for i in range(len(rows))

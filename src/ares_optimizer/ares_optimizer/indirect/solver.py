@@ -373,7 +373,7 @@ class TwoPointSolver:
         iterations, residual, status, restarts = search.find_optimum(
             start[0], self._mission, self.options[0], effort, unknowns, self.work[0]
         )
-        self.deadline.tell(Progress("indirect", iterations, residual))
+        self.deadline.report(Progress("indirect", iterations, residual))
         return self._root(start, unknowns, iterations, residual, status, restarts)
 
     def _root(

@@ -32,8 +32,8 @@ from ares_optimizer.analytic.kernels.plane import Plane, place
 
 Array = NDArray[np.float64]
 
-#: Status of the search: jettison during the burn; jettison at ignition of the stage, as the limit is
-#: met there; no flight to the target; no flight within the limit.
+#: Status of the search: jettison during the burn; jettison at ignition of the stage, already within
+#: the limit; no flight to the target; no flight within the limit.
 ON_THE_WAY = 0
 AT_ONCE = 1
 NO_FLIGHT = 2
