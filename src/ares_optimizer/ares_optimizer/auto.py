@@ -101,7 +101,7 @@ def _fast(request: Request) -> Solution | None:
 
 
 def _saves_the_last_stage(request: Request) -> bool:
-    """Tell whether the last stage has a burn to shorten, so that the final mass is what counts."""
+    """Return true if the last stage has a free burn, so that the final mass is the objective."""
     last = request.arrays.arcs[-1]["stage"]
     return bool(saving_stage(request.arrays, request.state[0]) == last)
 

@@ -166,7 +166,7 @@ def _check_held(request: Request) -> None:
         running = tail
     if running >= 0 and arrays.arcs[running]["held"]:
         raise UnfitMethod(
-            f"arc {running}: it burns in held attitude already, and no state says in which"
+            f"arc {running}: it is burning in held attitude, and no state gives the direction"
         )
     ahead = arrays.arcs[present:]
     if held and not ((ahead["kind"] == BURN) & (ahead["held"] == 0)).any():

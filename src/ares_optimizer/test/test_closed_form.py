@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Closed form: exact under linear gravity, and how far from the truth otherwise."""
+"""Test the closed form: exact in linear gravity, with measured errors otherwise."""
 
 import math
 
@@ -32,13 +32,13 @@ def ares():
 
 @pytest.fixture(scope="module")
 def free_root(ares):
-    """The flight with the fairing gone at ignition: both burns in one piece."""
+    """Return the root with the fairing dropped at ignition: both burns in one piece."""
     arrays, start = ares
     return TwoPointSolver(arrays, TwoPointOptions(heating=Heating.IGNORED)).solve(start)
 
 
 def test_gravity_table():
-    """Table 3.1: its inverse-square column as printed, its linear column as it should be."""
+    """Reproduce Table 3.1: the inverse-square column as printed, the linear one corrected."""
     rows = gravity_table(3.986e14, (6415383.7, 6505700.0, 6518889.0))
     assert [round(row.inverse_square_m_s2, 3) for row in rows] == [9.685, 9.418, 9.380]
     assert [round(row.linear_m_s2, 3) for row in rows] == [9.685, 9.821, 9.841]
@@ -46,7 +46,7 @@ def test_gravity_table():
 
 @pytest.mark.parametrize(("rule", "order"), [("simpson", 5), ("milne", 7)])
 def test_thrust_integrals(rule, order):
-    """Against adaptive quadrature; the error of one arc falls with length^(degree + 2)."""
+    """Compare with adaptive quadrature; the error of an arc is of order degree + 2."""
     lambda_v, lambda_r = np.array([0.3, 0.9, -0.2]), np.array([-1e-3, 5e-4, 7e-4])
     omega, thrust, mass, flow = 1.2e-3, 1.3e6, 3.0e5, 297.0
 
@@ -68,7 +68,7 @@ def test_thrust_integrals(rule, order):
 
 @pytest.mark.parametrize("rule", ["simpson", "milne"])
 def test_linear_gravity_is_met_exactly(ares, rule):
-    """Eqs. 3.20-3.29 and Runge-Kutta solve the same linear problem."""
+    """Solve the same linear problem by Eqs. 3.20-3.29 and by Runge-Kutta."""
     arrays, start = ares
     numeric = TwoPointSolver(arrays, TwoPointOptions(gravity="linear")).solve(start)
     closed = TwoPointSolver(
@@ -80,7 +80,7 @@ def test_linear_gravity_is_met_exactly(ares, rule):
 
 
 class TestErrors:
-    """Without correction the error halves with the arc, with it it falls to a quarter."""
+    """Check the order of the error in the arc length: first without correction, second with it."""
 
     def rows(self, ares, root, **choice):
         arrays, start = ares
@@ -157,17 +157,17 @@ class TestAsPropagator:
         assert solution.notes["closed_form_position_error_m"] < 10.0
 
     def test_unfinished_is_not_called_verified(self, ares):
-        # arcs so long that the end is off by more than is allowed
+        # arcs so long that the error at the end exceeds the tolerance
         options = TwoPointOptions(propagator="closed_form", arc_length_s=40.0)
         solution = solve_indirect(*ares, options, finish=False)
         assert not solution.converged
         assert solution.reason.startswith("optimal in closed form, but flown exactly")
 
     def test_costates_of_the_thesis_are_not_those_of_the_true_field(self, ares):
-        """Eqs. 3.20, 3.21 on short arcs: the gradient keeps only its isotropic part.
+        """Use Eqs. 3.20, 3.21 on short arcs: the gradient keeps only its isotropic part.
 
-        The arcs' omega follows the radius, the costates do not know of it: what they lead to
-        stays short of the optimum however short the arcs are.
+        omega of the arcs follows the radius, but the costates ignore that: their flight is worse
+        than the optimum at any arc length.
         """
         exact = solve_indirect(*ares)
         late = []
@@ -192,7 +192,7 @@ class TestAsPropagator:
 @pytest.mark.parametrize("rule", ["simpson", "milne"])
 @pytest.mark.parametrize("correction", [False, True])
 def test_jacobian(gravity, rule, correction):
-    """Exact derivative of the discrete map, the re-linearisation included."""
+    """Check the exact derivative of the discrete map, the linearisation of each arc included."""
     mission = load_mission("delta_iii")
     first = mission.start()
     start = navigation(first.time_s, first.position, first.velocity)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Planning by collocation: derivatives, published answers, floors, words."""
+"""Test collocation: derivatives, published answers, floors, messages."""
 
 import math
 import re
@@ -30,7 +30,7 @@ from ares_optimizer.solve import solve
 MISSIONS = Path(__file__).parent / "missions"
 LAUNCHERS = Path(__file__).parents[3] / "benchmarks" / "launchers"
 #: Final masses in kg by an independent collocation (Radau, another program and solver), with
-#: parking coasts no lower than 100 km; more is welcome.
+#: parking coasts no lower than 100 km; lower bounds.
 SHIPPED = {
     "ariane5_eca": 21_170.8,
     "electron_sso": 283.28,
@@ -38,7 +38,7 @@ SHIPPED = {
     "soyuz_fregat": 8_484.44,
     "vulcan_gto": 21_478.44,
 }
-#: The same of missions that were once missed, or won with less.
+#: The same for missions that once failed, or had a smaller mass.
 MISSED = {
     "coast_04": 10_578.1,
     "coast_10": 2_676.86,
@@ -53,7 +53,7 @@ MISSED = {
     "target_below": 16_483.81,
     "two_waits": 3_453.6458,
 }
-#: Of launchers: a throttle that is at its least earlier, and later, than in any start.
+#: Launchers whose least throttle is reached earlier, and later, than in any start.
 THROTTLED = {"f9_escape": 8_600.816, "shuttle_oms": 125_847.1014}
 #: Those that take seconds.
 LONG = ("coast_18", "free_restart", "long_weak_burn", "nearly_there", "two_waits")
@@ -355,7 +355,7 @@ def test_a_trial_in_three_burns_coasts_to_the_apogee() -> None:
 
 
 def test_burns_of_fixed_length_that_reach_an_orbit_are_not_wasted() -> None:
-    # the core and the second stage alone bring 700 km by 185 km, and a circle only with a yaw
+    # core and second stage alone reach 700 km by 185 km, and a circular orbit only with yaw
     _, trial = first_trial("soyuz_gto")
     assert trial.times.lengths[0] < 0.01 * 1_078.0
     coast = trial.track[trial.track[:, rollout.ARC] == 4][0]

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Exact derivatives of the shooting against complex step on a copy of it in plain NumPy.
+"""Compare exact derivatives with complex steps on a copy in plain NumPy.
 
-The copy below shares the layout of events and the problem's arrays with the kernels, and
-nothing else: gravity, mass, steering and the Runge-Kutta-Nystroem scheme are written again,
-so that complex numbers pass through.
+The copy below shares only the order of events and the arrays of the problem with the kernels:
+gravity, mass, steering and the Runge-Kutta-Nystroem scheme are written again for complex numbers.
 """
 
 import numpy as np
@@ -60,7 +59,7 @@ def gravity(r, environment):
 
 
 def plain_flight(p, problem, times, breaks, count):
-    """Final position and velocity, and those at each free drop; complex if ``p`` is."""
+    """Return final position and velocity, and those at each free drop; complex if ``p`` is."""
     environment = problem.environment[0]
     r = problem.state[:3].astype(p.dtype)
     v = problem.state[3:].astype(p.dtype)

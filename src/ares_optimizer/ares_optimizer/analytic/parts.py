@@ -338,7 +338,7 @@ def _errors(part: Any) -> str:
     if not math.isfinite(part["position_error"]):
         return (
             f"did not converge in {part['iterations']} iterations: with "
-            f"{part['time_to_go']:.1f} s to go no arc can be projected"
+            f"{part['time_to_go']:.1f} s to go no flight can be projected"
         )
     text = (
         f"did not converge in {part['iterations']} iterations: with {part['time_to_go']:.1f} s to "
@@ -362,7 +362,7 @@ def part_one(ascent: Ascent, options: AnalyticOptions, target: JettisonTarget) -
             raise NoSolution(
                 Cause(
                     Status.INFEASIBLE,
-                    "part one: the jettison falls on staging, which profile thesis has not",
+                    "part one: the jettison falls on staging; profile thesis needs it later",
                 )
             )
         row["timed"] = 1

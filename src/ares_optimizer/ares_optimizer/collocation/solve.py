@@ -383,7 +383,7 @@ class _Search:
     def failure(self) -> Cause:
         """Return the cause of a search without solution."""
         if self.best is not None:
-            return Cause(Status.NOT_OPTIMAL, "nothing better than what is known was found")
+            return Cause(Status.NOT_OPTIMAL, "no better solution was found")
         if self.request.deadline.passed:
             return OUT_OF_TIME
         if self._violations and not self._unproven:

@@ -186,7 +186,7 @@ class Transcription:
         self.mission = arrays.records()
         self.segments = segments_of(arrays, start, times)
         if not len(self.segments):
-            raise ValueError("the times make no flight")
+            raise ValueError("no flight is possible with these times")
         environment = arrays.environment[0]
         self.radius = float(environment["equatorial_radius"])
         self.speed = math.sqrt(float(environment["mu"]) / self.radius)

@@ -70,7 +70,7 @@ def miss_line(arrays: MissionArrays, found: Found) -> str:
     text = "; ".join(line for _, line in parts[:2])
     latest = problem.latest_cutoff
     if found.cutoff_s >= latest - 1.0:
-        text += "; the whole last stack would have to be burnt"
+        text += "; the last stage would have to burn all of its mass"
     return text
 
 

@@ -145,7 +145,7 @@ def flight_errors(
     exact = state[:6].copy()
     count = int(work["segment_count"][0])
     if count == 0:
-        raise OptimizerError("the times make no flight")
+        raise OptimizerError("no flight is possible with these times")
     for segment in work["segments"][0, :count]:
         length = float(segment["end"] - segment["start"])
         if burn is None or segment["arc"] == burn:

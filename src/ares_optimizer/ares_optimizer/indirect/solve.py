@@ -93,14 +93,14 @@ _CAUSES = {
         Status.STALLED, "no step of Newton's method brings the flight nearer to its target"
     ),
     newton.SINGULAR: Cause(Status.STALLED, "the Jacobian of the two-point problem is singular"),
-    newton.AT_FLOOR: Cause(Status.STALLED, "a heating limit is passed when its drop is due"),
+    newton.AT_FLOOR: Cause(Status.STALLED, "a heating limit is exceeded when its jettison is due"),
     newton.STOPPED: OUT_OF_TIME,
     newton.AT_BOUND: Cause(
         Status.STALLED, "a free arc goes from one bound of its length to another"
     ),
     newton.UNSOUND: Cause(
         Status.NOT_OPTIMAL,
-        "the root found is no flight: underground, or burning longer would cost less",
+        "the root found is not a flight: below ground, or a longer burn would cost less",
     ),
 }
 
@@ -448,7 +448,7 @@ def _target_errors(solver: TwoPointSolver, start: NDArray[np.void], root: Root) 
     """Return the errors of the last flight tried against the target, as the judge finds them."""
     flight = solver.sample(start, root.unknowns)
     if len(flight) == 0:
-        return ["the times make no flight"]
+        return ["no flight is possible with these times"]
     environment = solver.arrays.environment[0]
     return judge(
         flight[-1, sample.POSITION : sample.POSITION + 3],

@@ -467,7 +467,7 @@ class TwoPointSolver:
         work = self.work[0]
         trial = self._padded(start, unknowns)
         if not shoot_with_jacobian(start[0], self._mission, self.options[0], trial, work):
-            raise OptimizerError("the times make no flight")
+            raise OptimizerError("no flight is possible with these times")
         return (
             work["residual"][:n].copy(),
             work["jacobian"][:n, :n].copy(),

@@ -166,14 +166,14 @@ class Break(NamedTuple):
     """Hold an event of the flight.
 
     Attributes:
-        what: PIECE, LAW, DROP, CUTOFF, TAIL, PROBE, HELD or HELD_END.
-        which: index within its kind.
+        kind: PIECE, LAW, DROP, CUTOFF, TAIL, PROBE, HELD or HELD_END.
+        index: index within its kind.
         column: variable that sets its time; FIXED: none.
         time: s after the start.
     """
 
-    what: int
-    which: int
+    kind: int
+    index: int
     column: int
     time: float
 
@@ -182,8 +182,8 @@ class Break(NamedTuple):
 def add_break(at: Break, count: int, times: Array, breaks: Index) -> int:
     """Store an event; return the number of events."""
     times[count] = at.time
-    breaks[count, 0] = at.what
-    breaks[count, 1] = at.which
+    breaks[count, 0] = at.kind
+    breaks[count, 1] = at.index
     breaks[count, 2] = at.column
     return count + 1
 
@@ -193,7 +193,7 @@ def sort_breaks(count: int, times: Array, breaks: Index) -> None:
     """Sort events by time, stable: at one instant pieces precede laws, drops and cut-off."""
     for i in range(1, count):
         time = times[i]
-        what, which, column = breaks[i, 0], breaks[i, 1], breaks[i, 2]
+        kind, index, column = breaks[i, 0], breaks[i, 1], breaks[i, 2]
         k = i
         while k > 0 and times[k - 1] > time:
             times[k] = times[k - 1]
@@ -202,8 +202,8 @@ def sort_breaks(count: int, times: Array, breaks: Index) -> None:
             breaks[k, 2] = breaks[k - 1, 2]
             k -= 1
         times[k] = time
-        breaks[k, 0] = what
-        breaks[k, 1] = which
+        breaks[k, 0] = kind
+        breaks[k, 1] = index
         breaks[k, 2] = column
 
 
@@ -252,10 +252,10 @@ def lay_out(p: Array, problem: Problem, scratch: Scratch) -> None:
         if problem.laws[k, L_BEGINS] == AT_START or at < cutoff:
             count = add_break(Break(LAW, k, FIXED, at), count, times, breaks)
     for k in range(problem.held.shape[0]):
-        for what, end in ((HELD, 0), (HELD_END, 1)):
+        for kind, end in ((HELD, 0), (HELD_END, 1)):
             at = problem.held_time[k, end] - problem.start_time
             if at < cutoff:
-                count = add_break(Break(what, k, FIXED, at), count, times, breaks)
+                count = add_break(Break(kind, k, FIXED, at), count, times, breaks)
     for j in range(problem.drops.shape[0]):
         column = drop_column(problem, j)
         at = min(p[column] * TIME_SCALE, cutoff)
@@ -275,13 +275,13 @@ def lay_out(p: Array, problem: Problem, scratch: Scratch) -> None:
 @kernel
 def break_at(b: int, p: Array, tail: Array, times: Array, breaks: Index) -> Break:
     """Return a break at its time by ``p``, whose order may be that of another ``p``."""
-    what, which, column = breaks[b, 0], breaks[b, 1], breaks[b, 2]
+    kind, index, column = breaks[b, 0], breaks[b, 1], breaks[b, 2]
     time = times[b]
     if column != FIXED:
         time = p[column] * TIME_SCALE
-    if what == TAIL:
-        time += tail[which, P_TIME]
-    return Break(what, which, column, time)
+    if kind == TAIL:
+        time += tail[index, P_TIME]
+    return Break(kind, index, column, time)
 
 
 # rows of the scratch array
@@ -475,7 +475,7 @@ class Leg(NamedTuple):
     end_column: int
 
 
-class Push(NamedTuple):
+class AppliedThrust(NamedTuple):
     """Hold the thrust at a stage of a step.
 
     Attributes:
@@ -521,13 +521,13 @@ def engine_from(row: Array, at: Break, mass: float, engine: Engine) -> Engine:
         row[P_FLOW_SLOPE],
         mass,
         engine.dropped,
-        at.what == TAIL,
+        at.kind == TAIL,
         engine.cutoff_flow,
     )
 
 
 @kernel
-def same_engine(engine: Engine, dropped: float, cutoff_flow: float) -> Engine:
+def replaced_engine(engine: Engine, dropped: float, cutoff_flow: float) -> Engine:
     """Return the engine with another dropped mass, kg, and cut-off flow, kg/s."""
     return Engine(
         engine.anchor,
@@ -545,12 +545,12 @@ def same_engine(engine: Engine, dropped: float, cutoff_flow: float) -> Engine:
 @kernel
 def law_at(at: Break, laws: Index) -> int:
     """Return the index of the law that begins at a break; -1: none."""
-    if at.what == LAW:
-        return at.which
+    if at.kind == LAW:
+        return at.index
     found = -1
-    if at.what == DROP:
+    if at.kind == DROP:
         for k in range(laws.shape[0]):
-            if laws[k, L_BEGINS] == AT_DROP and laws[k, L_DROP] == at.which:
+            if laws[k, L_BEGINS] == AT_DROP and laws[k, L_DROP] == at.index:
                 found = k
     return found
 
@@ -585,7 +585,7 @@ def law_of_jump(
     thrust = engine.thrust + tau * engine.thrust_slope
     flow = engine.flow + tau * engine.flow_slope
     mass = mass_at(engine, at.time)
-    rest = mass - problem.drops[at.which, D_MASS]
+    rest = mass - problem.drops[at.index, D_MASS]
     x = np.empty(JUMP_INPUTS)
     for c in range(6):
         x[c] = run.state[c]
@@ -629,10 +629,10 @@ def change_law(
 
 
 @kernel
-def hold(at: Break, p: Array, held: Index, run: Run) -> Law:
+def held_law(at: Break, p: Array, held: Index, run: Run) -> Law:
     """Return the law of a burn in held attitude and set its tangents."""
     n = run.counts[COLUMNS]
-    column = held[at.which]
+    column = held[at.index]
     for row in range(W_HELD, W_HELD + 2):
         for k in range(3 * n):
             run.work[row, k] = 0.0
@@ -657,33 +657,35 @@ def store_state(row: Array, tangents: Array, t: float, mass: float, run: Run) ->
 
 
 @kernel
-def put_node(node: Array, t: float, r: Vector, v: Vector, force: Vector, push: Push) -> None:
+def put_node(
+    node: Array, t: float, r: Vector, v: Vector, force: Vector, applied: AppliedThrust
+) -> None:
     """Write the node at one end of a step."""
     node[N_TIME] = t
     store(node[N_POSITION:], r)
     store(node[N_VELOCITY:], v)
     store(node[N_ACCELERATION:], force)
-    node[N_MASS] = push.mass
-    store(node[N_DIRECTION:], push.u)
+    node[N_MASS] = applied.mass
+    store(node[N_DIRECTION:], applied.u)
 
 
 @kernel
-def push_at(t: float, engine: Engine, law: Law) -> Push:
+def thrust_at(t: float, engine: Engine, law: Law) -> AppliedThrust:
     """Return the thrust at ``t`` s after the start."""
     thrust = engine.thrust + (t - engine.anchor) * engine.thrust_slope
     steering = axpy(t - law.time, law.rate, law.direction)
     size = norm(steering)
-    return Push(t, thrust, mass_at(engine, t), steering, size, scale(1.0 / size, steering))
+    return AppliedThrust(t, thrust, mass_at(engine, t), steering, size, scale(1.0 / size, steering))
 
 
 @kernel
-def turn_of(push: Push) -> tuple[Vector, Vector]:
+def steering_derivative(applied: AppliedThrust) -> tuple[Vector, Vector]:
     """Return the derivative of the thrust acceleration by the steering vector, m/s2.
 
     Symmetric, so six entries: (xx, xy, xz), (yy, yz, zz).
     """
-    u = push.u
-    e = push.thrust / (push.mass * push.size)
+    u = applied.u
+    e = applied.thrust / (applied.mass * applied.size)
     return (
         (e * (1.0 - u[0] * u[0]), -e * u[0] * u[1], -e * u[0] * u[2]),
         (e * (1.0 - u[1] * u[1]), -e * u[1] * u[2], e * (1.0 - u[2] * u[2])),
@@ -692,7 +694,7 @@ def turn_of(push: Push) -> tuple[Vector, Vector]:
 
 @kernel
 def add_moving_times(
-    kt: Array, n: int, into: float, push: Push, leg: Leg, engine: Engine, law: Law
+    kt: Array, n: int, into: float, applied: AppliedThrust, leg: Leg, engine: Engine, law: Law
 ) -> None:
     """Add the effect of moving law, leg and cut-off times on a stage's acceleration.
 
@@ -700,10 +702,10 @@ def add_moving_times(
         kt: flat tangents of the acceleration, added to.
         n: columns.
         into: number of steps from the begin of the leg, with fraction.
-        push: the thrust at that time.
+        applied: the thrust at that time.
         leg, engine, law: in force.
     """
-    qa, qb = turn_of(push)
+    qa, qb = steering_derivative(applied)
     rate = law.rate
     turn = (
         qa[0] * rate[0] + qa[1] * rate[1] + qa[2] * rate[2],
@@ -714,12 +716,12 @@ def add_moving_times(
         add_column(kt, n, law.column, -TIME_SCALE, turn)
     if engine.in_tail:
         # thrust is a function of the time after cut-off; mass falls as the cut-off moves later
-        s = push.thrust * engine.cutoff_flow / (push.mass * push.mass)
-        add_column(kt, n, n - 1, TIME_SCALE, axpy(s, push.u, turn))
+        s = applied.thrust * engine.cutoff_flow / (applied.mass * applied.mass)
+        add_column(kt, n, n - 1, TIME_SCALE, axpy(s, applied.u, turn))
         return
-    flow = engine.flow + (push.time - engine.anchor) * engine.flow_slope
-    along = (engine.thrust_slope + push.thrust * flow / push.mass) / push.mass
-    moved = axpy(along, push.u, turn)
+    flow = engine.flow + (applied.time - engine.anchor) * engine.flow_slope
+    along = (engine.thrust_slope + applied.thrust * flow / applied.mass) / applied.mass
+    moved = axpy(along, applied.u, turn)
     theta = into / leg.steps
     if leg.column != FIXED:
         add_column(kt, n, leg.column, (1.0 - theta) * TIME_SCALE, moved)
@@ -728,7 +730,7 @@ def add_moving_times(
 
 
 @kernel
-def stretch(row: Array, n: int, leg: Leg, grow: Vector) -> None:
+def add_step_change(row: Array, n: int, leg: Leg, grow: Vector) -> None:
     """Add the effect of the changing step length of a leg to a flat tangent.
 
     A step grows by 1/steps of the motion of the ends; ``grow`` is the derivative by its length.
@@ -750,7 +752,7 @@ def end_tangents(work: Array, n: int, leg: Leg, gain: Vector) -> None:
         w = leg.h * VELOCITY_WEIGHTS[q]
         for k in range(3 * n):
             work[W_VELOCITY, k] += w * work[W_FORCE + q, k]
-    stretch(work[W_VELOCITY], n, leg, gain)
+    add_step_change(work[W_VELOCITY], n, leg, gain)
 
 
 @kernel
@@ -766,7 +768,7 @@ def fly_leg(leg: Leg, engine: Engine, law: Law, environment: Record, run: Run) -
     r = load(run.state)
     v = load(run.state[3:])
     rs = r
-    push = push_at(leg.begin, engine, law)
+    applied = thrust_at(leg.begin, engine, law)
     for i in range(leg.steps):
         t0 = leg.begin + i * h
         first = 0
@@ -781,18 +783,18 @@ def fly_leg(leg: Leg, engine: Engine, law: Law, environment: Record, run: Run) -
             shift = combine(WEIGHTS[m], forces, m)
             rs = axpy(h * h, shift, axpy(node * h, v, r))
             g, gradient, gradient_rest = gravity_gradient(rs, environment)
-            push = push_at(t0 + node * h, engine, law)
-            store(forces[m], axpy(push.thrust / push.mass, push.u, g))
+            applied = thrust_at(t0 + node * h, engine, law)
+            store(forces[m], axpy(applied.thrust / applied.mass, applied.u, g))
             if n > 0:
                 stage_tangents(work, n, m, h)
-                stretch(work[W_STAGE], n, leg, axpy(2.0 * h, shift, scale(node, v)))
-                turn = turn_of(push)
+                add_step_change(work[W_STAGE], n, leg, axpy(2.0 * h, shift, scale(node, v)))
+                turn = steering_derivative(applied)
                 force_tangents(
-                    work, n, m, (gradient, gradient_rest), turn, push.time - law.time, law.rows
+                    work, n, m, (gradient, gradient_rest), turn, applied.time - law.time, law.rows
                 )
-                add_moving_times(work[W_FORCE + m], n, i + node, push, leg, engine, law)
+                add_moving_times(work[W_FORCE + m], n, i + node, applied, leg, engine, law)
             if m == 0 and stored < nodes.shape[0]:
-                put_node(nodes[stored], t0, r, v, load(forces[0]), push)
+                put_node(nodes[stored], t0, r, v, load(forces[0]), applied)
                 stored += 1
         gain = combine(VELOCITY_WEIGHTS, forces, STAGES)
         # the last stage is at the new position
@@ -801,7 +803,7 @@ def fly_leg(leg: Leg, engine: Engine, law: Law, environment: Record, run: Run) -
         if n > 0:
             end_tangents(work, n, leg, gain)
         if stored < nodes.shape[0]:
-            put_node(nodes[stored], t0 + h, r, v, load(forces[STAGES - 1]), push)
+            put_node(nodes[stored], t0 + h, r, v, load(forces[STAGES - 1]), applied)
             stored += 1
     store(run.state, r)
     store(run.state[3:], v)
@@ -840,34 +842,34 @@ def fly(p: Array, problem: Problem, scratch: Scratch) -> None:
     times, breaks, tail, laws = scratch.times, scratch.breaks, problem.tail, problem.laws
     for b in range(count):
         at = break_at(b, p, tail, times, breaks)
-        if at.what == DROP or at.what == PROBE:
-            row = at.which if at.what == DROP else problem.drops.shape[0] + at.which
+        if at.kind == DROP or at.kind == PROBE:
+            row = at.index if at.kind == DROP else problem.drops.shape[0] + at.index
             mass = mass_at(engine, at.time)
             store_state(scratch.drops[row], scratch.drop_tangents[row], at.time, mass, run)
         k = law_at(at, laws)
         if k >= 0:
             law = change_law(k, at, law, engine, p, problem, run)
-        if at.what == HELD:
-            held = hold(at, p, problem.held, run)
+        if at.kind == HELD:
+            held = held_law(at, p, problem.held, run)
             holds = True
-        elif at.what == HELD_END:
+        elif at.kind == HELD_END:
             holds = False
-        elif at.what == PIECE:
-            piece = problem.profile[at.which]
+        elif at.kind == PIECE:
+            piece = problem.profile[at.index]
             engine = engine_from(piece, at, piece[P_MASS], engine)
-        elif at.what == TAIL:
+        elif at.kind == TAIL:
             # the tail begins at the cut-off with the mass at that time
             mass = mass_at(engine, at.time) + engine.dropped
-            engine = engine_from(tail[at.which], at, mass, engine)
-        elif at.what == DROP:
+            engine = engine_from(tail[at.index], at, mass, engine)
+        elif at.kind == DROP:
             steering = axpy(at.time - law.time, law.rate, law.direction)
-            store(scratch.drops[at.which, 8:], steering)
-            store(scratch.drops[at.which, 11:], law.rate)
-            dropped = engine.dropped + problem.drops[at.which, D_MASS]
-            engine = same_engine(engine, dropped, engine.cutoff_flow)
-        elif at.what == CUTOFF:
+            store(scratch.drops[at.index, 8:], steering)
+            store(scratch.drops[at.index, 11:], law.rate)
+            dropped = engine.dropped + problem.drops[at.index, D_MASS]
+            engine = replaced_engine(engine, dropped, engine.cutoff_flow)
+        elif at.kind == CUTOFF:
             flow = engine.flow + (at.time - engine.anchor) * engine.flow_slope
-            engine = same_engine(engine, engine.dropped, flow)
+            engine = replaced_engine(engine, engine.dropped, flow)
         steps = breaks[b, 3]
         if steps > 0:
             end = break_at(b + 1, p, tail, times, breaks)

@@ -129,7 +129,7 @@ def sample_flight(
 
     Args:
         start: record NAVIGATION.
-        mission: what is flown.
+        mission: its records.
         options: record OPTIONS. In closed form samples are at the ends of its arcs only.
         unknowns: see :func:`shooting.shoot`; costates do not jump at a drop at the start.
         interval: longest interval between samples, s.

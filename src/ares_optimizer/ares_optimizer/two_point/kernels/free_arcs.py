@@ -327,7 +327,7 @@ def switch_rows(
 
     Args:
         start: record NAVIGATION.
-        mission: what is flown.
+        mission: its records.
         unknowns: see ``shooting.shoot``.
         first: column and row of the first free end.
         work: record WORK, the flight just flown.

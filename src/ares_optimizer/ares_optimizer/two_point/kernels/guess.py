@@ -125,7 +125,7 @@ def _first_cutoff(
 
     Args:
         start: record NAVIGATION.
-        mission: what is flown.
+        mission: its records.
         gain: velocity to the target, m/s.
         work: record WORK with its floors.
     """
@@ -239,7 +239,7 @@ def guess_two_point(
 
     Args:
         start: record NAVIGATION.
-        mission: what is flown.
+        mission: its records.
         options: record OPTIONS.
         own: parameters of the guess.
         unknowns: shape (at least n,), written except for the ends of free arcs, which are read.

@@ -521,7 +521,7 @@ def find_optimum(
 
     Args:
         start: record NAVIGATION, see :func:`newton.solve_two_point`.
-        mission: what is flown.
+        mission: its records.
         options: record OPTIONS.
         effort: extent of the search.
         unknowns: shape (MAX_UNKNOWNS,), see :func:`shooting.shoot`, updated. A limit that is

@@ -293,7 +293,7 @@ def begin_flight(
 
     Args:
         start: record NAVIGATION.
-        mission: what is flown.
+        mission: its records.
         options: record OPTIONS.
         unknowns: see :func:`shoot`.
         work: record WORK; ``segment_count`` is 0 where the times are not possible.
@@ -378,7 +378,7 @@ def aim_held_burns(
 
     Args:
         start: record NAVIGATION.
-        mission: what is flown.
+        mission: its records.
         options: record OPTIONS.
         unknowns: see :func:`shoot`; directions of length 0 are overwritten.
         work: record WORK.
@@ -482,7 +482,7 @@ def shoot(
 
     Args:
         start: record NAVIGATION.
-        mission: what is flown.
+        mission: its records.
         options: record OPTIONS.
         unknowns: shape (at least n,): lambda_v (3), lambda_r (3, 1/s), cut-off time (s), then
             per heating jettison its time (s) and pi (per unit of log heating), then the end

@@ -24,7 +24,7 @@ def next_ignition(start: Record, mission: MissionRecords, ends: NDArray[np.float
 
     Args:
         start: record NAVIGATION.
-        mission: what is flown.
+        mission: its records.
         ends: ends of the free arcs before the last, s.
     """
     k = start.arc
