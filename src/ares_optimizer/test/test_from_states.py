@@ -137,7 +137,7 @@ def test_no_wrong_success_close_to_cut_off(ares_v, saturn, name):
 
 
 def test_a_loop_is_refused_without_a_rival_too(ares_v):
-    """Refuse a loop in 2 ms, with and without verification."""
+    """Refuse the loop found 2 ms before cut-off, with and without verification."""
     state = ares_v.state(0.002, errors(1, 3.0)[0])
     for verify in (True, False):
         solution = solve(ares_v.arrays, "indirect", state=state, verify=verify)

@@ -26,7 +26,7 @@ from ares_optimizer.indirect.solve import (
     _from_high_limits,
     _from_light_drops,
     _from_linear_gravity,
-    _why_not,
+    _failure_cause,
     solve_indirect,
 )
 from ares_optimizer.indirect.solver import (
@@ -572,11 +572,11 @@ class TestObstacles:
         assert root.converged
         unsound = replace(root, status=newton.UNSOUND)
         monkeypatch.setattr(solver, "solve", lambda _start: unsound)
-        cause = _why_not(solver, start, unsound)
+        cause = _failure_cause(solver, start, unsound)
         assert cause.status is Status.NOT_OPTIMAL
         assert cause.reason.startswith("the root found is not a flight: below ground")
         solver.arrays.target["radius"] += 200.0
-        cause = _why_not(solver, start, unsound)
+        cause = _failure_cause(solver, start, unsound)
         assert cause.status is Status.INFEASIBLE
         assert cause.reason == "no flight to the target found: radius_m off by -200, allowed 100"
 

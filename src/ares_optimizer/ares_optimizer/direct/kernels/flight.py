@@ -167,13 +167,13 @@ class Break(NamedTuple):
 
     Attributes:
         kind: PIECE, LAW, DROP, CUTOFF, TAIL, PROBE, HELD or HELD_END.
-        index: index within its kind.
+        number: index within its kind.
         column: variable that sets its time; FIXED: none.
         time: s after the start.
     """
 
     kind: int
-    index: int
+    number: int
     column: int
     time: float
 
@@ -183,7 +183,7 @@ def add_break(at: Break, count: int, times: Array, breaks: Index) -> int:
     """Store an event; return the number of events."""
     times[count] = at.time
     breaks[count, 0] = at.kind
-    breaks[count, 1] = at.index
+    breaks[count, 1] = at.number
     breaks[count, 2] = at.column
     return count + 1
 
@@ -193,7 +193,7 @@ def sort_breaks(count: int, times: Array, breaks: Index) -> None:
     """Sort events by time, stable: at one instant pieces precede laws, drops and cut-off."""
     for i in range(1, count):
         time = times[i]
-        kind, index, column = breaks[i, 0], breaks[i, 1], breaks[i, 2]
+        kind, number, column = breaks[i, 0], breaks[i, 1], breaks[i, 2]
         k = i
         while k > 0 and times[k - 1] > time:
             times[k] = times[k - 1]
@@ -203,7 +203,7 @@ def sort_breaks(count: int, times: Array, breaks: Index) -> None:
             k -= 1
         times[k] = time
         breaks[k, 0] = kind
-        breaks[k, 1] = index
+        breaks[k, 1] = number
         breaks[k, 2] = column
 
 
@@ -275,13 +275,13 @@ def lay_out(p: Array, problem: Problem, scratch: Scratch) -> None:
 @kernel
 def break_at(b: int, p: Array, tail: Array, times: Array, breaks: Index) -> Break:
     """Return a break at its time by ``p``, whose order may be that of another ``p``."""
-    kind, index, column = breaks[b, 0], breaks[b, 1], breaks[b, 2]
+    kind, number, column = breaks[b, 0], breaks[b, 1], breaks[b, 2]
     time = times[b]
     if column != FIXED:
         time = p[column] * TIME_SCALE
     if kind == TAIL:
-        time += tail[index, P_TIME]
-    return Break(kind, index, column, time)
+        time += tail[number, P_TIME]
+    return Break(kind, number, column, time)
 
 
 # rows of the scratch array
@@ -546,11 +546,11 @@ def replaced_engine(engine: Engine, dropped: float, cutoff_flow: float) -> Engin
 def law_at(at: Break, laws: Index) -> int:
     """Return the index of the law that begins at a break; -1: none."""
     if at.kind == LAW:
-        return at.index
+        return at.number
     found = -1
     if at.kind == DROP:
         for k in range(laws.shape[0]):
-            if laws[k, L_BEGINS] == AT_DROP and laws[k, L_DROP] == at.index:
+            if laws[k, L_BEGINS] == AT_DROP and laws[k, L_DROP] == at.number:
                 found = k
     return found
 
@@ -585,7 +585,7 @@ def law_of_jump(
     thrust = engine.thrust + tau * engine.thrust_slope
     flow = engine.flow + tau * engine.flow_slope
     mass = mass_at(engine, at.time)
-    rest = mass - problem.drops[at.index, D_MASS]
+    rest = mass - problem.drops[at.number, D_MASS]
     x = np.empty(JUMP_INPUTS)
     for c in range(6):
         x[c] = run.state[c]
@@ -632,7 +632,7 @@ def change_law(
 def held_law(at: Break, p: Array, held: Index, run: Run) -> Law:
     """Return the law of a burn in held attitude and set its tangents."""
     n = run.counts[COLUMNS]
-    column = held[at.index]
+    column = held[at.number]
     for row in range(W_HELD, W_HELD + 2):
         for k in range(3 * n):
             run.work[row, k] = 0.0
@@ -843,7 +843,7 @@ def fly(p: Array, problem: Problem, scratch: Scratch) -> None:
     for b in range(count):
         at = break_at(b, p, tail, times, breaks)
         if at.kind == DROP or at.kind == PROBE:
-            row = at.index if at.kind == DROP else problem.drops.shape[0] + at.index
+            row = at.number if at.kind == DROP else problem.drops.shape[0] + at.number
             mass = mass_at(engine, at.time)
             store_state(scratch.drops[row], scratch.drop_tangents[row], at.time, mass, run)
         k = law_at(at, laws)
@@ -855,17 +855,17 @@ def fly(p: Array, problem: Problem, scratch: Scratch) -> None:
         elif at.kind == HELD_END:
             holds = False
         elif at.kind == PIECE:
-            piece = problem.profile[at.index]
+            piece = problem.profile[at.number]
             engine = engine_from(piece, at, piece[P_MASS], engine)
         elif at.kind == TAIL:
             # the tail begins at the cut-off with the mass at that time
             mass = mass_at(engine, at.time) + engine.dropped
-            engine = engine_from(tail[at.index], at, mass, engine)
+            engine = engine_from(tail[at.number], at, mass, engine)
         elif at.kind == DROP:
             steering = axpy(at.time - law.time, law.rate, law.direction)
-            store(scratch.drops[at.index, 8:], steering)
-            store(scratch.drops[at.index, 11:], law.rate)
-            dropped = engine.dropped + problem.drops[at.index, D_MASS]
+            store(scratch.drops[at.number, 8:], steering)
+            store(scratch.drops[at.number, 11:], law.rate)
+            dropped = engine.dropped + problem.drops[at.number, D_MASS]
             engine = replaced_engine(engine, dropped, engine.cutoff_flow)
         elif at.kind == CUTOFF:
             flow = engine.flow + (at.time - engine.anchor) * engine.flow_slope
