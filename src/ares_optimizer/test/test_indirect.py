@@ -23,10 +23,10 @@ from ares_models.kernels.environment import heating_rate, log_heating_gradient
 from ares_models.mission import load_mission
 from ares_optimizer.indirect.kernels import sample
 from ares_optimizer.indirect.solve import (
+    _failure_cause,
     _from_high_limits,
     _from_light_drops,
     _from_linear_gravity,
-    _failure_cause,
     solve_indirect,
 )
 from ares_optimizer.indirect.solver import (
