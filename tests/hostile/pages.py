@@ -155,7 +155,7 @@ class Sockets(Target):
     def host(self) -> str:
         """Name and port, as a browser writes them."""
         assert self._server is not None
-        return f"{LOOPBACK}:{self._server.door.port}"
+        return f"{LOOPBACK}:{self._server.access.port}"
 
     def make(self, random: Random) -> bytes:
         # the port of the run stands in its requests as a word
@@ -184,7 +184,7 @@ class Sockets(Target):
         # by the input itself, so that it can be done again
         manner = zlib.crc32(data) % 8
         begun = time.monotonic()
-        with socket.create_connection((LOOPBACK, self._server.door.port), _PATIENCE) as line:
+        with socket.create_connection((LOOPBACK, self._server.access.port), _PATIENCE) as line:
             line.settimeout(_PATIENCE)
             try:
                 half = len(data) // 2
@@ -217,7 +217,7 @@ class Sockets(Target):
     def _still_serves(self) -> None:
         assert self._server is not None
         self._obeyed.clear()
-        with socket.create_connection((LOOPBACK, self._server.door.port), _PATIENCE) as line:
+        with socket.create_connection((LOOPBACK, self._server.access.port), _PATIENCE) as line:
             line.settimeout(_PATIENCE)
             line.sendall(f"GET / HTTP/1.0\r\nHost: {self.host}\r\n\r\n".encode())
             check(line.recv(20).startswith(b"HTTP/1.1 200"), "the page is not served any more")
