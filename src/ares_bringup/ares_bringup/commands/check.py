@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `ares replay BAG --check` prints."""
+"""Print for `ares replay BAG --check`."""
 
 import json
 import math
@@ -17,7 +17,7 @@ EXIT_CUT = 2
 
 
 def check_bag(path: Path, given: Mapping[str, str], as_json: bool) -> int:
-    """Give a recorded flight to guidance as it is now, and print where they part.
+    """Compare a recorded flight with the present guidance and print the differences.
 
     Args:
         path: the bag.
@@ -25,7 +25,7 @@ def check_bag(path: Path, given: Mapping[str, str], as_json: bool) -> int:
         as_json: print one JSON object.
 
     Returns:
-        Exit status: 0, equal; 1, they part; 2, equal as far as it could be compared.
+        Exit status: 0, equal; 1, different; 2, equal as far as it could be compared.
 
     Raises:
         CannotStart: it cannot be checked; one line.
@@ -41,10 +41,10 @@ def check_bag(path: Path, given: Mapping[str, str], as_json: bool) -> int:
 
 
 def parse_settings(settings: Sequence[str]) -> dict[str, str]:
-    """`NAME=VALUE` of the command line.
+    """Parse `NAME=VALUE` arguments.
 
     Raises:
-        CannotStart: one of them is none; one line.
+        CannotStart: one is malformed; one line.
     """
     found = {}
     for text in settings:
@@ -62,7 +62,7 @@ def _as_json(result: Check) -> dict[str, Any]:
 
 
 def _finite(value: Any) -> Any:
-    """JSON has no numbers but finite ones."""
+    """Replace numbers that JSON cannot hold."""
     if isinstance(value, dict):
         return {key: _finite(item) for key, item in value.items()}
     if isinstance(value, list):

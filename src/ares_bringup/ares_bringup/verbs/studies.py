@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Many flights, the optimum, the thesis."""
+"""Define the verbs of studies: optimum, thesis, campaigns, aborts, faults."""
 
 from pathlib import Path
 from typing import Annotated
