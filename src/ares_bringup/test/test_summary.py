@@ -329,7 +329,7 @@ def test_a_keplerian_target_is_met_at_the_nearest_place(facts):
 
 
 def test_marks_of_coasts_and_of_what_is_near():
-    """Use the events of a flight: a free burn, a coast to the equator, a burn of 4.4 s to cut-off."""
+    """Mark a flown free burn, a coast to the equator, and a burn of 4.4 s before cut-off."""
     summary = FlightSummary(facts_of(load_mission("delta_iii_coast")), "peg", None)
     for kind, index, time in (
         (FLIGHT_STARTED, 0, 261.0),
