@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flights as CZML, for Cesium: JSON, in packets."""
+"""Export flights as CZML, for Cesium: JSON packets."""
 
 import json
 from collections.abc import Iterator
@@ -12,7 +12,7 @@ from ares_studies.export.recording import Export
 
 
 def as_czml(export: Export) -> bytes:
-    """A document with its clock, the vehicle with its path, a line per phase, the events."""
+    """Write a CZML document: clock, vehicle with its path, a line per phase, events."""
     way = way_of(export)
     begin, end = moment(export, way.time_s[0]), moment(export, way.time_s[-1])
     span = f"{begin}/{end}"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flights as KML 2.2, for Google Earth and maps: elements in the order that its schema asks for."""
+"""Export flights as KML 2.2, for Google Earth and maps, elements in the order of its schema."""
 
 from collections.abc import Sequence
 from xml.etree import ElementTree
@@ -16,14 +16,14 @@ from ares_studies.export.globes import (
 from ares_studies.export.recording import Export
 
 KML = "http://www.opengis.net/kml/2.2"
-#: Extensions of Google: a track with a time at each point.
+#: Google's extensions: a track with a time at each point.
 GX = "http://www.google.com/kml/ext/2.2"
 
 Place = tuple[float, float, float]
 
 
 def as_kml(export: Export) -> bytes:
-    """A track at its height in a colour per phase, the ground track, a placemark per event."""
+    """Write KML: a track coloured by phase, the ground track, a placemark per event."""
     way = way_of(export)
     root = Element("kml", {"xmlns": KML, "xmlns:gx": GX})
     document = _named(root, "Document", export.title)
@@ -75,7 +75,7 @@ def _span(feature: Element, begin: str, end: str) -> None:
 
 
 def _line(folder: Element, name: str, span: tuple[str, str], style: str) -> Element:
-    """A line that appears as it is flown, and stays; still without its points."""
+    """Add a line that appears when it is flown and stays; its points follow."""
     mark = _named(folder, "Placemark", name)
     _span(mark, *span)
     _text(mark, "styleUrl", f"#{style}")
@@ -88,7 +88,7 @@ def _points(geometry: Element, mode: str, points: Sequence[Place]) -> None:
 
 
 def _vehicle(document: Element, export: Export, way: Way) -> None:
-    """What moves as time goes by."""
+    """Add a marker that moves with time."""
     mark = _named(document, "Placemark", export.recording.mission.title)
     track = SubElement(mark, "gx:Track")
     _text(track, "altitudeMode", "absolute")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Many dispersed flights in one compiled loop, each judged as it ends."""
+"""Fly many dispersed flights in one compiled loop, each judged at its end."""
 
 import math
 from typing import Any
@@ -20,7 +20,7 @@ from ares_vehicle_sim.kernels.variation import vary
 
 @kernel
 def judge(loop: Loop, result: Record) -> None:
-    """Judge a flight that is over; fills a record RESULT."""
+    """Judge a completed flight; fill a record RESULT."""
     plant = loop.vehicle.plant
     jettisons = loop.true.jettisons
     result.end_time = plant.time
@@ -88,9 +88,9 @@ def fly_many(
     Args:
         variations: shape (n,), dtype VARIATION.
         atmospheres: shape (n, m, 5), or (1, m, 5) for all.
-        nominal: the truth before it varies.
-        blank: a loop before its flight, at the nominal start.
-        room: a loop for one flight after the other. Changed.
+        nominal: the truth before dispersion.
+        blank: an unused loop at the nominal start.
+        room: workspace of one flight after the other. Changed.
         results: shape (n,), dtype RESULT. Changed.
         failures: shape (n,), dtype FAILURE, or (1,) for all.
     """
