@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Monitors: each rule, and that no dispersed flight breaks one."""
+"""Monitors: each rule, and no violation in dispersed flights."""
 
 import math
 from functools import cache
@@ -39,7 +39,7 @@ def ares_v():
 
 @cache
 def on_board_at(time):
-    """What is on board when all states of a nominal flight up to a time have been answered."""
+    """Return the onboard arrays after all states of a nominal flight up to a time."""
     mission = load_mission("ares_v")
     simulator = Simulator(mission)
     law = ready_law(mission)
@@ -53,7 +53,7 @@ def on_board_at(time):
 
 
 def guided_to(mission, time):
-    """A law that has answered all states of a nominal flight of ares_v up to a time."""
+    """Make a law that has answered all states of a nominal flight of ares_v up to a time."""
     law = ready_law(mission)
     for array, there in zip(law.onboard, on_board_at(time), strict=True):
         array[:] = there
@@ -159,7 +159,7 @@ def test_no_standard_flight_sets_off_gate_or_monitor(mission, law, flights):
 
 
 def test_the_thesis_law_drops_nothing_above_the_limit_that_it_measures(ares_v):
-    """It times the jettison by speed: where the air is thicker, a monitor holds it back."""
+    """Check its jettison, timed by speed: in denser air a monitor delays it."""
     spread = load_dispersions(STANDARD)
     guess = solve(ares_v, "analytic")
     violations, dropped = 0, []

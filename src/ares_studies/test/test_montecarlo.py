@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Campaigns: flights by number, their judgement, the folder, who flies, what is said."""
+"""Campaigns: flights by number, judgement, folder, engines, output."""
 
 import json
 import math
@@ -56,7 +56,7 @@ def standard(ares_v):
 
 @pytest.fixture(scope="module")
 def hundred(standard):
-    """A campaign of 100 flights, flown in this thread."""
+    """Fly a campaign of 100 flights in this thread."""
     flyer = Range(standard)
     return make_table(flyer.fly(0, 100), flyer.columns, standard.mission.jettison_names)
 
@@ -89,7 +89,7 @@ def test_a_flight_does_not_depend_on_those_before_it(standard):
 
 @pytest.mark.parametrize("name", ["ares_v", "saturn_v_as506", "delta_iii"])
 def test_campaigns_step_finely_enough(name):
-    """Steps of 1 s against steps of 0.05 s, under the widest dispersions."""
+    """Compare steps of 1 s with steps of 0.05 s, under the widest dispersions."""
     dispersions = load_dispersions("wide_start" if name == "ares_v" else "standard")
     settings = Settings(load_mission(name), dispersions)
     fine = Settings(settings.mission, dispersions, options=SimulatorOptions(1.0, 0.05))
@@ -335,7 +335,7 @@ def start(arguments, **environment):
 
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory):
-    """Address of a scheduler with two workers, and the workers."""
+    """Start a scheduler with two workers; return its address and the workers."""
     from distributed import Client
 
     folder = tmp_path_factory.mktemp("dask")
@@ -369,7 +369,7 @@ def cluster(tmp_path_factory):
 
 
 def address_in(file):
-    """The scheduler's address; empty as long as the file is not there or not whole."""
+    """Return the scheduler's address; "" until its file is complete."""
     try:
         return json.loads(file.read_text())["address"]
     except (FileNotFoundError, json.JSONDecodeError):
@@ -474,7 +474,7 @@ def test_intervals_are_those_of_the_textbook(hundred):
 
 
 def test_blocks_resample_as_well_as_flights():
-    """Many more flights than blocks: the interval of the mean keeps its width."""
+    """Add many more flights than blocks: the interval of the mean keeps its width."""
     rng = np.random.default_rng(1)
     mass = rng.normal(170e3, 2e3, 20_000)
     flags = np.ones(mass.size, bool)
@@ -511,7 +511,7 @@ def mass_of(rows):
 
 
 def test_one_failed_flight_does_not_flatten_the_others(hundred, tmp_path):
-    """It stands at the edge, in a colour of its own, and the page says so."""
+    """Check that an outlier is at the edge, in its own colour, with a note."""
     mass = hundred["m_f_kg"].to_numpy().copy()
     good = hundred["succeeded"].to_numpy().copy()
     mass[7], good[7] = 0.2 * mass[7], False
@@ -625,7 +625,7 @@ def test_a_summary_of_a_campaign(standard, tmp_path):
 
 
 def test_a_way_over_the_earth_is_that_of_the_flight(standard):
-    """It ends when and where the campaign's flight does."""
+    """Check that a track ends at the time and place of the campaign's flight."""
     globe = make_ways(standard, [3], {5: "why"})
     table = make_table(Range(standard).fly(0, 6), Range(standard).columns, ("payload fairing",))
     names = [flight.name for flight in globe.flights]

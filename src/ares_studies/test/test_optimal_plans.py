@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Law `optimal` on missions with free arcs: the optimum, flown, and around it."""
+"""Law `optimal` on missions with free arcs: the optimum is flown, also from disturbed states."""
 
 from functools import cache
 from pathlib import Path
@@ -45,13 +45,13 @@ MISSIONS = (
 
 @cache
 def solved(name):
-    """A mission and its optimum, which no flight changes."""
+    """Return a mission and its optimum, which no flight changes."""
     flight = mission(name)
     return flight, solve(flight, "indirect")
 
 
 def flown_by(law, name):
-    """A mission, its optimum, and the flight by a law that starts from it."""
+    """Return a mission, its optimum, and a flight by a law started from it."""
     flight, optimum = solved(name)
     ready = make_law(law, flight.arrays(foreseen=True))
     ready.start_from(offline_trajectory(optimum))

@@ -392,7 +392,7 @@ class MapMaker:
             return Point(at_s, failure, NOWHERE, NOWHERE, NOWHERE, error)
 
     def _sought_anew(self, optimizer: Optimizer, point: Point) -> Point:
-        """Return a point with its optima, or with those continued from the point before if better."""
+        """Return a point with the better optima: its own, or continued from the point before."""
         if point.error:
             return point
         failure = point.failure

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The figures of the analytic solutions: 5.3, 5.4 and 6.1 to 6.6."""
+"""Draw the figures of the analytic solutions: 5.3, 5.4 and 6.1 to 6.6."""
 
 import math
 from collections.abc import Callable
@@ -26,7 +26,7 @@ from ares_studies.reproduce.sources import Sources
 
 
 def _fitted(column: str, title: str, s: Sources) -> Figure:
-    """Figures 5.3 and 5.4: an angle of the optimum and the polynomials that chapter 5 takes."""
+    """Draw figures 5.3 and 5.4: an angle of the optimum and the polynomials of chapter 5."""
     flight = s.planar_optimum
     worst = [getattr(piece, column).worst for piece in s.fits]
     return Figure(
@@ -44,7 +44,7 @@ def _fitted(column: str, title: str, s: Sources) -> Figure:
 
 
 def _fit(s: Sources, column: str, pieces: int, scale: float, name: str) -> Series:
-    """The first pieces of the fitted polynomials, with a gap between them."""
+    """Draw the first fitted polynomials, with gaps between them."""
     x: list[float] = []
     y: list[float] = []
     for piece in s.fits[:pieces]:
@@ -63,14 +63,14 @@ def _sine_marks() -> tuple[Series, ...]:
 
 @dataclass(frozen=True)
 class Planar:
-    """Radius or speed in the plane of flight."""
+    """Draw radius or speed in the orbital plane."""
 
     column: str
     axis: Axis
     key: str
 
     def draw(self, name: str, role: Role, flight: PlanarFlight, shape: Shape = "line") -> Series:
-        """The column as a line."""
+        """Make a line of the column."""
         return line(name, role, flight.time_s, getattr(flight, self.column) / 1e3, 4, shape)
 
 
@@ -89,7 +89,7 @@ def _curves(quantity: Planar, s: Sources, piece: Callable[[Walk], PlanarFlight])
 
 
 def _off(quantity: Planar, s: Sources, piece: Callable[[Walk], PlanarFlight]) -> str:
-    """How far the two solutions run from the optimum at the same time."""
+    """Describe the largest distance of the two solutions from the optimum at equal times."""
     true = piece(optimum_walk(s))
     apart = []
     for found in (s.analytic_printed, s.analytic_improved):
@@ -105,7 +105,7 @@ def _off(quantity: Planar, s: Sources, piece: Callable[[Walk], PlanarFlight]) ->
 
 
 def _part_one(quantity: Planar, s: Sources) -> Figure:
-    """Figures 6.1 and 6.2."""
+    """Draw figures 6.1 and 6.2."""
 
     def piece(walk: Walk) -> PlanarFlight:
         return walk.flight.between(float(walk.flight.time_s[0]), walk.jettison_s)
@@ -129,7 +129,7 @@ def _part_one(quantity: Planar, s: Sources) -> Figure:
 
 
 def _printed_ends(quantity: Planar, *which: str) -> Series:
-    """Cut-off as Table 6.5 prints it."""
+    """Mark the cut-off as printed in Table 6.5."""
     table = printed.values("table-6.5")
     return marks(
         "thesis, printed",
@@ -142,7 +142,7 @@ def _printed_ends(quantity: Planar, *which: str) -> Series:
 
 
 def _part_two(quantity: Planar, s: Sources) -> Figure:
-    """Figures 6.3 and 6.4."""
+    """Draw figures 6.3 and 6.4."""
 
     def piece(walk: Walk) -> PlanarFlight:
         return walk.flight.between(walk.jettison_s, walk.cutoff_s)
@@ -157,7 +157,7 @@ def _part_two(quantity: Planar, s: Sources) -> Figure:
 
 
 def _both(quantity: Planar, s: Sources) -> Figure:
-    """Figures 6.5 and 6.6."""
+    """Draw figures 6.5 and 6.6."""
 
     def whole(walk: Walk) -> PlanarFlight:
         return walk.flight

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tables of the analytic solutions: 5.1, 5.2 and 6.1 to 6.6."""
+"""Compute the tables of the analytic solutions: 5.1, 5.2 and 6.1 to 6.6."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -26,7 +26,7 @@ from ares_studies.reproduce.sources import Sources
 
 @dataclass(frozen=True)
 class Walk:
-    """An ascent in its plane with the times of its events, s."""
+    """Hold a planar ascent with the times of its events, s."""
 
     flight: PlanarFlight
     staging_s: float
@@ -34,7 +34,7 @@ class Walk:
     cutoff_s: float
 
     def at(self, time_s: float) -> dict[str, float]:
-        """Radius km, speed km/s, flight-path angle and pitch deg just before an event."""
+        """Return radius km, speed km/s, flight-path angle and pitch deg just before an event."""
         flight = self.flight
         i = int(np.searchsorted(flight.time_s, time_s - 1e-6))
         return {
@@ -46,19 +46,19 @@ class Walk:
 
 
 def optimum_walk(s: Sources) -> Walk:
-    """The optimum."""
+    """Return the optimum as a planar ascent."""
     return Walk(s.planar_optimum, s.staging_s, s.optimum.t_plf_s, s.optimum.t_meco_s)
 
 
 def analytic_walk(s: Sources, found: AnalyticSolution) -> Walk:
-    """An analytic solution."""
+    """Return an analytic solution as a planar ascent."""
     one, two = parts(found)
     assert found.flight is not None
     return Walk(found.flight, s.staging_s, one.burns[-1].end_s, two.burns[-1].end_s)
 
 
 def parts(found: AnalyticSolution) -> tuple[AnalyticPart, AnalyticPart]:
-    """Both parts; the sources see to it that they are there."""
+    """Return both parts, which the sources guarantee."""
     assert found.part_one is not None and found.part_two is not None
     return found.part_one, found.part_two
 
@@ -88,7 +88,7 @@ _QUANTITIES = {
 def _event(
     name: str, walks: Iterable[Walk], when: Callable[[Walk], float], conditions: dict[str, str]
 ) -> list[Row]:
-    """What a table says of one event: a row per quantity that has a condition."""
+    """Make the rows of one event: one per quantity with a condition."""
     states = [walk.at(when(walk)) for walk in walks]
     return [
         Row(
@@ -106,7 +106,7 @@ def _duration(
 
 
 def table_5_1(s: Sources) -> Table:
-    """Parameters of part one, with the values that they come to."""
+    """Tabulate the parameters of part one, with their converged values."""
     walks = _walks(s)
     start = s.mission.initial_state.time_s
     known = dict.fromkeys(("radius", "speed", "gamma"), "known")
@@ -133,7 +133,7 @@ def table_5_1(s: Sources) -> Table:
 
 
 def table_5_2(s: Sources) -> Table:
-    """Parameters of part two, with the values that they come to."""
+    """Tabulate the parameters of part two, with their converged values."""
     walks = _walks(s)
     known = dict.fromkeys(("radius", "speed", "gamma"), "known")
     return Table(
@@ -152,7 +152,7 @@ def table_5_2(s: Sources) -> Table:
 
 
 def table_6_1(s: Sources) -> Table:
-    """First guesses, and the optimum that they were taken near."""
+    """Tabulate the first guesses beside the optimum."""
     thesis = printed.values("table-6.1")
     walk = optimum_walk(s)
     jettison, staging = walk.at(walk.jettison_s), walk.at(walk.staging_s)
@@ -195,7 +195,7 @@ def _named(columns: tuple[Column, ...], what: str) -> tuple[Column, ...]:
     return tuple(Column(f"{what}" if c.role else c.title, c.role) for c in columns)
 
 
-#: Label, key as printed, decimals as printed, decimals of ours.
+#: Label, key of the print, decimals in print, our decimals.
 _CONVERGED = (
     ("Iterations", "iterations", 0, 0),
     ("T_go, s", "time_to_go_s", 2, 2),
@@ -215,7 +215,7 @@ def _converged(found: AnalyticSolution) -> dict[str, float]:
 
 
 def table_6_2(s: Sources) -> Table:
-    """Part one, converged."""
+    """Tabulate part one, converged."""
     thesis = printed.values("table-6.3")[0]
     walk = optimum_walk(s)
     optimum = {
@@ -253,7 +253,7 @@ def table_6_2(s: Sources) -> Table:
 
 
 def table_6_3(s: Sources) -> Table:
-    """The trapezoid with other steps and scales."""
+    """Compare the trapezoid with other steps and scales."""
     cases = printed.values("table-6.3")
     rows = []
     times: tuple[list[float], list[float]] = ([], [])
@@ -301,7 +301,7 @@ def _part_two(found: AnalyticSolution) -> dict[str, float]:
 
 
 def table_6_4(s: Sources) -> Table:
-    """Part two, converged."""
+    """Tabulate part two, converged."""
     thesis = printed.values("table-6.4")
     walk = optimum_walk(s)
     optimum = {
@@ -350,7 +350,7 @@ def _ends(walk: Walk) -> dict[str, float]:
 
 
 def table_6_5(s: Sources) -> Table:
-    """Both parts in a row."""
+    """Tabulate both parts in sequence."""
     thesis = printed.values("table-6.5")
     optimum = _ends(optimum_walk(s))
     here, improved = (
@@ -394,7 +394,7 @@ def table_6_5(s: Sources) -> Table:
 def _lateness(
     thesis_optimum: dict[str, float], thesis: dict[str, float], *ours: dict[str, float]
 ) -> str:
-    """How late each analytic solution is against its own optimum."""
+    """Describe the delay of each analytic solution against its own optimum."""
     optimum, here, improved = ours
     pairs = ((thesis, thesis_optimum), (here, optimum), (improved, optimum))
     late = [
@@ -411,7 +411,7 @@ def _lateness(
 
 
 def table_6_6(s: Sources) -> Table:
-    """Scalar delta-V, event to event."""
+    """Tabulate scalar delta-V between events."""
     thesis = printed.values("table-6.6")
     keys = ("to_staging_km_s", "to_jettison_km_s", "to_cutoff_km_s")
     printed_values = [thesis[key] for key in keys]
@@ -450,7 +450,7 @@ def table_6_6(s: Sources) -> Table:
 
 
 def _delta_v_of_optimum(s: Sources) -> list[float]:
-    """Sums over the optimum's steering arcs, km/s, between its events."""
+    """Sum delta-V over the optimum's steering arcs between its events, km/s."""
     ends = (s.staging_s, s.optimum.t_plf_s, s.optimum.t_meco_s)
     sums = [0.0, 0.0, 0.0]
     for arc in s.optimum.arcs:
