@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Faults into real flights: one trial of each kind, and how trials are judged."""
+"""Faults in real flights: one trial of each kind, and the judgement of trials."""
 
 import importlib.util
 import json

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A link that takes time and loses messages, and the vehicle that flies over it."""
+"""A link with latency and loss, and the vehicle that flies over it."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def mission(tmp_path):
 
 
 def begin(graph, mission, relay, **simulator):
-    """A flight with something between its nodes."""
+    """Start a flight with a relay between its nodes."""
     commands = []
     graph.observer.create_subscription(ThrustCommand, "thrust_command", commands.append, FLIGHT)
     node = graph.add(Node("between", namespace="ares", context=graph.context))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flight k of a campaign, flown again alone: through the graph it is the same flight."""
+"""Flight k of a campaign, repeated alone: through the graph it is the same flight."""
 
 import json
 
@@ -56,7 +56,7 @@ EVERYTHING = {
 
 @pytest.fixture
 def files(tmp_path):
-    """Dispersions by what they are: a shipped name, and paths."""
+    """Return dispersions by content: a shipped name, and paths."""
     even = {"draws": "sobol", "initial_position_m": 1000.0, "thrust": 0.01, "log_density": 0.3}
     paths = {STANDARD: STANDARD}
     for name, content in (("everything", EVERYTHING), ("sobol", even)):

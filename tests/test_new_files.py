@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`ares missions new`, `ares dispersions new`, their schemas: what is written is good as it is."""
+"""`ares missions new`, `ares dispersions new`, their schemas: the files are valid as written."""
 
 import json
 import re
@@ -68,7 +68,7 @@ def test_like_another_mission_is_that_mission(capfd, name):
 
 
 def test_every_key_is_explained_once(capfd):
-    """What the template leaves out is there too, commented out."""
+    """Check that keys omitted in the template are there too, commented out."""
     run(capfd, "missions", "new", "mine")
     text = Path("mine.yaml").read_text()
     schema = json.loads(json_schema(Mission, "x"))
