@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Inputs accepted by the schemas fly, are solved, or are refused in one line; others are refused."""
+"""Inputs that the schemas accept fly, are solved, or are refused; all others are refused."""
 
 import json
 import os
