@@ -26,7 +26,7 @@ from ares_models.failures import Failure, FailureKind
 from ares_models.mission import list_missions, load_mission
 from ares_studies.closed_loop import fly_compiled
 from ares_studies.montecarlo.engines import cores
-from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_vehicle_sim.dispersions import load_dispersions
 from ares_vehicle_sim.simulator import CAMPAIGN
 
@@ -58,7 +58,7 @@ def by_threads(plan, work, parts, threads):
 
     def one(part):
         if not hasattr(own, "flyer"):
-            own.flyer = Range(plan)
+            own.flyer = FlightRange(plan)
         return work(own.flyer, part)
 
     with ThreadPoolExecutor(threads) as pool:

@@ -13,7 +13,7 @@ from figures import Figures, keep_option
 
 from ares_guidance.registry import law_names
 from ares_models.mission import list_missions, load_mission
-from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_vehicle_sim.dispersions import STANDARD, load_dispersions
 
 CHUNK = 1000
@@ -21,7 +21,7 @@ CHUNK = 1000
 
 def alarms(mission: str, law: str, flights: int) -> tuple[int, int, int, float]:
     """Count flights with refused states, with violations, successful ones; flights per second."""
-    flyer = Range(Settings(load_mission(mission), load_dispersions(STANDARD), law=law))
+    flyer = FlightRange(Settings(load_mission(mission), load_dispersions(STANDARD), law=law))
     flyer.fly(0, 1)
     refused = violated = good = 0
     begun = time.perf_counter()

@@ -22,7 +22,7 @@ from figures import Figures, keep_option
 from ares_models.mission import load_mission
 from ares_studies.montecarlo.campaign import Plan, fly_campaign
 from ares_studies.montecarlo.engines import cores, fly_here, fly_on_cores
-from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_studies.montecarlo.store import Store
 from ares_vehicle_sim.dispersions import load_dispersions
 
@@ -31,7 +31,7 @@ PEERS = {"RocketPy": "montecarlo_rocketpy.py", "Basilisk": "montecarlo_basilisk.
 
 def ours(settings, flights, engine):
     """Return flights per second, and the peak memory of this process, MB."""
-    Range(settings).fly(0, 1)
+    FlightRange(settings).fly(0, 1)
     with tempfile.TemporaryDirectory() as folder, Store(Path(folder), settings) as store:
         begun = time.perf_counter()
         fly_campaign(Plan(settings, flights), store, engine, lambda _: None)

@@ -20,7 +20,7 @@ from ares_optimizer.solve import solve
 from ares_studies.aborts.ends import Judge
 from ares_studies.kernels import loop_records
 from ares_studies.montecarlo.arrays import RESULT
-from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_studies.montecarlo.kernels import judge as judge_loop
 from ares_studies.montecarlo.table import explain
 from ares_vehicle_sim.arrays import CUTOFF, DEPLETION, FLIGHT_COMPLETE, IMPACT, JETTISON_DONE
@@ -146,7 +146,7 @@ def judged_loop(arrays, result):
 
 def in_a_campaign(mission, ended):
     """Judge a plant in that state as a campaign does; return a record RESULT."""
-    loop = Range(Settings(mission, Dispersions()))._blank
+    loop = FlightRange(Settings(mission, Dispersions()))._blank
     plant = loop.vehicle.plant[0]
     plant["position"], plant["velocity"] = state_of(ended)
     plant["inserted"] = 0 if ended.dry or ended.grounded else 1

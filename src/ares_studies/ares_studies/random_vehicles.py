@@ -16,7 +16,7 @@ from ares_guidance.laws import check_law
 from ares_models.mission import Mission
 from ares_optimizer.solution import Check
 from ares_optimizer.solve import solve
-from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_vehicle_sim.dispersions import Dispersions
 
 MU = 3.986004418e14
@@ -202,7 +202,7 @@ def fly_as_planned(mission: Mission, law: str) -> Any:
         RuntimeError: the flight had an internal error.
     """
     check_law(law, mission.arrays(foreseen=True), mission.start().navigation())
-    flown = Range(Settings(mission, Dispersions(), law=law)).fly(0, 1)
+    flown = FlightRange(Settings(mission, Dispersions(), law=law)).fly(0, 1)
     if flown.errors:
         raise RuntimeError(flown.errors[0])
     return flown.results[0]

@@ -17,7 +17,7 @@ from ares_models.mission import load_mission
 from ares_models.mission_warnings import warnings
 from ares_studies.closed_loop import fly_compiled, fly_stepwise
 from ares_studies.flight_page.geometry import impact_time
-from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_vehicle_sim.dispersions import Dispersions
 
 
@@ -36,7 +36,7 @@ def compile_laws(*names: str) -> None:
         fly_once(name)
         fly_compiled(mission, law=name)
         if not find_law(name).needs_trajectory:
-            Range(Settings(mission, Dispersions(), law=name)).fly(0, 1)
+            FlightRange(Settings(mission, Dispersions(), law=name)).fly(0, 1)
 
 
 def compile_solvers() -> None:

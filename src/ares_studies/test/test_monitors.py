@@ -26,7 +26,7 @@ from ares_models.arrays import HEATING_LIMIT
 from ares_models.mission import load_mission
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import fly_compiled, ready_law
-from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_vehicle_sim.arrays import JETTISON_DONE
 from ares_vehicle_sim.dispersions import STANDARD, load_dispersions
 from ares_vehicle_sim.simulator import CAMPAIGN, Simulator, SimulatorOptions, true_vehicle
@@ -152,7 +152,7 @@ def test_a_line_that_turns_too_fast_in_its_turn_is_frozen(ares_v):
 )
 def test_no_standard_flight_sets_off_gate_or_monitor(mission, law, flights):
     settings = Settings(load_mission(mission), load_dispersions(STANDARD), law=law)
-    results = Range(settings).fly(0, flights).results
+    results = FlightRange(settings).fly(0, flights).results
     assert np.all(results["iterations"] > 0)
     assert np.all(results["navigation_refused"] == 0)
     assert np.all(results["violations"] == 0)

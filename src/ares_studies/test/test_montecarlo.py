@@ -33,7 +33,7 @@ from ares_studies.montecarlo.engines import (
     fly_on_cluster,
     fly_on_cores,
 )
-from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_studies.montecarlo.reach import reaches
 from ares_studies.montecarlo.report import drawn_name, make_report, perigee_apogee, render
 from ares_studies.montecarlo.statistics import Tally, bound_rank, flights_needed, summarize
@@ -57,7 +57,7 @@ def standard(ares_v):
 @pytest.fixture(scope="module")
 def hundred(standard):
     """Fly a campaign of 100 flights in this thread."""
-    flyer = Range(standard)
+    flyer = FlightRange(standard)
     return make_table(flyer.fly(0, 100), flyer.columns, standard.mission.jettison_names)
 
 
@@ -71,7 +71,7 @@ def fly(plan, folder, engine=fly_here, watch=lambda _: None):
 
 
 def test_a_flight_is_that_of_the_nodes_two_steps(standard, ares_v):
-    results = Range(standard).fly(3, 2).results
+    results = FlightRange(standard).fly(3, 2).results
     for k, flight in enumerate((3, 4)):
         alone = fly_compiled(
             ares_v, options=CAMPAIGN, dispersions=standard.dispersions, flight=flight
@@ -82,8 +82,8 @@ def test_a_flight_is_that_of_the_nodes_two_steps(standard, ares_v):
 
 
 def test_a_flight_does_not_depend_on_those_before_it(standard):
-    many = Range(standard).fly(0, 20)
-    alone = Range(standard).fly(13, 1)
+    many = FlightRange(standard).fly(0, 20)
+    alone = FlightRange(standard).fly(13, 1)
     assert many.results[13].tobytes() == alone.results[0].tobytes()
 
 
@@ -93,7 +93,7 @@ def test_campaigns_step_finely_enough(name):
     dispersions = load_dispersions("wide_start" if name == "ares_v" else "standard")
     settings = Settings(load_mission(name), dispersions)
     fine = Settings(settings.mission, dispersions, options=SimulatorOptions(1.0, 0.05))
-    one, two = (Range(given).fly(0, 20).results for given in (settings, fine))
+    one, two = (FlightRange(given).fly(0, 20).results for given in (settings, fine))
     assert one["mass"] == pytest.approx(two["mass"], abs=2e-5)
     assert one["end_time"] == pytest.approx(two["end_time"], abs=1e-7)
     assert one["jettison_time"] == pytest.approx(two["jettison_time"], abs=1e-6, nan_ok=True)
@@ -134,7 +134,7 @@ def test_a_campaign_to_elements_is_judged_and_told():
 
 
 def only_flight(mission, **given):
-    flyer = Range(Settings(mission, Dispersions(**given)))
+    flyer = FlightRange(Settings(mission, Dispersions(**given)))
     return make_table(flyer.fly(0, 1), flyer.columns, mission.jettison_names).to_pylist()[0]
 
 
@@ -188,7 +188,7 @@ def test_depletion_has_its_reason(ares_v):
 
 
 def test_an_exception_is_one_flights_own(standard, monkeypatch):
-    flyer = Range(standard)
+    flyer = FlightRange(standard)
     real = flyer._fly_many
 
     def fail_at_seven(variations, *rest):
@@ -627,7 +627,9 @@ def test_a_summary_of_a_campaign(standard, tmp_path):
 def test_a_way_over_the_earth_is_that_of_the_flight(standard):
     """Check that a track ends at the time and place of the campaign's flight."""
     globe = make_ways(standard, [3], {5: "why"})
-    table = make_table(Range(standard).fly(0, 6), Range(standard).columns, ("payload fairing",))
+    table = make_table(
+        FlightRange(standard).fly(0, 6), FlightRange(standard).columns, ("payload fairing",)
+    )
     names = [flight.name for flight in globe.flights]
     assert names == ["the nominal flight", "flight 3", "flight 5: why"]
     for k, flight in zip((3, 5), globe.flights[1:], strict=True):

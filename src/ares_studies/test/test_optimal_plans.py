@@ -12,7 +12,7 @@ from ares_guidance.laws import make_law
 from ares_models.mission import load_mission
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import fly_compiled, offline_trajectory
-from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_vehicle_sim.arrays import ARC_ENDED, CUTOFF, IGNITION
 from ares_vehicle_sim.dispersions import load_dispersions
 
@@ -91,6 +91,6 @@ def test_dispersed_flights_with_oblateness_arrive(law, name, tmp_path):
     lower = [(f"{which}_radius_m: 6370000.0",) * 2 for which in ("equatorial", "polar")]
     lower = [(old, new.replace("6370000", "6200000")) for old, new in lower]
     flight = mission(name, tmp_path, OBLATE, *lower)
-    flown = Range(Settings(flight, load_dispersions("standard"), seed=3, law=law)).fly(0, 40)
+    flown = FlightRange(Settings(flight, load_dispersions("standard"), seed=3, law=law)).fly(0, 40)
     assert not flown.errors
     assert flown.results["terminal_accuracy"].all()

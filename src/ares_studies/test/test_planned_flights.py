@@ -23,7 +23,7 @@ from ares_optimizer.solution import Cause, Status, failed
 from ares_optimizer.solve import solve
 from ares_studies import closed_loop
 from ares_studies.closed_loop import fly_compiled, fly_stepwise, offline_trajectory
-from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_vehicle_sim.arrays import ARC_ENDED, CUTOFF, IGNITION
 from ares_vehicle_sim.dispersions import STANDARD, Dispersions, load_dispersions
 from ares_vehicle_sim.simulator import CAMPAIGN, Simulator, SimulatorOptions
@@ -338,7 +338,7 @@ def test_a_campaign_flies_by_the_plan(restart, monkeypatch):
     monkeypatch.setattr(closed_loop, "arc_plan", lambda *_: plan)
     spread = Dispersions(thrust=0.003, specific_impulse=0.001)
     settings = Settings(mission, spread, 7, "peg", LawSettings(), CAMPAIGN)
-    flown = Range(settings).fly(0, 6)
+    flown = FlightRange(settings).fly(0, 6)
     assert not flown.errors
     assert np.all(flown.results["terminal_accuracy"] == 1)
     assert np.all(flown.results["converged"] == 1)

@@ -7,7 +7,7 @@ import pytest
 
 from ares_models.mission import load_mission
 from ares_optimizer.solve import solve
-from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_vehicle_sim.dispersions import Dispersions
 
 LAWS = ("peg", "optimal")
@@ -21,7 +21,7 @@ def solved(name):
 
 @cache
 def flown(name, law):
-    done = Range(Settings(load_mission(name), Dispersions(), law=law)).fly(0, 1)
+    done = FlightRange(Settings(load_mission(name), Dispersions(), law=law)).fly(0, 1)
     assert not done.errors
     return done.results[0]
 

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from contextlib import suppress
 
-from ares_bringup.commands.interrupts import Interrupts, tell
+from ares_bringup.commands.interrupts import Interrupts, report_interrupt
 from ares_bringup.options import CannotStart
 from ares_bringup.usage import answer
 
@@ -45,7 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     with suppress(KeyboardInterrupt), interrupts:
         status = _run(argv)
     if interrupts.came:
-        tell()
+        report_interrupt()
     return interrupts.status(status)
 
 

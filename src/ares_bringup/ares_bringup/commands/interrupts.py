@@ -32,7 +32,7 @@ def exit_status(number: int) -> int:
     return 128 + number
 
 
-def grant(grace_s: float) -> None:
+def extend_grace(grace_s: float) -> None:
     """Extend the time in which this command must end after a signal, s."""
     global GRACE  # noqa: PLW0603  read by the thread that ends the process
     GRACE = grace_s
@@ -43,7 +43,7 @@ def note_written(path: str) -> None:
     _written.append(path)
 
 
-def tell(kept: str = "") -> None:
+def report_interrupt(kept: str = "") -> None:
     """Print, once, that the command was interrupted, and what is kept of its work.
 
     Args:
@@ -62,7 +62,7 @@ def end_at_once() -> None:
     """Let a signal end the process at once, until the command line has started."""
 
     def end(number: int, _: FrameType | None) -> None:
-        tell()
+        report_interrupt()
         os._exit(exit_status(number))
 
     for number in _SIGNALS:
@@ -172,5 +172,5 @@ class Interrupts:
                 return
         time.sleep(GRACE)
         if not self._over:
-            tell()
+            report_interrupt()
         os._exit(exit_status(number))

@@ -18,7 +18,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ares_bringup.bag_paths import new_bag, workspace_root
-from ares_bringup.commands.interrupts import note_written, tell
+from ares_bringup.commands.interrupts import note_written, report_interrupt
 from ares_bringup.options import CannotStart, HeatingSource, self_starting
 from ares_bringup.progress import bar
 from ares_bringup.report import console, number, shown_path
@@ -31,7 +31,7 @@ from ares_models.mission import load_mission
 from ares_studies.closed_loop import arc_plan
 from ares_studies.montecarlo.campaign import Plan, fly_campaign
 from ares_studies.montecarlo.engines import EngineError, choose
-from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_studies.montecarlo.reach import Reach, reaches
 from ares_studies.montecarlo.report import make_report, render
 from ares_studies.montecarlo.statistics import FAILURES, Summary, Tally, summarize
@@ -163,7 +163,7 @@ def montecarlo(options: CampaignOptions, begun: float) -> int:
     with _one_line():
         engine = choose(options.scheduler, options.workers)
         # compiles the kernels, and checks that the dispersions fit the mission
-        Range(settings).fly(0, 1)
+        FlightRange(settings).fly(0, 1)
         with Store(folder, settings) as store:
             plan = Plan(settings, options.count, options.success_width, options.mass_width_kg)
             with _Watch(store.count(), options.count, quiet=options.as_json) as watch:
@@ -194,13 +194,13 @@ def nominal_propellant(settings: Settings) -> float:
         law_settings=settings.law_settings,
         options=settings.options,
     )
-    return float(Range(exact).fly(0, 1).results["propellant_used"][0])
+    return float(FlightRange(exact).fly(0, 1).results["propellant_used"][0])
 
 
 def _say_interrupted(store: Store, options: CampaignOptions) -> None:
     there = store.count()
     folder = shown_path(str(store.folder))
-    tell(
+    report_interrupt(
         f"{there:,} of {options.count:,} flights are in {folder}; "
         f"the same command with --out {folder} goes on"
     )
@@ -430,7 +430,7 @@ def _fly_alone(options: CampaignOptions, settings: Settings, begun: float) -> in
     tally = Tally()
     rows = []
     with _one_line():
-        flyer = Range(settings)
+        flyer = FlightRange(settings)
         clock = time.monotonic()
         for flight in options.only:
             table = make_table(flyer.fly(flight, 1), flyer.columns, settings.mission.jettison_names)

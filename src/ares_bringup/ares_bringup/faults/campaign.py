@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 from rich.console import Console
 from rich.table import Table
 
-from ares_bringup.commands.interrupts import grant, tell
+from ares_bringup.commands.interrupts import extend_grace, report_interrupt
 from ares_bringup.crew import CLOSE_TIMEOUT
 from ares_bringup.faults.control import Control, undisturbed
 from ares_bringup.faults.rows import ROWS
@@ -205,12 +205,12 @@ def faults(n: int, seed: int, words: Sequence[str], workers: int, as_json: bool)
                 line = f"wrong: {trial.row}, number {trial.number}: {trial.why}"
                 print(line, file=sys.stderr, flush=True)
 
-        grant(CLOSE_TIMEOUT)
+        extend_grace(CLOSE_TIMEOUT)
         try:
             trials = fly_all(tasks, seed, workers, done)
         except KeyboardInterrupt:
             flown = round(progress.tasks[task].completed)
-            tell(f"{flown} of {len(tasks)} faults were flown, none is kept")
+            report_interrupt(f"{flown} of {len(tasks)} faults were flown, none is kept")
             return EXIT_INTERRUPTED
     result = as_object(trials, n, seed)
     if as_json:

@@ -24,7 +24,7 @@ _DEGREES, _METRES = 8, 3
 
 
 @dataclass(frozen=True)
-class Stretch:
+class TrackPhase:
     """Hold a phase to be drawn: rows from first to last, times in s, colour."""
 
     name: str
@@ -36,12 +36,12 @@ class Stretch:
 
 
 @dataclass(frozen=True)
-class Way:
+class ExportTrack:
     """Hold a flight in a limited number of points, and its phases."""
 
     time_s: list[float]
     coordinates: list[tuple[float, float, float]]
-    stretches: tuple[Stretch, ...]
+    phases: tuple[TrackPhase, ...]
 
 
 def coordinates_of(places: Places) -> list[tuple[float, float, float]]:
@@ -57,7 +57,7 @@ def coordinates_of(places: Places) -> list[tuple[float, float, float]]:
     ]
 
 
-def way_of(export: Export) -> Way:
+def track_of(export: Export) -> ExportTrack:
     """Return the trajectory of a flight, each phase extended to the begin of the next."""
     truth = export.recording.truth
     rows = chosen(truth)
@@ -65,11 +65,11 @@ def way_of(export: Export) -> Way:
     coordinates = coordinates_of(export.places())
     time = picked["time"].tolist()
     phases = phases_of(picked, export.recording.mission)
-    stretches = tuple(_stretches(phases, time))
-    return Way(time, [coordinates[row] for row in rows], stretches)
+    points = [coordinates[row] for row in rows]
+    return ExportTrack(time, points, tuple(_track_phases(phases, time)))
 
 
-def _stretches(phases: tuple[Phase, ...], time: list[float]) -> Iterator[Stretch]:
+def _track_phases(phases: tuple[Phase, ...], time: list[float]) -> Iterator[TrackPhase]:
     burns = 0
     for phase in phases:
         colour = COAST
@@ -77,7 +77,7 @@ def _stretches(phases: tuple[Phase, ...], time: list[float]) -> Iterator[Stretch
             colour = BURNS[burns % len(BURNS)]
             burns += 1
         last = min(phase.last + 1, len(time) - 1)
-        yield Stretch(phase.name, phase.first, last, time[phase.first], time[last], colour)
+        yield TrackPhase(phase.name, phase.first, last, time[phase.first], time[last], colour)
 
 
 def moment(export: Export, time_s: float) -> str:

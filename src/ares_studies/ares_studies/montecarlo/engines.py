@@ -19,7 +19,7 @@ import numpy as np
 import pyarrow as pa
 
 from ares_studies.montecarlo.arrays import RESULT
-from ares_studies.montecarlo.flights import Flown, Range, Settings
+from ares_studies.montecarlo.flights import FlightRange, Flown, Settings
 from ares_studies.montecarlo.table import make_table
 
 Chunk = tuple[int, int]
@@ -53,7 +53,7 @@ def fly_chunk(pickled: bytes, chunk: Chunk) -> Any:
     """
     if getattr(_own, "pickled", None) != pickled:
         _own.settings = pickle.loads(pickled)
-        _own.range = Range(_own.settings)
+        _own.range = FlightRange(_own.settings)
         _own.pickled = pickled
     flown: Flown = _own.range.fly(*chunk)
     return make_table(flown, _own.range.columns, _own.settings.mission.jettison_names)
@@ -175,7 +175,7 @@ def _can_fly() -> None:
 
 def lost(settings: Settings, chunk: Chunk, error: object) -> Any:
     """Return a chunk that no worker completed, as failed flights."""
-    flyer = Range(settings)
+    flyer = FlightRange(settings)
     first, count = chunk
     flown = Flown(
         first,

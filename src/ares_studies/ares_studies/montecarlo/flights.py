@@ -66,7 +66,7 @@ class Flown:
     errors: dict[int, str]
 
 
-class Range:
+class FlightRange:
     """Fly consecutive flights. Not safe for several threads: each needs one of its own.
 
     Attributes:
@@ -90,7 +90,7 @@ class Range:
         true = room_for_truth(self._nominal, self._nominal.atmosphere)
         vehicle = nominal_vehicle(mission, settings.options)
         self._blank = closed_loop(true, vehicle, believed, law.onboard)
-        self._room = closed_loop(
+        self._workspace = closed_loop(
             true,
             blank_vehicle(vehicle.options),
             believed,
@@ -138,7 +138,7 @@ class Range:
             draws.atmospheres,
             self._nominal,
             self._blank,
-            self._room,
+            self._workspace,
             results,
             failures,
         )

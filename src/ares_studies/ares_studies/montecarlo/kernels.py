@@ -79,7 +79,7 @@ def fly_many(
     atmospheres: NDArray[Any],
     nominal: MissionArrays,
     blank: LoopArrays,
-    room: LoopArrays,
+    workspace: LoopArrays,
     results: NDArray[Any],
     failures: NDArray[Any],
 ) -> None:
@@ -90,24 +90,26 @@ def fly_many(
         atmospheres: shape (n, m, 5), or (1, m, 5) for all.
         nominal: the truth before dispersion.
         blank: an unused loop at the nominal start.
-        room: workspace of one flight after the other. Changed.
+        workspace: workspace of one flight after the other. Changed.
         results: shape (n,), dtype RESULT. Changed.
         failures: shape (n,), dtype FAILURE, or (1,) for all.
     """
     for k in range(variations.shape[0]):
         true = MissionArrays(
-            room.true.environment,
+            workspace.true.environment,
             atmospheres[k % atmospheres.shape[0]],
-            room.true.arcs,
-            room.true.jettisons,
-            room.true.target,
+            workspace.true.arcs,
+            workspace.true.jettisons,
+            workspace.true.target,
         )
-        loop = loop_records(LoopArrays(true, room.vehicle, room.believed, room.onboard))
-        room.vehicle.plant[0] = blank.vehicle.plant[0]
-        room.onboard.state[0] = blank.onboard.state[0]
-        room.onboard.steering[0] = blank.onboard.steering[0]
+        loop = loop_records(
+            LoopArrays(true, workspace.vehicle, workspace.believed, workspace.onboard)
+        )
+        workspace.vehicle.plant[0] = blank.vehicle.plant[0]
+        workspace.onboard.state[0] = blank.onboard.state[0]
+        workspace.onboard.steering[0] = blank.onboard.steering[0]
         vary(variations[k], nominal, true, loop.vehicle.plant)
-        room.vehicle.plant[0].failure = failures[k % failures.shape[0]]
+        workspace.vehicle.plant[0].failure = failures[k % failures.shape[0]]
         begin_flight(loop.true, loop.vehicle.plant)
         measure(loop.vehicle)
         run(loop)

@@ -20,7 +20,7 @@ from ares_studies.pages.parts import (
     marks,
 )
 from ares_studies.reproduce import printed
-from ares_studies.reproduce.analytic_tables import Walk, analytic_walk, optimum_walk
+from ares_studies.reproduce.analytic_tables import PlanarAscent, analytic_ascent, optimum_ascent
 from ares_studies.reproduce.figures import TIME, angle_marks, instants
 from ares_studies.reproduce.sources import Sources
 
@@ -78,22 +78,24 @@ RADIUS = Planar("radius", Axis("radius", "km"), "radius_km")
 SPEED = Planar("speed", Axis("inertial speed", "km/s"), "speed_km_s")
 
 
-def _curves(quantity: Planar, s: Sources, piece: Callable[[Walk], PlanarFlight]) -> list[Series]:
+def _curves(
+    quantity: Planar, s: Sources, piece: Callable[[PlanarAscent], PlanarFlight]
+) -> list[Series]:
     return [
-        quantity.draw("optimum", "other", piece(optimum_walk(s)), "band"),
+        quantity.draw("optimum", "other", piece(optimum_ascent(s)), "band"),
         quantity.draw(
-            "analytic, as printed", "third", piece(analytic_walk(s, s.analytic_printed)), "dashes"
+            "analytic, as printed", "third", piece(analytic_ascent(s, s.analytic_printed)), "dashes"
         ),
-        quantity.draw("analytic, improved", "here", piece(analytic_walk(s, s.analytic_improved))),
+        quantity.draw("analytic, improved", "here", piece(analytic_ascent(s, s.analytic_improved))),
     ]
 
 
-def _off(quantity: Planar, s: Sources, piece: Callable[[Walk], PlanarFlight]) -> str:
+def _off(quantity: Planar, s: Sources, piece: Callable[[PlanarAscent], PlanarFlight]) -> str:
     """Describe the largest distance of the two solutions from the optimum at equal times."""
-    true = piece(optimum_walk(s))
+    true = piece(optimum_ascent(s))
     apart = []
     for found in (s.analytic_printed, s.analytic_improved):
-        flight = piece(analytic_walk(s, found))
+        flight = piece(analytic_ascent(s, found))
         times = np.arange(math.ceil(true.time_s[0]), min(true.time_s[-1], flight.time_s[-1]))
         values = [np.interp(times, f.time_s, getattr(f, quantity.column)) for f in (true, flight)]
         apart.append(float(np.max(np.abs(values[0] - values[1]))))
@@ -107,8 +109,8 @@ def _off(quantity: Planar, s: Sources, piece: Callable[[Walk], PlanarFlight]) ->
 def _part_one(quantity: Planar, s: Sources) -> Figure:
     """Draw figures 6.1 and 6.2."""
 
-    def piece(walk: Walk) -> PlanarFlight:
-        return walk.flight.between(float(walk.flight.time_s[0]), walk.jettison_s)
+    def piece(ascent: PlanarAscent) -> PlanarFlight:
+        return ascent.flight.between(float(ascent.flight.time_s[0]), ascent.jettison_s)
 
     series = _curves(quantity, s, piece)
     if quantity is SPEED:
@@ -144,8 +146,8 @@ def _printed_ends(quantity: Planar, *which: str) -> Series:
 def _part_two(quantity: Planar, s: Sources) -> Figure:
     """Draw figures 6.3 and 6.4."""
 
-    def piece(walk: Walk) -> PlanarFlight:
-        return walk.flight.between(walk.jettison_s, walk.cutoff_s)
+    def piece(ascent: PlanarAscent) -> PlanarFlight:
+        return ascent.flight.between(ascent.jettison_s, ascent.cutoff_s)
 
     return Figure(
         TIME,
@@ -159,8 +161,8 @@ def _part_two(quantity: Planar, s: Sources) -> Figure:
 def _both(quantity: Planar, s: Sources) -> Figure:
     """Draw figures 6.5 and 6.6."""
 
-    def whole(walk: Walk) -> PlanarFlight:
-        return walk.flight
+    def whole(ascent: PlanarAscent) -> PlanarFlight:
+        return ascent.flight
 
     return Figure(
         TIME,

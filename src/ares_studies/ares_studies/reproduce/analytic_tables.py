@@ -25,7 +25,7 @@ from ares_studies.reproduce.sources import Sources
 
 
 @dataclass(frozen=True)
-class Walk:
+class PlanarAscent:
     """Hold a planar ascent with the times of its events, s."""
 
     flight: PlanarFlight
@@ -45,16 +45,16 @@ class Walk:
         }
 
 
-def optimum_walk(s: Sources) -> Walk:
+def optimum_ascent(s: Sources) -> PlanarAscent:
     """Return the optimum as a planar ascent."""
-    return Walk(s.planar_optimum, s.staging_s, s.optimum.t_plf_s, s.optimum.t_meco_s)
+    return PlanarAscent(s.planar_optimum, s.staging_s, s.optimum.t_plf_s, s.optimum.t_meco_s)
 
 
-def analytic_walk(s: Sources, found: AnalyticSolution) -> Walk:
+def analytic_ascent(s: Sources, found: AnalyticSolution) -> PlanarAscent:
     """Return an analytic solution as a planar ascent."""
     one, two = parts(found)
     assert found.flight is not None
-    return Walk(found.flight, s.staging_s, one.burns[-1].end_s, two.burns[-1].end_s)
+    return PlanarAscent(found.flight, s.staging_s, one.burns[-1].end_s, two.burns[-1].end_s)
 
 
 def parts(found: AnalyticSolution) -> tuple[AnalyticPart, AnalyticPart]:
@@ -63,11 +63,11 @@ def parts(found: AnalyticSolution) -> tuple[AnalyticPart, AnalyticPart]:
     return found.part_one, found.part_two
 
 
-def _walks(s: Sources) -> tuple[Walk, ...]:
+def _ascents(s: Sources) -> tuple[PlanarAscent, ...]:
     return (
-        analytic_walk(s, s.analytic_printed),
-        analytic_walk(s, s.analytic_improved),
-        optimum_walk(s),
+        analytic_ascent(s, s.analytic_printed),
+        analytic_ascent(s, s.analytic_improved),
+        optimum_ascent(s),
     )
 
 
@@ -86,10 +86,13 @@ _QUANTITIES = {
 
 
 def _event(
-    name: str, walks: Iterable[Walk], when: Callable[[Walk], float], conditions: dict[str, str]
+    name: str,
+    ascents: Iterable[PlanarAscent],
+    when: Callable[[PlanarAscent], float],
+    conditions: dict[str, str],
 ) -> list[Row]:
     """Make the rows of one event: one per quantity with a condition."""
-    states = [walk.at(when(walk)) for walk in walks]
+    states = [ascent.at(when(ascent)) for ascent in ascents]
     return [
         Row(
             f"{name}: {_QUANTITIES[key][0]}",
@@ -100,14 +103,17 @@ def _event(
 
 
 def _duration(
-    label: str, condition: str, walks: Iterable[Walk], last: Callable[[Walk], float]
+    label: str,
+    condition: str,
+    ascents: Iterable[PlanarAscent],
+    last: Callable[[PlanarAscent], float],
 ) -> Row:
-    return Row(label, (word(condition), *(number(last(walk), 2) for walk in walks)))
+    return Row(label, (word(condition), *(number(last(ascent), 2) for ascent in ascents)))
 
 
 def table_5_1(s: Sources) -> Table:
     """Tabulate the parameters of part one, with their converged values."""
-    walks = _walks(s)
+    ascents = _ascents(s)
     start = s.mission.initial_state.time_s
     known = dict.fromkeys(("radius", "speed", "gamma"), "known")
     free = dict.fromkeys(("radius", "speed", "gamma"), "free")
@@ -115,15 +121,17 @@ def table_5_1(s: Sources) -> Table:
     return Table(
         _CONDITIONS,
         (
-            *_event("Start", walks, lambda _: start, known | theta),
-            *_event("Staging", walks, lambda walk: walk.staging_s, free),
-            _duration("Burn of stage 1, s", "known", walks, lambda walk: walk.staging_s - start),
-            *_event("Jettison", walks, lambda walk: walk.jettison_s, known | theta),
+            *_event("Start", ascents, lambda _: start, known | theta),
+            *_event("Staging", ascents, lambda ascent: ascent.staging_s, free),
+            _duration(
+                "Burn of stage 1, s", "known", ascents, lambda ascent: ascent.staging_s - start
+            ),
+            *_event("Jettison", ascents, lambda ascent: ascent.jettison_s, known | theta),
             _duration(
                 "Staging to jettison T_go, s",
                 "free",
-                walks,
-                lambda walk: walk.jettison_s - walk.staging_s,
+                ascents,
+                lambda ascent: ascent.jettison_s - ascent.staging_s,
             ),
         ),
         "The thesis takes the state at the jettison from its optimum. The improved profile does "
@@ -134,18 +142,20 @@ def table_5_1(s: Sources) -> Table:
 
 def table_5_2(s: Sources) -> Table:
     """Tabulate the parameters of part two, with their converged values."""
-    walks = _walks(s)
+    ascents = _ascents(s)
     known = dict.fromkeys(("radius", "speed", "gamma"), "known")
     return Table(
         _CONDITIONS,
         (
-            *_event("Jettison", walks, lambda walk: walk.jettison_s, known | {"theta": "free"}),
-            *_event("Cut-off", walks, lambda walk: walk.cutoff_s, known),
+            *_event(
+                "Jettison", ascents, lambda ascent: ascent.jettison_s, known | {"theta": "free"}
+            ),
+            *_event("Cut-off", ascents, lambda ascent: ascent.cutoff_s, known),
             _duration(
                 "Jettison to cut-off T_go, s",
                 "free",
-                walks,
-                lambda walk: walk.cutoff_s - walk.jettison_s,
+                ascents,
+                lambda ascent: ascent.cutoff_s - ascent.jettison_s,
             ),
         ),
     )
@@ -154,16 +164,16 @@ def table_5_2(s: Sources) -> Table:
 def table_6_1(s: Sources) -> Table:
     """Tabulate the first guesses beside the optimum."""
     thesis = printed.values("table-6.1")
-    walk = optimum_walk(s)
-    jettison, staging = walk.at(walk.jettison_s), walk.at(walk.staging_s)
-    start = walk.at(s.mission.initial_state.time_s)
+    ascent = optimum_ascent(s)
+    jettison, staging = ascent.at(ascent.jettison_s), ascent.at(ascent.staging_s)
+    start = ascent.at(s.mission.initial_state.time_s)
     rows = (
         ("Part one θ_PLF, deg", "theta_plf_deg", jettison["theta"], ""),
         ("Part one γ_stage1, deg", "gamma_staging_deg", staging["gamma"], ""),
         (
             "Part one T_go, s",
             "time_to_go_s",
-            walk.jettison_s - walk.staging_s,
+            ascent.jettison_s - ascent.staging_s,
             "The jettison of our optimum is earlier, see Table 4.1.",
         ),
         ("Part two θ_PLF, deg", "theta_plf_deg", jettison["theta"], ""),
@@ -217,11 +227,11 @@ def _converged(found: AnalyticSolution) -> dict[str, float]:
 def table_6_2(s: Sources) -> Table:
     """Tabulate part one, converged."""
     thesis = printed.values("table-6.3")[0]
-    walk = optimum_walk(s)
+    ascent = optimum_ascent(s)
     optimum = {
-        "time_to_go_s": walk.jettison_s - walk.staging_s,
-        "theta_plf_deg": walk.at(walk.jettison_s)["theta"],
-        "gamma_staging_deg": walk.at(walk.staging_s)["gamma"],
+        "time_to_go_s": ascent.jettison_s - ascent.staging_s,
+        "theta_plf_deg": ascent.at(ascent.jettison_s)["theta"],
+        "gamma_staging_deg": ascent.at(ascent.staging_s)["gamma"],
     }
     here, exact, improved = (
         _converged(found) for found in (s.analytic_printed, s.analytic_exact, s.analytic_improved)
@@ -303,11 +313,11 @@ def _part_two(found: AnalyticSolution) -> dict[str, float]:
 def table_6_4(s: Sources) -> Table:
     """Tabulate part two, converged."""
     thesis = printed.values("table-6.4")
-    walk = optimum_walk(s)
+    ascent = optimum_ascent(s)
     optimum = {
-        "time_to_go_s": walk.cutoff_s - walk.jettison_s,
-        "theta_plf_deg": walk.at(walk.jettison_s)["theta"],
-        "theta_end_deg": walk.at(walk.cutoff_s)["theta"],
+        "time_to_go_s": ascent.cutoff_s - ascent.jettison_s,
+        "theta_plf_deg": ascent.at(ascent.jettison_s)["theta"],
+        "theta_end_deg": ascent.at(ascent.cutoff_s)["theta"],
     }
     here, improved = _part_two(s.analytic_printed), _part_two(s.analytic_improved)
     return Table(
@@ -339,11 +349,11 @@ def table_6_4(s: Sources) -> Table:
     )
 
 
-def _ends(walk: Walk) -> dict[str, float]:
-    end = walk.at(walk.cutoff_s)
+def _ends(ascent: PlanarAscent) -> dict[str, float]:
+    end = ascent.at(ascent.cutoff_s)
     return {
-        "jettison_s": walk.jettison_s,
-        "cutoff_s": walk.cutoff_s,
+        "jettison_s": ascent.jettison_s,
+        "cutoff_s": ascent.cutoff_s,
         "radius_km": end["radius"],
         "speed_km_s": end["speed"],
     }
@@ -352,9 +362,9 @@ def _ends(walk: Walk) -> dict[str, float]:
 def table_6_5(s: Sources) -> Table:
     """Tabulate both parts in sequence."""
     thesis = printed.values("table-6.5")
-    optimum = _ends(optimum_walk(s))
+    optimum = _ends(optimum_ascent(s))
     here, improved = (
-        _ends(analytic_walk(s, found)) for found in (s.analytic_printed, s.analytic_improved)
+        _ends(analytic_ascent(s, found)) for found in (s.analytic_printed, s.analytic_improved)
     )
     return Table(
         (
