@@ -20,7 +20,7 @@ from pathlib import Path
 from figures import Figures, keep_option
 
 from ares_models.mission import load_mission
-from ares_studies.montecarlo.campaign import Plan, fly_campaign
+from ares_studies.montecarlo.campaign import CampaignPlan, fly_campaign
 from ares_studies.montecarlo.engines import cores, fly_here, fly_on_cores
 from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_studies.montecarlo.store import Store
@@ -34,7 +34,7 @@ def ours(settings, flights, engine):
     FlightRange(settings).fly(0, 1)
     with tempfile.TemporaryDirectory() as folder, Store(Path(folder), settings) as store:
         begun = time.perf_counter()
-        fly_campaign(Plan(settings, flights), store, engine, lambda _: None)
+        fly_campaign(CampaignPlan(settings, flights), store, engine, lambda _: None)
         seconds = time.perf_counter() - begun
     return flights / seconds, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
 

@@ -71,7 +71,7 @@ class Difference:
 
 
 @dataclass
-class Check:
+class Comparison:
     """Hold the result of a comparison.
 
     Attributes:
@@ -134,7 +134,7 @@ class _Turn:
     end: int
 
 
-def check(path: Path, given: Mapping[str, str]) -> Check:
+def check(path: Path, given: Mapping[str, str]) -> Comparison:
     """Give the recorded navigation to a fresh guidance and compare.
 
     Args:
@@ -154,7 +154,9 @@ def check(path: Path, given: Mapping[str, str]) -> Check:
     flown = [_flown_by(bag, recorded, turn, given) for turn in turns]
     values, told, notes = flown[0]
     name = found.mission.name
-    result = Check(path, name, values["law"], told.get("software", ""), software(), notes=notes)
+    result = Comparison(
+        path, name, values["law"], told.get("software", ""), software(), notes=notes
+    )
     _note_software(result, told, found)
     if reason := bag.custom_data.get(INCOMPLETE_KEY):
         result.notes.append(f"the bag is incomplete: {reason}")
@@ -284,7 +286,7 @@ def _parsed(name: str, text: str) -> Any:
         raise CannotStart(f"{name} is {text!r}; expected {kind}") from error
 
 
-def _note_software(result: Check, told: Mapping[str, Any], found: FlownMission) -> None:
+def _note_software(result: Comparison, told: Mapping[str, Any], found: FlownMission) -> None:
     """Note a changed mission or software."""
     if found.note:
         result.notes.append(found.note)
@@ -306,7 +308,7 @@ def _fly(
     turn: _Turn,
     values: Mapping[str, Any],
     mission: Mission,
-    result: Check,
+    result: Comparison,
     answered: Mapping[str, dict[int, Any]],
 ) -> None:
     """Give the states of a turn to a guidance; add its answers by topic and stamp to `answered`."""
@@ -345,7 +347,9 @@ def _fly(
             answered[STATUS][stamp] = answers.status()
 
 
-def _start(recorded: _Recorded, answers: Answers, values: Mapping[str, Any], result: Check) -> None:
+def _start(
+    recorded: _Recorded, answers: Answers, values: Mapping[str, Any], result: Comparison
+) -> None:
     """Repeat the flight's request to the optimizer, and start guidance from the answer."""
     if reason := unmet("ares_optimizer", "solve"):
         raise CannotStart(reason)
@@ -391,7 +395,9 @@ def _start(recorded: _Recorded, answers: Answers, values: Mapping[str, Any], res
 # ---- comparison
 
 
-def _compare(recorded: _Recorded, answered: Mapping[str, Mapping[int, Any]], result: Check) -> None:
+def _compare(
+    recorded: _Recorded, answered: Mapping[str, Mapping[int, Any]], result: Comparison
+) -> None:
     for topic, kind in KINDS.items():
         fresh, then = answered[topic], recorded.said[topic]
         stamps = sorted(fresh.keys() & then.keys())
@@ -430,7 +436,7 @@ def _compare_field(
     name: str,
     stamps: Sequence[int],
     pair: Sequence[NDArray[np.float64]],
-    result: Check,
+    result: Comparison,
 ) -> None:
     width = max(column.shape[1] for column in pair)
     then, now = (

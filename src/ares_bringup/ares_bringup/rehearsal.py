@@ -21,7 +21,7 @@ TOLERATED = 3e-3
 
 
 @dataclass(frozen=True)
-class _Stage:
+class _Rehearsal:
     """Hold the inputs common to all laws.
 
     Attributes:
@@ -69,16 +69,16 @@ def rehearse(flown: Mapping[str, Any]) -> str:
         return ""
     law = str(flown.get("law", PEG))
     try:
-        stage = _stage(mission, law, flown)
-        end = _fly_ahead(stage, law)
+        rehearsal = _prepare(mission, law, flown)
+        end = _fly_ahead(rehearsal, law)
     except ValueError as error:
         raise CannotStart(str(error)) from error
     if not end.mass_kg:
         raise CannotStart(
             f"guidance is {law!r}, which misses the target when the mission is flown ahead "
-            f"({end.missed}); {_advice(stage, law)}"
+            f"({end.missed}); {_advice(rehearsal, law)}"
         )
-    plan_kg = stage.plan.m_f_kg
+    plan_kg = rehearsal.plan.m_f_kg
     lost = 1.0 - end.mass_kg / plan_kg
     if lost <= TOLERATED:
         return ""
@@ -88,7 +88,7 @@ def rehearse(flown: Mapping[str, Any]) -> str:
     )
 
 
-def _stage(mission: "Mission", law: str, flown: Mapping[str, Any]) -> _Stage:
+def _prepare(mission: "Mission", law: str, flown: Mapping[str, Any]) -> _Rehearsal:
     """Solve for the plan.
 
     Raises:
@@ -106,7 +106,7 @@ def _stage(mission: "Mission", law: str, flown: Mapping[str, Any]) -> _Stage:
     limit = float(flown.get("attitude_rate_limit_deg_s", 0.0))
     if limit > 0.0:
         known[SimulatorOptions]["attitude_rate_limit_rad_s"] = math.radians(limit)
-    return _Stage(
+    return _Rehearsal(
         mission,
         plan_solution(mission, find_law(law), time_limit_s=flown.get("plan_timeout_s")),
         SimulatorOptions(**known[SimulatorOptions]),
@@ -114,7 +114,7 @@ def _stage(mission: "Mission", law: str, flown: Mapping[str, Any]) -> _Stage:
     )
 
 
-def _fly_ahead(stage: _Stage, law: str) -> _End:
+def _fly_ahead(rehearsal: _Rehearsal, law: str) -> _End:
     """Fly a law to its end.
 
     Raises:
@@ -123,14 +123,14 @@ def _fly_ahead(stage: _Stage, law: str) -> _End:
     from ares_models.judge import End
     from ares_studies.closed_loop import fly_stepwise, ready_law
 
-    ready = ready_law(stage.mission, law, stage.settings, stage.plan)
-    plant = fly_stepwise(stage.mission, stage.options, law=ready).plant
-    judged = judgement(facts_of(stage.mission), plant["position"], plant["velocity"])
+    ready = ready_law(rehearsal.mission, law, rehearsal.settings, rehearsal.plan)
+    plant = fly_stepwise(rehearsal.mission, rehearsal.options, law=ready).plant
+    judged = judgement(facts_of(rehearsal.mission), plant["position"], plant["velocity"])
     reached = judged.end is End.TARGET
     return _End("; ".join(judged.misses()), float(plant["mass"]) if reached else 0.0)
 
 
-def _advice(stage: _Stage, law: str) -> str:
+def _advice(rehearsal: _Rehearsal, law: str) -> str:
     """Name the other self-starting laws that reach the target."""
     from ares_guidance.laws import self_starting_laws
 
@@ -138,6 +138,6 @@ def _advice(stage: _Stage, law: str) -> str:
     ways = []
     for name in others:
         with suppress(ValueError):
-            if _fly_ahead(stage, name).mass_kg:
+            if _fly_ahead(rehearsal, name).mass_kg:
                 ways.append(name)
     return f"try law {' or '.join(ways)}" if ways else "no other law reaches it"

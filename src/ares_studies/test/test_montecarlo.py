@@ -25,7 +25,7 @@ from ares_models.mission_target import target_record
 from ares_models.orbits import Elements
 from ares_studies.closed_loop import fly_compiled
 from ares_studies.montecarlo import engines
-from ares_studies.montecarlo.campaign import Plan, fly_campaign, missing
+from ares_studies.montecarlo.campaign import CampaignPlan, fly_campaign, missing
 from ares_studies.montecarlo.engines import (
     EngineError,
     fly_chunk,
@@ -226,7 +226,9 @@ def test_chunks_fill_what_is_missing():
 
 def test_a_campaign_is_one_file_of_all_flights_in_order(standard, hundred, tmp_path):
     seen = []
-    count, table = fly(Plan(standard, 100), tmp_path / "c", watch=lambda t: seen.append(t.num_rows))
+    count, table = fly(
+        CampaignPlan(standard, 100), tmp_path / "c", watch=lambda t: seen.append(t.num_rows)
+    )
     assert count == 100
     assert table.equals(hundred)
     assert sum(seen) == 100
@@ -247,29 +249,29 @@ def test_an_interrupted_campaign_goes_on(standard, hundred, tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        fly(Plan(standard, 100), tmp_path, watch=interrupt)
+        fly(CampaignPlan(standard, 100), tmp_path, watch=interrupt)
     (tmp_path / "parts" / "half.partial").write_bytes(b"killed here")
     again = []
-    _, table = fly(Plan(standard, 100), tmp_path, watch=lambda t: again.append(t.num_rows))
+    _, table = fly(CampaignPlan(standard, 100), tmp_path, watch=lambda t: again.append(t.num_rows))
     assert sum(flown) + sum(again) == 100
     assert table.equals(hundred)
 
 
 def test_a_finished_campaign_can_grow(standard, hundred, tmp_path):
-    fly(Plan(standard, 30), tmp_path)
+    fly(CampaignPlan(standard, 30), tmp_path)
     again = []
-    _, table = fly(Plan(standard, 100), tmp_path, watch=lambda t: again.append(t.num_rows))
+    _, table = fly(CampaignPlan(standard, 100), tmp_path, watch=lambda t: again.append(t.num_rows))
     assert sum(again) == 70
     assert table.equals(hundred)
-    for plan in (Plan(standard, 50), Plan(standard, 50, success_width=1e-9)):
+    for plan in (CampaignPlan(standard, 50), CampaignPlan(standard, 50, success_width=1e-9)):
         with pytest.raises(StoreError, match="holds 100 flights, more than 50"):
             fly(plan, tmp_path)
         assert pq.read_table(tmp_path / "flights.parquet").equals(hundred)
-    assert fly(Plan(standard, 100), tmp_path)[1].equals(hundred)
+    assert fly(CampaignPlan(standard, 100), tmp_path)[1].equals(hundred)
 
 
 def test_another_campaign_is_refused(standard, tmp_path):
-    fly(Plan(standard, 25), tmp_path)
+    fly(CampaignPlan(standard, 25), tmp_path)
     others = {
         "seed was 0, now 1": Settings(standard.mission, standard.dispersions, seed=1),
         'guidance was "peg", now "optimal"': Settings(
@@ -308,7 +310,7 @@ def test_folders_that_cannot_hold_a_campaign(standard, tmp_path):
 
 
 def test_the_folder_says_what_was_flown(standard, tmp_path):
-    fly(Plan(standard, 25), tmp_path)
+    fly(CampaignPlan(standard, 25), tmp_path)
     said = json.loads((tmp_path / "campaign.json").read_text())
     assert said["guidance"] == "peg"
     assert said["mission"]["name"] == "ares_v"
@@ -320,7 +322,7 @@ def test_the_folder_says_what_was_flown(standard, tmp_path):
 
 
 def test_threads_fly_the_same_bit_for_bit(standard, hundred, tmp_path):
-    _, table = fly(Plan(standard, 100), tmp_path, partial(fly_on_cores, count=3))
+    _, table = fly(CampaignPlan(standard, 100), tmp_path, partial(fly_on_cores, count=3))
     assert table.equals(hundred)
 
 
@@ -381,7 +383,7 @@ def test_a_cluster_flies_the_same_and_a_lost_worker_loses_no_flight(
 ):
     address, workers = cluster
     engine = partial(fly_on_cluster, address=address)
-    _, table = fly(Plan(standard, 100), tmp_path / "both", engine)
+    _, table = fly(CampaignPlan(standard, 100), tmp_path / "both", engine)
     assert table.equals(hundred)
 
     def kill_one(_):
@@ -389,7 +391,7 @@ def test_a_cluster_flies_the_same_and_a_lost_worker_loses_no_flight(
             workers[0].send_signal(signal.SIGKILL)
             workers[0].wait()
 
-    _, table = fly(Plan(standard, 100), tmp_path / "one", engine, watch=kill_one)
+    _, table = fly(CampaignPlan(standard, 100), tmp_path / "one", engine, watch=kill_one)
     assert workers[0].poll() is not None
     assert table.equals(hundred)
 
@@ -408,7 +410,7 @@ def test_no_scheduler_is_one_line(standard, tmp_path, monkeypatch):
         held.bind(("127.0.0.1", 0))
         engine = partial(fly_on_cluster, address=f"tcp://127.0.0.1:{held.getsockname()[1]}")
         with pytest.raises(EngineError, match="no Dask scheduler at") as caught:
-            fly(Plan(standard, 25), tmp_path, engine)
+            fly(CampaignPlan(standard, 25), tmp_path, engine)
     assert "\n" not in str(caught.value)
 
 
@@ -420,7 +422,7 @@ def test_a_chunk_names_what_it_needs_by_pickle(standard, hundred):
 
 
 def test_a_campaign_stops_when_it_knows_enough(standard, tmp_path):
-    plan = Plan(standard, 2000, success_width=0.08)
+    plan = CampaignPlan(standard, 2000, success_width=0.08)
     counts = set()
     for name, engine in (("here", fly_here), ("cores", partial(fly_on_cores, count=3))):
         count, table = fly(plan, tmp_path / name, engine)
@@ -437,7 +439,7 @@ def test_a_campaign_stops_when_it_knows_enough(standard, tmp_path):
 
 
 def test_a_campaign_stops_on_its_mass(standard, tmp_path):
-    count, table = fly(Plan(standard, 2000, mass_width_kg=1500.0), tmp_path)
+    count, table = fly(CampaignPlan(standard, 2000, mass_width_kg=1500.0), tmp_path)
     tally = Tally()
     tally.add(table)
     low, high = tally.mass_intervals()[0]
@@ -533,7 +535,7 @@ def test_a_single_failure_is_marked_in_every_histogram(standard, tmp_path):
         standard.mission,
         Dispersions(thrust=0.01, log_density={"mean": 0.0, "sigma": 1.5}),
     )
-    _, table = fly(Plan(weak, 60), tmp_path, partial(fly_on_cores, count=2))
+    _, table = fly(CampaignPlan(weak, 60), tmp_path, partial(fly_on_cores, count=2))
     rows = table.to_pylist()
     first = next(row["flight"] for row in rows if not row["succeeded"])
     kept = [row["flight"] for row in rows if row["succeeded"] or row["flight"] == first]
@@ -594,7 +596,7 @@ def test_a_summary_of_a_campaign(standard, tmp_path):
         standard.mission,
         Dispersions(thrust=0.01, log_density={"mean": 0.0, "sigma": 2.5}),
     )
-    _, table = fly(Plan(weak, 1000), tmp_path, partial(fly_on_cores, count=2))
+    _, table = fly(CampaignPlan(weak, 1000), tmp_path, partial(fly_on_cores, count=2))
     summary = summarize(tmp_path / "flights.parquet", 127_880.0)
     failed = [row for row in table.to_pylist() if not row["succeeded"]]
     assert failed
@@ -665,7 +667,7 @@ def test_the_page_shows_the_campaign(standard, tmp_path):
     settings = Settings(
         standard.mission, Dispersions(thrust=0.01, log_density={"mean": 0.0, "sigma": 2.0})
     )
-    _, table = fly(Plan(settings, 200), tmp_path)
+    _, table = fly(CampaignPlan(settings, 200), tmp_path)
     summary = summarize(tmp_path / "flights.parquet", 127_880.0)
     facts = {"flights": "200", "guidance": "peg", "file": "flights.parquet"}
     failures = summary.worst["failures"]

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from ares_bringup.check import COMMAND, STATUS, TOLERANCE, Check, Difference, check
+from ares_bringup.check import COMMAND, STATUS, TOLERANCE, Comparison, Difference, check
 from ares_bringup.options import CannotStart
 
 EXIT_EQUAL = 0
@@ -55,7 +55,7 @@ def parse_settings(settings: Sequence[str]) -> dict[str, str]:
     return found
 
 
-def _as_json(result: Check) -> dict[str, Any]:
+def _as_json(result: Comparison) -> dict[str, Any]:
     found = asdict(result)
     found["path"] = str(result.path)
     return {"equal": result.equal, "tolerance": TOLERANCE} | found
@@ -70,7 +70,7 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _print(result: Check) -> None:
+def _print(result: Comparison) -> None:
     print(f"{result.path}: mission {result.mission}, law {result.law}")
     print(f"flown by {result.recorded_by or 'a version that the bag does not name'}")
     print(f"now {result.software}")

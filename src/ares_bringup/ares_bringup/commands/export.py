@@ -12,7 +12,7 @@ from ares_bringup.summary import VERDICTS
 from ares_bringup.whole_file import write_whole
 from ares_studies.export.czml import as_czml
 from ares_studies.export.kml import as_kml
-from ares_studies.export.recording import Export, Happening
+from ares_studies.export.recording import Export, ExportEvent
 from ares_studies.export.tables import as_csv, as_parquet, event_table, flight_table
 
 EXIT_INCOMPLETE = 1
@@ -67,7 +67,7 @@ def _exported(flown: RecordedFlight) -> Export:
         recording=recording_of(find_file(flown.path).absolute().parent.name, flown),
         commands=flown.columns["thrust_command"],
         events=[
-            Happening(
+            ExportEvent(
                 time_s=event.time,
                 name=summary.event_name(event),
                 position=event.position,

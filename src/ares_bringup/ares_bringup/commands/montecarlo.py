@@ -29,7 +29,7 @@ from ares_models.atmosphere import AtmosphereError
 from ares_models.input_file import InputError
 from ares_models.mission import load_mission
 from ares_studies.closed_loop import arc_plan
-from ares_studies.montecarlo.campaign import Plan, fly_campaign
+from ares_studies.montecarlo.campaign import CampaignPlan, fly_campaign
 from ares_studies.montecarlo.engines import EngineError, choose
 from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_studies.montecarlo.reach import Reach, reaches
@@ -165,7 +165,9 @@ def montecarlo(options: CampaignOptions, begun: float) -> int:
         # compiles the kernels, and checks that the dispersions fit the mission
         FlightRange(settings).fly(0, 1)
         with Store(folder, settings) as store:
-            plan = Plan(settings, options.count, options.success_width, options.mass_width_kg)
+            plan = CampaignPlan(
+                settings, options.count, options.success_width, options.mass_width_kg
+            )
             with _Watch(store.count(), options.count, quiet=options.as_json) as watch:
                 try:
                     fly_campaign(plan, store, engine, watch)

@@ -23,7 +23,7 @@ from ares_bags.verify import verify
 from ares_bringup.faults import tampering
 from ares_bringup.faults.control import Control
 from ares_bringup.faults.relay import Channel
-from ares_bringup.faults.scene import Flown, Scene
+from ares_bringup.faults.scene import FlightResult, Scene
 from ares_bringup.keeper import GUIDANCE, OPTIMIZER, RECORDER, SIMULATOR
 from ares_msgs.msg import FlightEvent, FlightMember, ThrustCommand
 from ares_node.membership import Role, State
@@ -167,12 +167,12 @@ def remove_folder(scene: Scene, control: Control, rng: Generator) -> None:
         shutil.rmtree(scene.bag)
 
 
-def what_was_flushed_is_there(scene: Scene, _flown: Flown) -> str:
+def what_was_flushed_is_there(scene: Scene, _flown: FlightResult) -> str:
     """Check that the bag is whole and holds each navigation state before the fault; "" if so."""
     return _what_is_missing(scene, scene.bag)
 
 
-def what_was_flushed_is_saved(scene: Scene, _flown: Flown) -> str:
+def what_was_flushed_is_saved(scene: Scene, _flown: FlightResult) -> str:
     """Check the same of the bag, repaired if it is not whole."""
     try:
         if not verify(scene.bag).findings:
@@ -556,7 +556,7 @@ def load_cores(scene: Scene, control: Control, rng: Generator) -> None:
     scene.relay.on_command = look
 
 
-def what_was_missed_is_said(scene: Scene, flown: Flown) -> str:
+def what_was_missed_is_said(scene: Scene, flown: FlightResult) -> str:
     """Check that a flight reported a lag beyond UNSAID; return a complaint or ""."""
     behind = scene.facts.get("behind_s", 0.0)
     if behind > UNSAID and "behind its pace by" not in flown.said:

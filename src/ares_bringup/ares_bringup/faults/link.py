@@ -49,7 +49,7 @@ class LinkOptions:
     wall: bool = False
 
 
-class Way:
+class DelayLine:
     """Delay the messages of one direction, first in, first out.
 
     Attributes:
@@ -98,7 +98,7 @@ class Link(Relay):
         """Create the endpoints on a node."""
         super().__init__(node)
         rngs = np.random.default_rng(options.seed).spawn(2)
-        self.up, self.down = (Way(options, rng) for rng in rngs)
+        self.up, self.down = (DelayLine(options, rng) for rng in rngs)
         self._wall = options.wall
         self._in_force: ThrustCommand | None = None
         #: arrival time and CDR of states whose answers are awaited

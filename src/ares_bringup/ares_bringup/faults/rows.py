@@ -9,7 +9,7 @@ from typing import Any
 from numpy.random import Generator
 
 from ares_bringup.faults import acts, signals
-from ares_bringup.faults.scene import Flown, Scene
+from ares_bringup.faults.scene import FlightResult, Scene
 from ares_bringup.keeper import OPTIMIZER, SIMULATOR
 from ares_node.membership import Role, State
 
@@ -51,7 +51,7 @@ class Row:
     arguments: Mapping[str, Sequence[str]] = field(default_factory=dict)
     modules: Mapping[str, str] = field(default_factory=dict)
     drawn: str = ""
-    after: Callable[[Scene, Flown], str] = lambda _scene, _flown: ""
+    after: Callable[[Scene, FlightResult], str] = lambda _scene, _flown: ""
     program: str = "ares_bringup.faults.flight"
     alone: Callable[[Generator], str] | None = None
 

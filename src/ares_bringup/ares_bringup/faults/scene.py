@@ -45,7 +45,7 @@ FLOWN: Mapping[str, Any] = {"mission": "ares_v", "record": False, "navigation_pe
 
 
 @dataclass
-class Flown:
+class FlightResult:
     """Hold the result of the flight.
 
     Attributes:
@@ -97,7 +97,7 @@ class Scene:
         folder: temporary folder for files.
         relay: between simulator and guidance.
         node: for further endpoints.
-        facts: findings of the row, see `Flown`.
+        facts: findings of the row, see `FlightResult`.
     """
 
     def __init__(
@@ -252,7 +252,7 @@ class Scene:
         finally:
             self.node.destroy_client(client)
 
-    def finish(self, timeout: float = PATIENCE) -> Flown:
+    def finish(self, timeout: float = PATIENCE) -> FlightResult:
         """Let the flight end within `timeout` s of wall time, else kill it; return the result."""
         self.relay.let_go()
         ended = self.spin(lambda: False, timeout) or self.process.poll() is not None
@@ -263,7 +263,7 @@ class Scene:
         self._out.seek(0)
         self._said.seek(0)
         text = self._out.read()
-        return Flown(
+        return FlightResult(
             self.process.returncode if ended else None,
             json.loads(text) if text else {},
             self._said.read(),

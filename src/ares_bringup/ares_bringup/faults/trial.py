@@ -10,7 +10,7 @@ import numpy as np
 
 from ares_bringup.faults.control import Control, undisturbed
 from ares_bringup.faults.rows import ROWS, Row
-from ares_bringup.faults.scene import Flown, Scene
+from ares_bringup.faults.scene import FlightResult, Scene
 
 #: Outcomes of a flight that has diverged or not ended.
 DIVERGED = ("impact", "incomplete", "interrupted", "time_limit")
@@ -75,7 +75,7 @@ def run(name: str, seed: int, number: int, control: Control | None = None) -> Tr
     return Trial(name, seed, number, result.value, why)
 
 
-def judge(row: Row, flown: Flown, control: Control) -> tuple[Class, str]:
+def judge(row: Row, flown: FlightResult, control: Control) -> tuple[Class, str]:
     """Classify a flight with the reason, independent of the machine's speed."""
     wrong = _unclean(flown) or _unsaid(row, flown, control)
     if wrong:
@@ -90,7 +90,7 @@ def judge(row: Row, flown: Flown, control: Control) -> tuple[Class, str]:
     return Class.DEGRADED, why
 
 
-def _unclean(flown: Flown) -> str:
+def _unclean(flown: FlightResult) -> str:
     """Return the violated invariant of every flight, or ""."""
     if flown.status is None:
         return "hung"
@@ -103,7 +103,7 @@ def _unclean(flown: Flown) -> str:
     return ""
 
 
-def _unsaid(row: Row, flown: Flown, control: Control) -> str:
+def _unsaid(row: Row, flown: FlightResult, control: Control) -> str:
     """Return the missing report of the fault, or the wrong status or mass; "" if all is right."""
     summary = flown.summary
     on_target = summary["outcome"] == "target"

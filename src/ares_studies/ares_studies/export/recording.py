@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Happening:
+class ExportEvent:
     """Hold an event: mission elapsed time in s, name, inertial state, mass in kg."""
 
     time_s: float
@@ -38,7 +38,7 @@ class Export:
 
     recording: Recording
     commands: Columns
-    events: Sequence[Happening]
+    events: Sequence[ExportEvent]
     verdict: str
 
     def places(self) -> Places:

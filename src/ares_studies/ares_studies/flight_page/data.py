@@ -138,7 +138,7 @@ class Guidance:
 
 
 @dataclass(frozen=True)
-class NavigationErrors:
+class NavigationDeviation:
     """Hold navigation minus truth: distances, shape (n,) each."""
 
     time_s: Array
@@ -172,7 +172,7 @@ class Flight:
     states: States
     phases: tuple[Phase, ...]
     guidance: Guidance | None
-    navigation: NavigationErrors | None
+    navigation: NavigationDeviation | None
     impact_time_s: Array
     impact: Track
     heating_limit_w_m2: float | None
@@ -197,7 +197,7 @@ def make_flight(recording: Recording) -> Flight:
         states=states,
         phases=phases_of(picked, mission),
         guidance=_guidance(recording.status),
-        navigation=_navigation_errors(recording.navigation, truth),
+        navigation=_navigation_deviation(recording.navigation, truth),
         impact_time_s=truth["time"][falls],
         impact=impact_track(
             truth["time"][falls],
@@ -327,7 +327,7 @@ def _guidance(status: Columns) -> Guidance | None:
     )
 
 
-def _navigation_errors(navigation: Columns, truth: Columns) -> NavigationErrors | None:
+def _navigation_deviation(navigation: Columns, truth: Columns) -> NavigationDeviation | None:
     """Compare navigation with the truth of the same sequence number."""
     if not len(navigation["time"]):
         return None
@@ -338,7 +338,7 @@ def _navigation_errors(navigation: Columns, truth: Columns) -> NavigationErrors 
     velocity = np.linalg.norm(navigation["velocity"][ours] - truth["velocity"][theirs], axis=1)
     if not (np.any(position > _NO_ERROR) or np.any(velocity > _NO_ERROR)):
         return None
-    return NavigationErrors(navigation["time"][ours], position, velocity)
+    return NavigationDeviation(navigation["time"][ours], position, velocity)
 
 
 def span_of(flights: Sequence[Flight]) -> tuple[float, float]:

@@ -20,7 +20,7 @@ CHUNKS = 16
 
 
 @dataclass(frozen=True)
-class Plan:
+class CampaignPlan:
     """Hold the size and the stopping rule of a campaign.
 
     Attributes:
@@ -68,7 +68,7 @@ def missing(spans: list[Chunk], count: int) -> Iterator[Chunk]:
 class _InOrder:
     """Check the stopping rule in order of flights, so that a campaign stops reproducibly."""
 
-    def __init__(self, plan: Plan, store: Store) -> None:
+    def __init__(self, plan: CampaignPlan, store: Store) -> None:
         self._plan = plan
         self._store = store
         self._there = dict(store.spans())
@@ -88,7 +88,9 @@ class _InOrder:
                 self.stop_at = self._tally.n
 
 
-def fly_campaign(plan: Plan, store: Store, engine: Engine, watch: Callable[[Any], None]) -> int:
+def fly_campaign(
+    plan: CampaignPlan, store: Store, engine: Engine, watch: Callable[[Any], None]
+) -> int:
     """Fly the missing flights of a campaign and assemble its file.
 
     Args:
@@ -116,7 +118,7 @@ def fly_campaign(plan: Plan, store: Store, engine: Engine, watch: Callable[[Any]
 
 
 def _fly_missing(
-    plan: Plan, store: Store, engine: Engine, watch: Callable[[Any], None], order: _InOrder
+    plan: CampaignPlan, store: Store, engine: Engine, watch: Callable[[Any], None], order: _InOrder
 ) -> None:
     # closing ends threads and connections in any case
     with closing(engine(plan.settings, missing(store.spans(), plan.count))) as tables:
