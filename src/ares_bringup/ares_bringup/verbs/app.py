@@ -79,7 +79,7 @@ HoldTime = Annotated[
     float | None, typer.Option(help="Time to go from which the steering is held, s.")
 ]
 HeatingSourceOption = Annotated[
-    HeatingSource | None, typer.Option(help="What times the fairing jettison.")
+    HeatingSource | None, typer.Option(help="Source of the time of the fairing's jettison.")
 ]
 LiveHost = Annotated[
     str, typer.Option(help="Serve the page there; beyond this machine its address has a token.")

@@ -55,7 +55,7 @@ def fly(
     ] = False,
     sealed: Annotated[
         bool,
-        typer.Option("--sealed", help="Draw a key: no node takes a word that has no proof by it."),
+        typer.Option("--sealed", help="Draw a key: nodes refuse messages without its proof."),
     ] = False,
     as_json: TablesOrJson = False,
     bag: Annotated[
@@ -106,7 +106,7 @@ def fly(
     heating_source: HeatingSourceOption = None,
     initial_guess: Annotated[
         InitialGuess,
-        typer.Option(help="Where guidance starts: from nothing, or asking the optimizer's node."),
+        typer.Option(help="Initial guess of guidance: none, or from the optimizer's node."),
     ] = InitialGuess.NONE,
     attitude_rate_limit: Annotated[
         float, typer.Option(min=0.0, help="Fastest turn of the thrust, deg/s; 0: none.")

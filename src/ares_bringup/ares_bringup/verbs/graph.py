@@ -44,7 +44,7 @@ def live(
     ] = None,
     namespace: Namespace = "ares",
 ) -> None:
-    """Follow whatever flight or replay there is on a page in the browser, until Ctrl-C."""
+    """Follow any flight or replay on a page in the browser, until Ctrl-C."""
     needs("live")
     from ares_bringup.audience import follow
 
