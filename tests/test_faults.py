@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Faults into real flights: one trial of each kind, and how trials are judged."""
+"""Faults in real flights: one trial of each kind, and the judgement of trials."""
 
 import importlib.util
 import json
@@ -18,7 +18,7 @@ from ares_bringup.faults import tampering
 from ares_bringup.faults.campaign import as_object, chosen, spread
 from ares_bringup.faults.control import Control
 from ares_bringup.faults.rows import ROWS
-from ares_bringup.faults.scene import MARK, Flown, marked
+from ares_bringup.faults.scene import MARK, FlightResult, marked
 from ares_bringup.faults.signals import slowed
 from ares_bringup.faults.trial import Class, Trial, judge, run
 from ares_bringup.held import shared_memory
@@ -63,7 +63,7 @@ def row(name):
 def flown(said="", status=1, touched=1, must_reach=True, **summary):
     facts = {"must_reach": must_reach}
     plain = {"outcome": "target", "m_f_kg": 174000.0, "shortcomings": [], "diagnostics": []}
-    return Flown(status, plain | summary, said, touched, facts=facts)
+    return FlightResult(status, plain | summary, said, touched, facts=facts)
 
 
 SAID = f"flown without an answer from guidance for 3.0 s\n{Keeper().ended('guidance', -9)[0]}"
@@ -80,8 +80,8 @@ SAID = f"flown without an answer from guidance for 3.0 s\n{Keeper().ended('guida
         (flown(""), Class.WRONG),
         (flown(SAID + "\nTraceback (most recent call last):"), Class.WRONG),
         (flown(SAID, status=None), Class.WRONG),
-        (Flown(1, flown().summary, SAID, left=["a process"]), Class.WRONG),
-        (Flown(2, {}, "ares: cannot"), Class.WRONG),
+        (FlightResult(1, flown().summary, SAID, left=["a process"]), Class.WRONG),
+        (FlightResult(2, {}, "ares: cannot"), Class.WRONG),
     ],
 )
 def test_a_flight_under_a_fault_is_judged(result, expected):

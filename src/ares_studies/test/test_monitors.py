@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Monitors: each rule, and that no dispersed flight breaks one."""
+"""Monitors: each rule, and no violation in dispersed flights."""
 
 import math
 from functools import cache
@@ -26,7 +26,7 @@ from ares_models.arrays import HEATING_LIMIT
 from ares_models.mission import load_mission
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import fly_compiled, ready_law
-from ares_studies.montecarlo.flights import Range, Settings
+from ares_studies.montecarlo.flights import FlightRange, Settings
 from ares_vehicle_sim.arrays import JETTISON_DONE
 from ares_vehicle_sim.dispersions import STANDARD, load_dispersions
 from ares_vehicle_sim.simulator import CAMPAIGN, Simulator, SimulatorOptions, true_vehicle
@@ -39,7 +39,7 @@ def ares_v():
 
 @cache
 def on_board_at(time):
-    """What is on board when all states of a nominal flight up to a time have been answered."""
+    """Return the onboard arrays after all states of a nominal flight up to a time."""
     mission = load_mission("ares_v")
     simulator = Simulator(mission)
     law = ready_law(mission)
@@ -53,7 +53,7 @@ def on_board_at(time):
 
 
 def guided_to(mission, time):
-    """A law that has answered all states of a nominal flight of ares_v up to a time."""
+    """Make a law that has answered all states of a nominal flight of ares_v up to a time."""
     law = ready_law(mission)
     for array, there in zip(law.onboard, on_board_at(time), strict=True):
         array[:] = there
@@ -152,14 +152,14 @@ def test_a_line_that_turns_too_fast_in_its_turn_is_frozen(ares_v):
 )
 def test_no_standard_flight_sets_off_gate_or_monitor(mission, law, flights):
     settings = Settings(load_mission(mission), load_dispersions(STANDARD), law=law)
-    results = Range(settings).fly(0, flights).results
+    results = FlightRange(settings).fly(0, flights).results
     assert np.all(results["iterations"] > 0)
     assert np.all(results["navigation_refused"] == 0)
     assert np.all(results["violations"] == 0)
 
 
 def test_the_thesis_law_drops_nothing_above_the_limit_that_it_measures(ares_v):
-    """It times the jettison by speed: where the air is thicker, a monitor holds it back."""
+    """Check its jettison, timed by speed: in denser air a monitor delays it."""
     spread = load_dispersions(STANDARD)
     guess = solve(ares_v, "analytic")
     violations, dropped = 0, []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Many flights, the optimum, the thesis."""
+"""Define the verbs of studies: optimum, thesis, campaigns, aborts, faults."""
 
 from pathlib import Path
 from typing import Annotated
@@ -41,8 +41,8 @@ def optimize(
     heating: Annotated[
         Heating | None,
         typer.Option(
-            help="Where the heating limit holds: when the fairing goes, from then on, nowhere; "
-            "default: as the mission says."
+            help="When the heating limit holds: at the fairing's jettison, from it on, or never; "
+            "default: as in the mission."
         ),
     ] = None,
     hold_jettison: Annotated[
@@ -63,7 +63,7 @@ def optimize(
     ] = None,
     jettison_target: Annotated[
         JettisonTarget | None,
-        typer.Option(help="Of analytic: target of part one, found from; default: mission."),
+        typer.Option(help="Of analytic: source of the target of part one; default: mission."),
     ] = None,
     maximize: Annotated[
         Maximize | None,
@@ -143,7 +143,7 @@ def reproduce(
         Path, typer.Option(help="Folder of the page and of its numbers; made if not there.")
     ] = Path("reproduction"),
 ) -> None:
-    """Compute every table and figure of the thesis anew: one HTML page, one JSON file."""
+    """Compute every table and figure of the thesis: one HTML page, one JSON file."""
     needs("pages")
     from ares_bringup.commands.reproduce import reproduce as reproduce_thesis
 
@@ -243,7 +243,7 @@ def aborts(
     as_json: TablesOrJson = False,
     out: Annotated[Path | None, typer.Option(help="Write the map as an HTML page.")] = None,
 ) -> None:
-    """Fly every failure at every second; set it beside the optimizer that knew of it.
+    """Fly every failure at every second; compare with the optimizer that knows of it.
 
     Exit status 1: the map is made, but points failed.
     """
@@ -266,7 +266,7 @@ def faults(
     workers: Annotated[int, typer.Option(min=1, help="Flights at a time.")] = 1,
     as_json: TablesOrJson = False,
 ) -> None:
-    """Inject faults into real flights, say what they came to. Exit status 1: one was wrong."""
+    """Inject faults into real flights and judge these. Exit status 1: one was wrong."""
     from ares_bringup.faults.campaign import faults as fly_faults
 
     raise typer.Exit(fly_faults(n, seed, rows or (), workers, as_json))
