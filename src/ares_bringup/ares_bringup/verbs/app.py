@@ -148,7 +148,7 @@ def _ares(
         typer.Option("--version", callback=_print_version, is_eager=True, help="Print version."),
     ] = False,
 ) -> None:
-    """Options before the verb."""
+    """Accept the options before the verb."""
 
 
 def needs(extra: str) -> None:
