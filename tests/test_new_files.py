@@ -75,7 +75,7 @@ def test_every_key_is_explained_once(capfd):
     for part in [schema, *schema["$defs"].values()]:
         for key, told in part["properties"].items():
             assert re.search(rf"\b{key}:.*# {re.escape(told['description'])}", text), key
-    assert "  # full thrust, vacuum; 0.001 to 1e10 N" in text
+    assert "  # full thrust of all engines, vacuum; 0.001 to 1e10 N" in text
     assert text.count("full thrust, vacuum;") == 1
 
 
