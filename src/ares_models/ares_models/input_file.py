@@ -120,6 +120,9 @@ class InputKind:
         if looks_like_path or os.path.exists(text):  # noqa: PTH110
             return Path(text)
         close = difflib.get_close_matches(text.lower(), shipped, n=1, cutoff=0.4)
+        beside = f"{text}.yaml"
+        if text.isprintable() and os.path.exists(beside):  # noqa: PTH110
+            close = [beside]
         hint = f"; did you mean {close[0]}?" if close else ""
         raise self.error(
             f"{self.name} {format_value(text)}",

@@ -207,7 +207,7 @@ def _heating_limits(mission: "Mission") -> Iterator[Doubt]:
         relative = math.sqrt(mu / circle) - mission.environment.earth.rotation_rate_rad_s * circle
         there = free_molecular_heating(_over_equator(mission, circle), relative)
         if there > FAR_ABOVE * limit:
-            yield Doubt(path, f"is never met: in the target's orbit it is {there:,.0f} W/m2")
+            yield Doubt(path, f"may never be met: in the target's orbit it is {there:,.0f} W/m2")
 
 
 def _highest(mission: "Mission") -> float | None:

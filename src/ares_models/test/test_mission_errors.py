@@ -922,6 +922,12 @@ def test_unknown_name():
     assert message("").startswith("mission ''")
 
 
+def test_the_name_of_a_file_that_is_there(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("ares_5.yaml").write_text(TEXT)
+    assert message("ares_5").endswith("; did you mean ares_5.yaml?")
+
+
 def test_numbers_are_those_of_yaml_1_2(tmp_path):
     path = edited(tmp_path, "thrust_n: 17437041.0", "thrust_n: 017437041")
     assert load_mission(path).stages[0].thrust_n == 17437041.0
