@@ -2,12 +2,16 @@
 """`ares optimize`: output and exit statuses."""
 
 import json
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
 import pytest
 
 from ares_bringup.commands.cli import main
+from ares_bringup.commands.optimize import proof_lines, with_names
+from ares_models.mission import load_mission
+from ares_optimizer.solve import solve
 
 #: The second of its three stages burns in held attitude.
 HELD = Path(__file__).parents[1] / "src/ares_optimizer/test/missions/solid_middle.yaml"
@@ -85,3 +89,23 @@ def test_bad_input_is_one_line_and_status_2(capsys, argv, words):
     assert captured.out == ""
     assert captured.err.count("\n") == 1
     assert words in captured.err
+
+
+def test_arcs_and_jettisons_have_their_names_beside_their_numbers():
+    mission = load_mission("falcon9_gto")
+    text = "length of arc 1, s; arc 2: in arc 22; heating at jettison 0; jettison 1"
+    assert with_names(text, mission) == (
+        "length of arc 1 (first burn), s; arc 2 (coast): in arc 22; heating at jettison 0 "
+        "(fairing); jettison 1"
+    )
+
+
+def test_heating_far_above_the_limit_is_called_so():
+    solution = solve(load_mission("ares_v"), "indirect")
+    (line,) = [text for text in proof_lines(solution) if "heating" in text]
+    assert "times the limit" not in line
+    hot = replace(solution.verification, peak_fmhr_after_jettison_w_m2=113_500.0)
+    (line,) = [
+        text for text in proof_lines(replace(solution, verification=hot)) if "heating" in text
+    ]
+    assert "113,500.0 W/m2, 100 times the limit; a higher min_perigee_altitude_m" in line

@@ -300,3 +300,14 @@ def in_shell(words, **environment):
         text=True,
         check=False,
     )
+
+
+@pytest.mark.parametrize("verb", ["fly", "optimize", "montecarlo", "aborts"])
+def test_a_mission_without_its_option_is_asked_for(capfd, verb):
+    status, out, err = run(capfd, verb, "my.yaml")
+    assert (status, out) == (2, "")
+    assert "(my.yaml); did you mean --mission my.yaml? (see" in one_line(err)
+
+
+def test_of_two_words_too_many_none_is_called_a_mission(capfd):
+    assert "did you mean" not in run(capfd, "fly", "a.yaml", "b.yaml")[2]

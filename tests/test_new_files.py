@@ -75,8 +75,8 @@ def test_every_key_is_explained_once(capfd):
     for part in [schema, *schema["$defs"].values()]:
         for key, told in part["properties"].items():
             assert re.search(rf"\b{key}:.*# {re.escape(told['description'])}", text), key
-    assert "  # full thrust, vacuum; 0.001 to 1e10 N" in text
-    assert text.count("full thrust, vacuum;") == 1
+    assert "  # full thrust of all engines, vacuum; 0.001 to 1e10 N" in text
+    assert text.count("full thrust of all engines, vacuum;") == 1
 
 
 def test_what_is_commented_out_with_a_default_may_be_put_in(capfd):

@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from ares_bringup.options import PEG
 from ares_bringup.summary import FlightSummary, OrbitState, orbit_state, target_state
 
 WIDTH = 80
@@ -127,6 +128,8 @@ def event_table(summary: FlightSummary) -> Table:
 
 def facts_of_flight(summary: FlightSummary) -> list[tuple[str, str]]:
     """Return label and value of the lines below the tables."""
+    from ares_guidance.arrays import LAW_PEG
+
     lines = []
     if summary.m_f_kg is not None:
         lines.append(("final mass", f"{number(summary.m_f_kg, 2)} kg"))
@@ -146,6 +149,9 @@ def facts_of_flight(summary: FlightSummary) -> list[tuple[str, str]]:
             + (f", first solution after {iterations} iterations" if iterations else ""),
         )
     )
+    # where a law has no solution, peg flies
+    if summary.guidance != PEG and summary.laws[LAW_PEG]:
+        lines.append(("flown by peg", f"{summary.laws[LAW_PEG]} cycles"))
     if summary.longest_cycle_ms is not None:
         lines.append(("longest cycle", f"{summary.longest_cycle_ms:.3g} ms"))
     if summary.diagnostic_count:

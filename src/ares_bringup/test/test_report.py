@@ -3,6 +3,7 @@
 
 import io
 import math
+import re
 
 import pytest
 
@@ -29,6 +30,10 @@ def test_a_good_flight_in_80_columns(facts):
         assert word in text
     assert "150 times real time" in text
     assert "6,600.0000" in text
+    assert "flown by peg" not in text
+    # another law that had no solution of its own
+    summary.guidance = "igm"
+    assert re.search(r"flown by peg +1 cycles", printed(summary))
 
 
 @pytest.mark.parametrize("wide", ["40", "200"])

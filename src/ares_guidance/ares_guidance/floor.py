@@ -48,13 +48,15 @@ def _lowest(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> list[tupl
 
 
 def lowest_coast(trajectory: "OfflineTrajectory", arrays: MissionArrays) -> float:
-    """Return the lowest altitude of a trajectory's coasts, m; inf if it has none.
+    """Return the lowest altitude of the coasts after the first burn, m; inf if there are none.
 
     Args:
         trajectory: of this mission.
         arrays: the mission.
     """
-    coasts = [at for k, at in _lowest(trajectory, arrays) if arrays.arcs["kind"][k] == COAST]
+    coasting = arrays.arcs["kind"] == COAST
+    first = int(np.argmin(coasting))
+    coasts = [at for k, at in _lowest(trajectory, arrays) if coasting[k] and k > first]
     return min(coasts, default=math.inf)
 
 

@@ -63,6 +63,10 @@ def test_a_coast_is_as_low_as_its_perigee(mission, eccentricity, perigee):
     assert arrays.arcs["kind"][2] == COAST
     whole = trajectory(orbit, period)
     assert lowest_coast(whole, arrays) == pytest.approx(perigee - GROUND, abs=0.01)
+    # before the first ignition it is where the flight begins, which no plan can help
+    unlit = mission.arrays()
+    unlit.arcs["kind"][:2] = COAST
+    assert lowest_coast(whole, unlit) == math.inf
     if perigee < GROUND:
         with pytest.raises(ValueError, match="arc 2, a coast, goes through the ground, 100,000 m"):
             check_floor(whole, arrays)

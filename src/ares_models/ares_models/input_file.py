@@ -40,7 +40,19 @@ _MOST_PROBLEMS = 20
 
 #: Known keys for quantities under another name, with a note on the difference.
 _COUNTED = ", which counts from the centre"
-_SAME = {"altitude": ("radius_m", _COUNTED), "height": ("radius_m", _COUNTED)}
+_SAME = {
+    "altitude": ("radius_m", _COUNTED),
+    "height": ("radius_m", _COUNTED),
+    "longitude": ("right_ascension_deg", ", which counts from the inertial x axis"),
+}
+
+#: What a person can do about a complaint of the YAML parser, by words of it.
+_YAML_HINTS = {
+    "mapping values are not allowed": (
+        "text with a colon stands in quotes, keys of one mapping begin in one column"
+    ),
+    r"'\t'": "lines are indented by spaces, not by tabs",
+}
 
 
 class InputError(ValueError):
@@ -108,6 +120,9 @@ class InputKind:
         if looks_like_path or os.path.exists(text):  # noqa: PTH110
             return Path(text)
         close = difflib.get_close_matches(text.lower(), shipped, n=1, cutoff=0.4)
+        beside = f"{text}.yaml"
+        if text.isprintable() and os.path.exists(beside):  # noqa: PTH110
+            close = [beside]
         hint = f"; did you mean {close[0]}?" if close else ""
         raise self.error(
             f"{self.name} {format_value(text)}",
@@ -267,7 +282,8 @@ def parse_input(
         mark = error.problem_mark or error.context_mark
         where = f"line {mark.line + 1}: " if mark else ""
         what = " ".join(filter(None, (error.context, error.problem))).replace("\n", " ")
-        raise kind.error(source, [f"{where}not valid YAML: {what}"]) from error
+        hint = "".join(f"; {text}" for words, text in _YAML_HINTS.items() if words in what)
+        raise kind.error(source, [f"{where}not valid YAML: {what}{hint}"]) from error
     except yaml.YAMLError as error:
         what = " ".join(str(error).split())
         raise kind.error(source, [f"not valid YAML: {what}"]) from error
@@ -414,13 +430,19 @@ def _expected(kind: str, context: dict[str, Any], message: str, path: KeyPath) -
 def by_cause(errors: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
     """Sort ``ValidationError.errors()``: unknown keys first if a key is missing beside them.
 
-    A misspelt key causes both errors, and the unknown key is the more helpful one.
+    A misspelt key causes both errors, and the unknown key is the more helpful one. A list that is
+    too short only because elements of it are wrong is left out.
     """
     lacking = {item["loc"][:-1] for item in errors if item["type"] == "missing"}
     return sorted(
-        errors,
+        (item for item in errors if not _short_by_errors(item)),
         key=lambda item: item["type"] != "extra_forbidden" or item["loc"][:-1] not in lacking,
     )
+
+
+def _short_by_errors(item: Mapping[str, Any]) -> bool:
+    """Tell whether a list that is called too short has elements enough, good and bad together."""
+    return item["type"] == "too_short" and len(item["input"]) >= item["ctx"]["min_length"]
 
 
 def explain(
@@ -455,6 +477,8 @@ def explain(
         expected = _expected(kind, context, item["msg"], place)
         if kind == "expected":
             expected = item["msg"]
+        elif kind in ("model_type", "model_attributes_type"):
+            expected = f"a mapping with keys such as {siblings((*item['loc'], ''))[0]}"
     name = format_path(place) or "the file"
     line = _line(place, lines)
     where = f"line {line}: " if line else ""

@@ -340,11 +340,16 @@ class Mission(Part):
         return sha256(self.model_dump_json().encode()).hexdigest()[:16]
 
     def describe(self) -> dict[str, str]:
-        """Return short texts for a list: name, title, stages, jettisons, target, source."""
+        """Return short texts for a list: name, title, stages, jettisons, target, source.
+
+        Stages have their ignition masses, which a file with masses by item does not name.
+        """
         return {
             "name": self.name,
             "title": self.title,
-            "stages": ", ".join(self.stage_names),
+            "stages": ", ".join(
+                f"{name} {self.ignition_mass(i):,.6g} kg" for i, name in enumerate(self.stage_names)
+            ),
             "jettisons": ", ".join(self.jettison_names) or "none",
             "target": self.target.describe(),
             "source": " ".join(self.source.split()),

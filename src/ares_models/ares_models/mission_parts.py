@@ -25,6 +25,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from ares_models.arrays import MAX_ARCS, MAX_AREAS, MAX_KNOTS, MAX_VERTICES
+from ares_models.input_file import unit_of
 from ares_models.ranges import Range
 
 
@@ -423,8 +424,10 @@ class BurnArc(Part):
     model_config = ConfigDict(json_schema_extra=one_of(*BURN_FORMS))
 
     name: Name | None = Field(default=None, description="shown in events; default: the stage's")
-    thrust_n: Thrust | None = Field(default=None, description="full thrust, vacuum")
-    isp_s: SpecificImpulse | None = Field(default=None, description="mass flow is T / (g0 Isp)")
+    thrust_n: Thrust | None = Field(default=None, description="full thrust of all engines, vacuum")
+    isp_s: SpecificImpulse | None = Field(
+        default=None, description="vacuum; mass flow is T / (g0 Isp)"
+    )
     engines: EngineCount = Field(default=1, description="that share the thrust")
     burn_time_s: FreeTime | None = Field(
         default=None, description="from ignition command to cut-off command, or free"
@@ -472,11 +475,11 @@ class BurnArc(Part):
         self.check_whole()
         return self
 
-    def check_whole(self, beside: str = "a value") -> None:
+    def check_whole(self, instead: str = "") -> None:
         """Report keys that contradict each other.
 
         Args:
-            beside: expected value of a missing key, for the message.
+            instead: alternative to a missing key, for the message.
         """
         if self.thrust_table is not None:
             self._check_table(self.thrust_table)
@@ -486,7 +489,7 @@ class BurnArc(Part):
             fail(("mass_flow_table",), flow, "no such key without thrust_table")
         for key in BURN_FORMS[0]:
             if getattr(self, key) is None:
-                fail((key,), None, beside)
+                fail((key,), None, f"a number{unit_of(key)}{instead}")
         check_bounds("burn_time_s", self.burn_time_s, self.min_s, self.max_s)
         self._check_throttle()
         self._check_curves()
@@ -800,7 +803,7 @@ class Stage(Part):
     @model_validator(mode="after")
     def _one_form(self) -> "Stage":
         if self.arcs is None:
-            self._single_arc().check_whole("a value, or a list of arcs in its place")
+            self._single_arc().check_whole(", or a list of arcs in its place")
         else:
             for key in _SHORTHAND:
                 if key in self.model_fields_set:

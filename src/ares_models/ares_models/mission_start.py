@@ -237,8 +237,8 @@ def check_initial_state(mission: "Mission") -> None:
         fail(
             ("initial_state", form.PLACE),
             getattr(form, form.PLACE),
-            f"a distance from the Earth's centre above its surface, {surface:,.0f} m, "
-            f"and below {farthest:,.0f} m; it is {radius:,.0f} m",
+            f"a place above the surface, {surface:,.0f} m from the centre there, and below "
+            f"{farthest:,.0f} m; it is {radius:,.0f} m from the centre",
         )
     speed = math.hypot(*start.velocity)
     escape = math.sqrt(2.0 * mission.environment.mu_m3_s2 / radius)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ares_models.heating import free_molecular_heating
 from ares_models.input_file import KeyPath, at_line, format_number, read_input
-from ares_models.mission_parts import BurnArc
+from ares_models.mission_parts import BurnArc, CoastArc
 from ares_models.mission_target import TargetOrbit, parking_orbit
 from ares_models.orbits import Insertion
 
@@ -44,6 +44,14 @@ FAR_ABOVE = 3.0
 LEAST_C3 = 300.0
 #: Largest angle between the planes of initial state and target, deg; ascents turn by a third.
 LARGEST_PLANE_CHANGE_DEG = 30.0
+#: Largest difference of an inclination in radians from one in degrees, deg.
+SAME_PLANE_DEG = 2.0
+#: Least share of a stage's propellant that burns of fixed length take.
+LEAST_USED = 0.5
+#: Least floor of a coast, m; a smaller one is probably in km.
+LEAST_FLOOR = 1e3
+#: Largest relative distance from the size of the synchronous orbit.
+SYNCHRONOUS = 1e-3
 #: Least dry mass over propellant; the lightest stages have three times as much.
 LEAST_STRUCTURE = 0.01
 
@@ -124,6 +132,7 @@ def _stage(mission: "Mission", i: int) -> Iterator[Doubt]:
     for k, burn in enumerate(stage.flight_arcs):
         path = ("stages", i)
         if not isinstance(burn, BurnArc):
+            yield from _floors(mission, (*path, *stage.arc_path(k)), burn)
             orbit = parking_orbit(burn)
             if orbit is not None:
                 yield from _orbit(mission, (*path, *stage.arc_path(k)), orbit)
@@ -135,14 +144,23 @@ def _stage(mission: "Mission", i: int) -> Iterator[Doubt]:
         chemical = CHEMICAL[0] <= exhaust <= CHEMICAL[1]
         if not chemical and acceleration > CHEMICAL_ACCELERATION:
             low, high = (speed / g0 for speed in CHEMICAL)
+            speed = CHEMICAL[0] <= exhaust / g0 <= CHEMICAL[1]
+            meant = f"; an exhaust velocity of {exhaust / g0:g} m/s" if speed else ""
+            meant += f" is {exhaust / g0**2:.1f} s" if speed else ""
             yield Doubt(
                 (*path, *stage.arc_path(k, isp_key)),
-                f"is {exhaust / g0:g} s; chemical engines have {low:.0f} to {high:.0f} s",
+                f"is {exhaust / g0:g} s; chemical engines have {low:.0f} to {high:.0f} s{meant}",
             )
         if acceleration > FIERCEST:
             yield Doubt(
                 (*path, *stage.arc_path(k, thrust_key)),
                 f"makes {acceleration:,.0f} m/s2 at ignition; is it in N, the mass in kg?",
+            )
+        most = burn.max_acceleration_m_s2
+        if most is not None and most < min(acceleration, g0):
+            yield Doubt(
+                (*path, *stage.arc_path(k, "max_acceleration_m_s2")),
+                f"is {most:g} m/s2, at ignition there are {acceleration:.3g}; is it in m/s2?",
             )
         burning = mission.propellant(i) / burn.mass_flow(g0)
         if chemical and burn.free and burning > LONGEST_BURN:
@@ -151,11 +169,25 @@ def _stage(mission: "Mission", i: int) -> Iterator[Doubt]:
                 f"burns the stage's propellant in {burning / 86_400.0:,.1f} days; is it in N?",
             )
     dry, propellant = stage.dry_mass_kg, stage.propellant_kg
+    used = mission.fixed_propellant(i)
+    fixed = not any(burn.free for burn in stage.burns)
+    if propellant is not None and fixed and used < LEAST_USED * propellant:
+        yield Doubt(
+            ("stages", i, "propellant_kg"),
+            f"is {propellant:,.6g} kg, its burns take {used:,.4g} kg; is the thrust in N?",
+        )
     if dry is not None and propellant is not None and dry < LEAST_STRUCTURE * propellant:
         yield Doubt(
             ("stages", i, "dry_mass_kg"),
             f"is {dry:g} kg for {propellant:,g} kg of propellant; is it in kg?",
         )
+
+
+def _floors(mission: "Mission", path: KeyPath, coast: CoastArc) -> Iterator[Doubt]:
+    for key in ("min_altitude_m", "min_perigee_altitude_m"):
+        floor = getattr(coast, key)
+        if floor is not None and 0.0 < floor < LEAST_FLOOR and _density(mission, floor) > THICK_AIR:
+            yield Doubt((*path, key), f"is {floor:g} m, inside the air; is it in m?")
 
 
 def _heating_limits(mission: "Mission") -> Iterator[Doubt]:
@@ -175,7 +207,7 @@ def _heating_limits(mission: "Mission") -> Iterator[Doubt]:
         relative = math.sqrt(mu / circle) - mission.environment.earth.rotation_rate_rad_s * circle
         there = free_molecular_heating(_over_equator(mission, circle), relative)
         if there > FAR_ABOVE * limit:
-            yield Doubt(path, f"is never met: in the target's orbit it is {there:,.0f} W/m2")
+            yield Doubt(path, f"may never be met: in the target's orbit it is {there:,.0f} W/m2")
 
 
 def _highest(mission: "Mission") -> float | None:
@@ -197,6 +229,13 @@ def _plane(mission: "Mission") -> Iterator[Doubt]:
         turned = _turned(before, math.radians(node), target.inclination_deg)
         if turned > angle:
             key, angle = target.node_key or "rla_deg", turned
+    asked, plane = target.inclination_deg, math.degrees(before.inclination)
+    if asked is not None and abs(math.degrees(asked) - plane) < SAME_PLANE_DEG < abs(asked - plane):
+        yield Doubt(
+            ("target", "inclination_deg"),
+            f"is {asked:g} deg, that of the initial state {plane:.3f} deg; is it in degrees?",
+        )
+        return
     if math.degrees(angle) > LARGEST_PLANE_CHANGE_DEG:
         yield Doubt(
             ("target", key),
@@ -229,7 +268,26 @@ def _target(mission: "Mission") -> Iterator[Doubt]:
     c3 = target.c3_m2_s2
     if c3 is not None and 0.0 < abs(c3) < LEAST_C3:
         yield Doubt(("target", "c3_m2_s2"), f"is {c3:g} m2/s2; is it in m2/s2?")
+    yield from _synchronous(mission, target)
     yield from _orbit(mission, ("target",), target)
+
+
+def _synchronous(mission: "Mission", target: TargetOrbit) -> Iterator[Doubt]:
+    """Tell of an apogee whose altitude is the radius of the synchronous orbit, or the reverse."""
+    environment = mission.environment
+    rate = environment.earth.rotation_rate_rad_s
+    if rate == 0.0:
+        return
+    radius = math.cbrt(environment.mu_m3_s2 / rate**2)
+    altitude = radius - environment.earth.equatorial_radius_m
+    for key, named, what, other in (
+        ("apogee_altitude_m", radius, "radius", "altitude"),
+        ("apogee_radius_m", altitude, "altitude", "radius"),
+    ):
+        value = getattr(target, key)
+        if value is not None and abs(value - named) < SYNCHRONOUS * named:
+            text = f"is {value:,.0f} m, the {what} of the synchronous orbit, not its {other}"
+            yield Doubt(("target", key), text)
 
 
 def _orbit(mission: "Mission", path: KeyPath, target: TargetOrbit) -> Iterator[Doubt]:

@@ -55,6 +55,7 @@ def test_shipped_missions():
         assert mission.name == name
         row = mission.describe()
         assert row["name"] == name
+        assert row["stages"].count(" kg") == len(mission.stages)
         assert all(row[key] for key in ("title", "stages", "jettisons", "target", "source"))
         assert not any("\n" in text for text in row.values())
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from ares_models.mission import MissionError, load_mission
+from ares_models.mission import MISSION, MissionError, load_mission
 
 TEXT = resources.files("ares_models").joinpath("missions", "ares_v.yaml").read_text()
 SATURN = resources.files("ares_models").joinpath("missions", "saturn_v_as506.yaml").read_text()
@@ -149,7 +149,7 @@ BROKEN = {
         "    isp_s: 414.7 ",
         "    # ",
         "stages[0].isp_s",
-        "is missing; expected a value, or a list of arcs in its place",
+        "is missing; expected a number in s, or a list of arcs in its place",
     ),
     "missing number": (
         "  mu_m3_s2: 3.986e14",
@@ -366,8 +366,8 @@ BROKEN = {
         "[-5255.758, -2044.694, 3058.330]",
         "initial_state.position_m",
         (
-            "expected a distance from the Earth's centre above its surface, 6,373,260 m, and below "
-            "63,781,400 m; it is 6,415 m"
+            "expected a place above the surface, 6,373,260 m from the centre there, and below "
+            "63,781,400 m; it is 6,415 m from the centre"
         ),
     ),
     "position out of the Earth's reach": (
@@ -818,9 +818,10 @@ FILES = {
     "a word": (b"mission\n", "is 'mission'; expected a mapping"),
     "binary": (bytes(range(256)), "is not text (byte "),
     "control characters": (b"name: \x00\x01\n", "not valid YAML"),
-    "bad indent": (b"name: x\n  title: y\n", "line 2: not valid YAML"),
+    "bad indent": (b"name: x\n  title: y\n", "keys of one mapping begin in one column"),
+    "colon in a text": (b"title: x: y\n", "here; text with a colon stands in quotes"),
     "open bracket": (b"name: [1, 2\ntitle: y\n", "not valid YAML"),
-    "tab": (b"name:\n\t- x\n", "line 2: not valid YAML"),
+    "tab": (b"name:\n\t- x\n", "; lines are indented by spaces, not by tabs"),
     "two documents": (b"name: x\n---\nname: y\n", "line 2: not valid YAML"),
     "deep": (b"[" * 100000, "is nested too deeply"),
     "huge": (b"#" * (1 << 21), "is larger than 262144 bytes"),
@@ -921,6 +922,12 @@ def test_unknown_name():
     assert message("").startswith("mission ''")
 
 
+def test_the_name_of_a_file_that_is_there(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("ares_5.yaml").write_text(TEXT)
+    assert message("ares_5").endswith("; did you mean ares_5.yaml?")
+
+
 def test_numbers_are_those_of_yaml_1_2(tmp_path):
     path = edited(tmp_path, "thrust_n: 17437041.0", "thrust_n: 017437041")
     assert load_mission(path).stages[0].thrust_n == 17437041.0
@@ -984,3 +991,34 @@ def test_a_coast_before_the_first_burn_names_no_orbit(tmp_path):
         "stages[0].arcs[0].perigee_altitude_m is 185000.0; expected no such key in a coast before "
         "the first burn" in text
     )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        ("isp_s: 453.8", "isp: 453.8", "isp is not a known key"),
+        (
+            "coast_s: free",
+            "coast_s: 0",
+            "coast_s is 0; expected a number from 0.001 to 864000 in s",
+        ),
+        (
+            "thrust_n: 212600.0",
+            "attitude: guided # ",
+            "is missing; expected a number in N",
+        ),
+        ("right_ascension_deg", "longitude_deg", "did you mean right_ascension_deg, which counts"),
+        ("{model: us76}", "us76", "is 'us76'; expected a mapping with keys such as model"),
+    ],
+)
+def test_of_one_slip_nothing_else_is_wrong(tmp_path, old, new, problem):
+    text = MISSION.find("vulcan_gto").read_text()
+    text = text.replace("atmosphere:\n    model: us76", "atmosphere: {model: us76}")
+    assert old in text
+    file = tmp_path / "slip.yaml"
+    file.write_text(text.replace(old, new, 1))
+    with pytest.raises(MissionError) as caught:
+        load_mission(file)
+    assert problem in caught.value.problems[0]
+    # a key that is misspelt is missing too; of the list around it nothing is said
+    assert not [line for line in caught.value.problems if " is a list of " in line]

@@ -40,7 +40,7 @@ SLIPS = {
     ),
     "Isp times ten": (
         {"stages.1.arcs.1.isp_s": 3430.0},
-        ["stages[1].arcs[1].isp_s is 3430 s; chemical engines have 61 to 500 s"],
+        ["stages[1].arcs[1].isp_s is 3430 s; chemical engines have 61 to 500 s; an exhaust vel"],
     ),
     "Isp by ten": (
         {"stages.1.arcs.1.isp_s": 34.3},
@@ -68,7 +68,7 @@ SLIPS = {
     ),
     "limit that no part of the orbit meets": (
         {"target.perigee_altitude_m": 118e3, "target.apogee_altitude_m": 118e3},
-        ["jettisons[0].heating_limit_w_m2 is never met: in the target's orbit it is 5,"],
+        ["jettisons[0].heating_limit_w_m2 may never be met: in the target's orbit it is 5,"],
     ),
     "inclination of another site": (
         {"target.inclination_deg": 98.0},
@@ -77,6 +77,22 @@ SLIPS = {
     "node of another day": (
         {"target.ascending_node_deg": 300.0},
         ["target.ascending_node_deg is 300, a plane "],
+    ),
+    "inclination in radians": (
+        {"target.inclination_deg": 0.7854},
+        ["target.inclination_deg is 0.7854 deg, that of the initial state "],
+    ),
+    "acceleration in g": (
+        {"stages.1.arcs.1.max_acceleration_m_s2": 4.5},
+        ["stages[1].arcs[1].max_acceleration_m_s2 is 4.5 m/s2, at ignition there are 9.7"],
+    ),
+    "burn in minutes": (
+        {"stages.0.burn_time_s": 0.75},
+        ["stages[0].propellant_kg is 2,225 kg, its burns take 36.89 kg; is the thrust in N?"],
+    ),
+    "radius for an altitude": (
+        {"target.apogee_altitude_m": 42_164e3},
+        ["target.apogee_altitude_m is 42,164,000 m, the radius of the synchronous orbit, not its"],
     ),
     "start in km": (
         {"initial_state.radius_m": 6_370_000.0},
@@ -118,6 +134,21 @@ def test_a_parking_orbit_in_km(tmp_path):
     changes = {f"stages.0.arcs.2.{key}": value for key, value in orbit.items()}
     (line,) = warnings(load_mission(changed(tmp_path, changes, base="vulcan_gto")))
     assert line.startswith("stages[0].arcs[2].perigee_altitude_m is inside the air, 1.2e+00 kg/m3")
+
+
+@pytest.mark.parametrize("key", ["min_altitude_m", "min_perigee_altitude_m"])
+def test_a_floor_in_km(tmp_path, key):
+    file = changed(tmp_path, {f"stages.0.arcs.2.{key}": 150.0}, base="vulcan_gto")
+    (line,) = warnings(load_mission(file))
+    assert line == f"stages[0].arcs[2].{key} is 150 m, inside the air; is it in m?"
+
+
+def test_an_altitude_for_a_radius(tmp_path):
+    data, _ = read_input(MISSION.find("vulcan_gto"), MISSION)
+    target = {key: value for key, value in data["target"].items() if key != "apogee_altitude_m"}
+    changes = {"target": {**target, "apogee_radius_m": 35_786e3}}
+    (line,) = warnings(load_mission(changed(tmp_path, changes, base="vulcan_gto")))
+    assert line.endswith("35,786,000 m, the altitude of the synchronous orbit, not its radius")
 
 
 def test_a_cut_off_deep_in_the_air(tmp_path):

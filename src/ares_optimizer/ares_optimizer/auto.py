@@ -197,8 +197,9 @@ def _last_resort(request: Request, found: Solution, steps: list[str]) -> Solutio
         return replace(found, steps=tuple(steps))
     if not planned and other.converged:
         other = _rated(other)
-    steps.append(step(method, other))
-    kept = other.trajectory is not None and not below_floor(request.arrays, request.state, other)
+    below = below_floor(request.arrays, request.state, other)
+    kept = other.trajectory is not None and not below
+    steps.append(f"{method}: {below}" if other.flyable and below else step(method, other))
     best = other if other.flyable and kept else found
     return replace(best, steps=tuple(steps))
 

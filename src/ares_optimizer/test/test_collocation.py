@@ -14,17 +14,19 @@ from ares_models.floors import edge_of_air, floors_of
 from ares_models.input_file import read_input
 from ares_models.mission import MISSION, Mission, load_mission
 from ares_models.orbits import Elements
+from ares_optimizer import auto
 from ares_optimizer.collocation import rollout
 from ares_optimizer.collocation.guess import Trial, guess_of, trials
 from ares_optimizer.collocation.radau import radau
 from ares_optimizer.collocation.solve import Found, LocalOptimum, floors_on, moved_events, times_of
+from ares_optimizer.collocation.solve import _verdict as verdict
 from ares_optimizer.collocation.solver import Point
 from ares_optimizer.collocation.transcription import Times, Transcription
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.free_arcs import _Search as DirectSearch
 from ares_optimizer.floor_check import below_floor
 from ares_optimizer.request import Heating, Request, arrays_and_state
-from ares_optimizer.solution import Check, Solution, Status, UnfitMethod
+from ares_optimizer.solution import Check, ConstraintCheck, Solution, Status, UnfitMethod
 from ares_optimizer.solve import solve
 
 MISSIONS = Path(__file__).parent / "missions"
@@ -412,3 +414,26 @@ def test_times_that_make_no_flight_are_refused() -> None:
         Transcription(
             mission.arrays(), start_of(mission), Times(np.zeros(0), 100.0, np.array([50.0]))
         )
+
+
+def test_a_part_that_is_still_on_is_told_in_words():
+    left = ConstraintCheck(
+        Check.JETTISON_BEFORE_CUTOFF, "jettison 0", 0.0, 1.0, False, "1", False, jettison=0
+    )
+    cause = verdict(None, None, (left,), 0.0)
+    assert cause.reason == "jettison 0 is still on at the cut-off, when flown by another integrator"
+
+
+def test_a_flight_below_its_floor_is_not_called_optimal(monkeypatch):
+    mission = load_mission("ares_v")
+    found = solve(mission, "indirect")
+    assert auto.step("indirect", found).startswith("indirect: optimal")
+    lost = replace(found, status=Status.NOT_OPTIMAL, reason="nothing")
+    arrays, state = arrays_and_state(mission, None)
+    request = Request(arrays, state, "auto", Heating.AT_JETTISON, Deadline(30.0))
+    monkeypatch.setattr(auto, "plans_arcs", lambda *_: True)
+    monkeypatch.setattr(auto, "solve_beside_rival", lambda _: found)
+    monkeypatch.setattr(auto, "below_floor", lambda *_: "perigee radius in arc 2 1 m; at least 2 m")
+    steps = []
+    assert auto._last_resort(request, lost, steps).reason == "nothing"
+    assert steps == ["indirect: perigee radius in arc 2 1 m; at least 2 m"]

@@ -156,7 +156,7 @@ def _print(
     out.print(arc_table(solution))
     out.print()
     out.print(Text("its steering, flown open loop:"))
-    out.print(constraint_table(solution))
+    out.print(constraint_table(mission, solution))
     out.print()
     for line in proof_lines(solution):
         out.print(line, soft_wrap=True)

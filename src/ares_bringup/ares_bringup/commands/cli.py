@@ -2,9 +2,11 @@
 """Run the `ares` command line and return its exit status."""
 
 import os
+import re
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
+from typing import Any
 
 from ares_bringup.commands.interrupts import Interrupts, report_interrupt
 from ares_bringup.options import CannotStart
@@ -74,7 +76,7 @@ def _run(argv: Sequence[str] | None) -> int:
         # usage errors of the command-line library, which prints three lines for each
         if not hasattr(error, "format_message"):
             raise
-        message = _refusal(error) or error.format_message().rstrip(".")
+        message = _refusal(error) or _meant(error) or error.format_message().rstrip(".")
         help_hint = getattr(getattr(error, "ctx", None), "command_path", "ares")
         print(f"ares: {one_line(message)} (see `{help_hint} --help`)", file=sys.stderr)
         return EXIT_BAD_INPUT
@@ -97,6 +99,17 @@ def _refusal(error: Exception) -> str:
         return ""
     name = max(parameter.opts, key=len)
     return f"{name} is {item['input']!r}; expected {expected}"
+
+
+def _meant(error: Any) -> str:
+    """Ask for `--mission` where a word stands alone behind a verb that takes one; else empty."""
+    message: str = error.format_message().rstrip(".")
+    alone = re.fullmatch(r"Got unexpected extra argument(?:s|\(s\))? \((\S+)\)", message)
+    context = getattr(error, "ctx", None)
+    options = {name for param in context.command.params for name in param.opts} if context else ()
+    if not alone or "--mission" not in options:
+        return ""
+    return f"{message}; did you mean --mission {alone[1]}?"
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 
 import json
 import math
+import re
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
@@ -18,9 +19,11 @@ from ares_bringup.progress import search
 from ares_bringup.report import BLANK, console, number, shown_path
 from ares_models.mission import Mission, MissionError, load_mission
 from ares_models.mission_physics import longest_flight
+from ares_models.mission_warnings import FAR_ABOVE
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.payload import greatest_payload
 from ares_optimizer.solution import (
+    Check,
     ConstraintCheck,
     OptimizerError,
     Solution,
@@ -179,9 +182,9 @@ def _print(mission: Mission, solution: Solution, out: Console) -> None:
     out.print(Text(f"{mission.title} ({mission.name}), {solution.method}"), style="bold")
     word = VERDICTS.get(solution.status, NOT_FOUND)[0]
     verdict = word if solution.reason == word else f"{word}: {solution.reason}"
-    out.print(Text(verdict), soft_wrap=True)
+    out.print(Text(with_names(verdict, mission)), soft_wrap=True)
     for line in solution.steps:
-        out.print(Text(f"  {line}"), soft_wrap=True)
+        out.print(Text(f"  {with_names(line, mission)}"), soft_wrap=True)
     if solution.trajectory is None:
         return
     out.print()
@@ -194,7 +197,7 @@ def _print(mission: Mission, solution: Solution, out: Console) -> None:
     out.print()
     out.print(arc_table(solution))
     out.print()
-    out.print(constraint_table(solution))
+    out.print(constraint_table(mission, solution))
     out.print()
     for line in proof_lines(solution):
         out.print(line, soft_wrap=True)
@@ -246,18 +249,31 @@ def arc_figures(arc: SteeringArc) -> tuple[tuple[float, int], ...]:
     )
 
 
-def name_and_state(check: ConstraintCheck) -> tuple[str, str]:
+def with_names(text: str, mission: Mission) -> str:
+    """Put the name of an arc or a jettison behind its number in a text."""
+    known = {"arc": mission.arc_names, "jettison": mission.jettison_names}
+
+    def named(found: re.Match[str]) -> str:
+        names, k = known[found[1]], int(found[2])
+        return f"{found[0]} ({names[k]})" if k < len(names) else found[0]
+
+    return re.sub(r"\b(arc|jettison) (\d+)\b", named, text)
+
+
+def name_and_state(mission: Mission, check: ConstraintCheck) -> tuple[str, str]:
     """Return the name of a constraint with its unit, and whether it is active, slack, VIOLATED."""
     state = "active" if check.active else "slack"
-    name = f"{check.name}, {check.unit}" if check.unit else check.name
+    name = with_names(check.name, mission)
+    if check.unit:
+        name = f"{name}, {check.unit}"
     return name, state if check.satisfied else "VIOLATED"
 
 
-def constraint_table(solution: Solution) -> Table:
+def constraint_table(mission: Mission, solution: Solution) -> Table:
     """Tabulate the constraints as found by the independent integration."""
     table = plain_table("constraint", "value", "limit", "", "kg per unit")
     for check in solution.constraints:
-        name, state = name_and_state(check)
+        name, state = name_and_state(mission, check)
         price = f"{check.multiplier:+.4g}" if math.isfinite(check.multiplier) else BLANK
         table.add_row(
             name,
@@ -279,11 +295,19 @@ def proof_lines(solution: Solution) -> list[str]:
             f"{proof.position_defect_m:.2g} m, {proof.velocity_defect_m_s:.2g} m/s, "
             f"{proof.mass_defect_kg:.2g} kg"
         )
-        if math.isfinite(proof.peak_fmhr_after_jettison_w_m2):
-            lines.append(
-                f"greatest heating after the jettison: "
-                f"{proof.peak_fmhr_after_jettison_w_m2:,.1f} W/m2"
+        peak = proof.peak_fmhr_after_jettison_w_m2
+        if math.isfinite(peak):
+            line = f"greatest heating after the jettison: {peak:,.1f} W/m2"
+            limit = min(
+                (c.limit for c in solution.constraints if c.key is Check.HEATING_AT_JETTISON),
+                default=math.inf,
             )
+            if peak > FAR_ABOVE * limit:
+                line += (
+                    f", {peak / limit:,.0f} times the limit; a higher min_perigee_altitude_m of a "
+                    "free coast, or --heating from_jettison, keeps it down"
+                )
+            lines.append(line)
     if solution.costates is not None:
         spread = max(solution.costates.hamiltonian_spread, default=math.nan)
         lines.append(f"Hamiltonian constant on each arc within {spread:.1e}")

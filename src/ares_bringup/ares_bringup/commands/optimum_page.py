@@ -13,6 +13,7 @@ from ares_bringup.commands.optimize import (
     arc_figures,
     name_and_state,
     proof_lines,
+    with_names,
 )
 from ares_bringup.commands.report import (
     Told,
@@ -116,7 +117,7 @@ def _account(mission: Mission, solution: Solution, flight: Flight) -> Account:
         ),
         facts=tuple(_facts(mission, solution).items()),
         tables={
-            "Constraints and their prices": constraint_table(solution),
+            "Constraints and their prices": constraint_table(mission, solution),
             "Steering": steering_table(mission, solution),
             "Delta-V budget": budget_table(flight.budget),
         },
@@ -130,17 +131,17 @@ def _account(mission: Mission, solution: Solution, flight: Flight) -> Account:
 def _facts(mission: Mission, solution: Solution) -> dict[str, str]:
     facts = {"mission": mission.name, "method": solution.method, "software": software()}
     for k, line in enumerate(solution.steps):
-        facts[f"search {k + 1}"] = line
+        facts[f"search {k + 1}"] = with_names(line, mission)
     for k, line in enumerate(proof_lines(solution)):
         facts["proof" if not k else f"proof, {k + 1}"] = line
     return facts
 
 
-def constraint_table(solution: Solution) -> Table:
+def constraint_table(mission: Mission, solution: Solution) -> Table:
     """Tabulate the constraints as found by the independent integration, and their multipliers."""
     rows = []
     for check in solution.constraints:
-        name, state = name_and_state(check)
+        name, state = name_and_state(mission, check)
         cells = (
             _price(check.multiplier),
             word(state),

@@ -30,6 +30,7 @@ from ares_optimizer.collocation.guess import Trial, guess_of, node_times, trials
 from ares_optimizer.collocation.solver import LOCALLY_INFEASIBLE, Point, solve_program
 from ares_optimizer.collocation.transcription import Times, Transcription, Turning
 from ares_optimizer.kernels import timetable
+from ares_optimizer.obstacles import check_obstacle
 from ares_optimizer.pieces import first_ignitions
 from ares_optimizer.plan import SHORTEST, free_arcs, length_bounds, saving_stage, with_lengths
 from ares_optimizer.proof.checks import constraint_table, verification
@@ -1091,8 +1092,7 @@ def _verdict(
     if broken is not None:
         return Cause(
             Status.NOT_OPTIMAL,
-            f"{broken.name} is off its limit of {broken.limit:,.7g} {broken.unit} by "
-            f"{broken.value - broken.limit:,.3g} {broken.unit} when flown by another integrator",
+            f"{check_obstacle((broken,))}, when flown by another integrator",
         )
     propellant = _free_propellant(proven.found)
     if not math.isfinite(propellant):
