@@ -10,6 +10,7 @@ refines the solution to the exact root if the two-point problem has all active c
 import math
 from dataclasses import replace
 
+from ares_models.arrays import HEATING_LIMIT
 from ares_models.floors import floors_of, orbits_of
 from ares_optimizer.collocation.solve import LOCAL_OPTIMA, solve_collocation
 from ares_optimizer.direct.solve import solve_direct
@@ -17,15 +18,18 @@ from ares_optimizer.floor_check import below_floor
 from ares_optimizer.indirect.solve import refine_root, solve_indirect
 from ares_optimizer.indirect.solver import TwoPointOptions
 from ares_optimizer.plan import plans_arcs, saving_stage, throttled_ahead
+from ares_optimizer.proof.checks import heating_from_jettison
 from ares_optimizer.request import Heating, Request
 from ares_optimizer.rival import solve_beside_rival
 from ares_optimizer.solution import (
+    Cause,
     Check,
     ConstraintCheck,
     OptimizerError,
     Solution,
     Status,
     UnfitMethod,
+    failed,
     next_to_nothing,
 )
 
@@ -51,8 +55,7 @@ def solve_auto(request: Request) -> Solution:
         the best solution found.
     """
     if request.heating is Heating.FROM_JETTISON:
-        solution = solve_direct(replace(request, method="direct20"))
-        return replace(solution, steps=(step("direct20", solution),))
+        return _cool_from_jettison(request)
     steps: list[str] = []
     fast = _fast(request)
     if fast is not None:
@@ -79,6 +82,33 @@ def solve_auto(request: Request) -> Solution:
             return replace(exact, steps=tuple(steps))
         return replace(found, steps=tuple(steps))
     return _last_resort(request, found, steps)
+
+
+def _cool_from_jettison(request: Request) -> Solution:
+    """Solve a mission whose heating limit holds from the jettison on.
+
+    What is optimal with the limit at the jettison alone is optimal here too if its later heating
+    keeps the limit, and what has no solution there has none here. Only else is the limit a
+    constraint along the way, which ``direct20`` takes for missions whose last arc alone is free.
+    """
+    relaxed = solve_auto(replace(request, heating=Heating.AT_JETTISON, verify=True))
+    peak = relaxed.verification.peak_fmhr_after_jettison_w_m2 if relaxed.verification else math.nan
+    if not relaxed.flyable or not math.isfinite(peak):
+        return relaxed
+    jettisons = request.arrays.jettisons
+    limit = float(jettisons["value"][jettisons["criterion"] == HEATING_LIMIT].min())
+    check = heating_from_jettison(peak, limit)
+    if check.satisfied:
+        return replace(relaxed, constraints=(*relaxed.constraints, check))
+    steps = (*relaxed.steps, f"heating from the jettison on: {peak:,.0f} W/m2, limit {limit:,.0f}")
+    if plans_arcs(request.arrays, request.state[0]):
+        reason = (
+            f"{steps[-1]}; no method limits the heating along free arcs: "
+            "raise min_perigee_altitude_m of the free coast"
+        )
+        return replace(failed("auto", Cause(Status.STALLED, reason)), steps=steps)
+    solution = solve_direct(replace(request, method="direct20"))
+    return replace(solution, steps=(*steps, step("direct20", solution)))
 
 
 def step(name: str, solution: Solution) -> str:

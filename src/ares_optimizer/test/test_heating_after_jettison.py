@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from ares_models.arrays import COAST
 from ares_models.mission import load_mission
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.direct.kernels.evaluate import evaluate, make_point, make_scratch
@@ -13,7 +14,7 @@ from ares_optimizer.direct.kernels.flight import N_COLUMNS, N_TIME, STORED
 from ares_optimizer.direct.kernels.heating import between_nodes, heating_peaks
 from ares_optimizer.direct.search import own_starts
 from ares_optimizer.direct.transcription import transcribe
-from ares_optimizer.solution import OptimizerError
+from ares_optimizer.solution import OptimizerError, Status
 from ares_optimizer.solve import solve
 
 LIMIT = 1135.0
@@ -147,3 +148,31 @@ def test_peaks_are_found_and_counted():
     after = flown.time_s > 500.0
     top = flown.time_s[after][np.argmax(flown.heating_rate[after])]
     assert peaks[0] == pytest.approx(top, abs=2.0)
+
+
+def test_a_plan_that_is_cool_anyway_is_the_optimum_of_the_limit_along_the_way():
+    """Free coasts are planned for the limit at the jettison; `direct20` would coast nowhere."""
+    arrays, start = with_parking_perigee(175e3)
+    relaxed = solve(arrays, "auto", state=start)
+    assert relaxed.verification.peak_fmhr_after_jettison_w_m2 <= LIMIT + 0.1
+    held = solve(arrays, "auto", state=start, heating="from_jettison")
+    assert held.converged
+    assert held.m_f_kg == pytest.approx(relaxed.m_f_kg, abs=1e-3)
+    assert by_name(held, "heating from the jettison on").satisfied
+
+
+def test_a_plan_that_heats_up_along_its_coast_is_not_called_infeasible():
+    arrays, start = with_parking_perigee(120e3)
+    solution = solve(arrays, "auto", state=start, heating="from_jettison")
+    assert solution.status is Status.STALLED
+    assert "limit 1,135" in solution.reason
+    assert "raise min_perigee_altitude_m" in solution.reason
+
+
+def with_parking_perigee(altitude_m):
+    """Return falcon9_gto with another least perigee of its free coast."""
+    mission = load_mission("falcon9_gto")
+    arrays, start = mission.arrays(), mission.start().navigation()
+    coast = (arrays.arcs["kind"] == COAST) & np.isinf(arrays.arcs["duration"])
+    arrays.arcs["min_perigee_radius"][coast] = 6378137.0 + altitude_m
+    return arrays, start

@@ -305,7 +305,7 @@ def proof_lines(solution: Solution) -> list[str]:
             if peak > FAR_ABOVE * limit:
                 line += (
                     f", {peak / limit:,.0f} times the limit; a higher min_perigee_altitude_m of a "
-                    "free coast, or --heating from_jettison, keeps it down"
+                    "free coast keeps it down"
                 )
             lines.append(line)
     if solution.costates is not None:

@@ -127,17 +127,20 @@ def _jettison_checks(
             if heating is not Heating.IGNORED:
                 checks.append(replace(_heating_check(j, at[0], limit), jettison=j))
     if heating is Heating.FROM_JETTISON and limits and math.isfinite(flight.peak_w_m2):
-        checks.append(
-            _at_most(
-                Check.HEATING_FROM_JETTISON,
-                "heating from the jettison on",
-                flight.peak_w_m2,
-                min(limits),
-                "W/m2",
-                HEATING_W_M2,
-            )
-        )
+        checks.append(heating_from_jettison(flight.peak_w_m2, min(limits)))
     return checks
+
+
+def heating_from_jettison(peak_w_m2: float, limit_w_m2: float) -> ConstraintCheck:
+    """Return the check of a heating limit that holds from the jettison on.
+
+    Args:
+        peak_w_m2: greatest heating after the jettison.
+        limit_w_m2: limit.
+    """
+    name = "heating from the jettison on"
+    key = Check.HEATING_FROM_JETTISON
+    return _at_most(key, name, peak_w_m2, limit_w_m2, "W/m2", HEATING_W_M2)
 
 
 def _left_on(jettison: int, forgiven: bool) -> ConstraintCheck:
