@@ -30,5 +30,8 @@ setup(
         "test": ["pytest"],
     },
     zip_safe=False,
-    entry_points={"console_scripts": ["optimizer = ares_optimizer.__main__:main"]},
+    entry_points={
+        "console_scripts": ["optimizer = ares_optimizer.__main__:main"],
+        "ares_optimizer.methods": ["analytic = ares_optimizer.analytic.method:ANALYTIC"],
+    },
 )

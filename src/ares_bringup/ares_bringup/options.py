@@ -64,20 +64,6 @@ class InitialGuess(StrEnum):
     ANALYTIC = "analytic"
 
 
-class Method(StrEnum):
-    """Methods of the off-line optimizer, by their names in `ares_optimizer.solve`."""
-
-    AUTO = "auto"
-    COLLOCATION = "collocation"
-    INDIRECT = "indirect"
-    CLOSED_FORM = "closed_form"
-    DIRECT11 = "direct11"
-    DIRECT14 = "direct14"
-    DIRECT20 = "direct20"
-    JUMP = "jump"
-    ANALYTIC = "analytic"
-
-
 class Maximize(StrEnum):
     """What `optimize` may seek the most of, besides the mass at cut-off."""
 
@@ -85,7 +71,7 @@ class Maximize(StrEnum):
 
 
 class AnalyticProfile(StrEnum):
-    """Polynomials of method `analytic`, by their names in `ares_optimizer.analytic_options`."""
+    """Polynomials of method `analytic`, by their names there."""
 
     THESIS = "thesis"
     IMPROVED = "improved"

@@ -15,17 +15,6 @@ from ares_models.mission import Mission
 from ares_optimizer.deadline import Deadline
 from ares_optimizer.solution import OptimizerError
 
-DIRECT_METHODS = ("direct11", "direct14", "direct20", "jump")
-INDIRECT_METHODS = ("indirect", "closed_form")
-ANALYTIC_METHOD = "analytic"
-COLLOCATION = "collocation"
-#: Chosen by the mission.
-AUTO = "auto"
-#: Those that plan burns in held attitude.
-HELD_METHODS = ("auto", "collocation", "indirect", "direct11", "direct14", "direct20")
-METHODS = (AUTO, COLLOCATION, *INDIRECT_METHODS, *DIRECT_METHODS, ANALYTIC_METHOD)
-
-
 #: Beyond any state of a flight, and far below what a number can hold: s, m, m/s, kg.
 MOST = {
     "time": 1e9,
@@ -54,7 +43,7 @@ class Request:
     Attributes:
         arrays: the mission.
         state: where the flight is, shape (1,), dtype NAVIGATION.
-        method: one of METHODS.
+        method: one of `registry.method_names`.
         guess: where to start, as the method takes it; None: the method's own.
         heating: where the heating limit holds.
         deadline: when to give up.

@@ -12,7 +12,7 @@ from ares_bringup.usage import answer
 
 # registered in this order, in which the help lists them
 from ares_bringup.verbs import bags, files, flights, graph, studies  # noqa: F401
-from ares_bringup.verbs.app import BadInput, app, one_line
+from ares_bringup.verbs.app import BadInput, add_registered_verbs, app, one_line
 from ares_node.entry import OutputError
 
 __all__ = ["app", "main"]
@@ -29,6 +29,8 @@ _EXPECTED = {
     "less_than_equal": "at most {le}",
 }
 _CHOICE = " is not one of "
+
+add_registered_verbs()
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -12,12 +12,13 @@ from typing import NoReturn
 import numpy as np
 
 from ares_bringup.commands.cli import EXIT_BAD_INPUT, main
-from ares_bringup.options import PEG, Method
+from ares_bringup.options import PEG
 from ares_guidance.laws import self_starting_laws
 from ares_guidance.registry import law_names
 from ares_models.input_file import InputError
 from ares_models.mission import load_mission
 from ares_models.mission_physics import longest_flight
+from ares_optimizer.registry import method_names
 from ares_optimizer.solution import OptimizerError
 from ares_studies.closed_loop import fly_compiled, ready_law
 from ares_vehicle_sim.dispersions import load_dispersions
@@ -131,7 +132,7 @@ _CAMPAIGN_LAWS = self_starting_laws()
 ACTIONS = {
     MISSION: (
         *(f"fly {law}" for law in law_names()),
-        *(f"optimize {method.value}" for method in Method),
+        *(f"optimize {method}" for method in method_names()),
         *(f"campaign {law}" for law in _CAMPAIGN_LAWS),
     ),
     DISPERSIONS: tuple(f"disperse {law}" for law in _CAMPAIGN_LAWS),

@@ -41,7 +41,7 @@ from ares_optimizer.kernels.timetable import propellant_used
 from ares_optimizer.obstacles import target_obstacle
 from ares_optimizer.proof.checks import constraint_table, verification
 from ares_optimizer.proof.flight import fly, steering_of
-from ares_optimizer.request import ANALYTIC_METHOD, Heating, Request, arrays_and_state
+from ares_optimizer.request import Heating, Request, arrays_and_state
 from ares_optimizer.solution import (
     Cause,
     OptimizerError,
@@ -56,6 +56,7 @@ from ares_optimizer.solution import (
 
 Array = NDArray[np.float64]
 
+METHOD = "analytic"
 
 APPROXIMATION = Cause(
     Status.CONVERGED, "analytic approximation, not an optimum: the iteration converged"
@@ -258,7 +259,7 @@ def solve_analytic(
     iterations = sum(part.iterations for part in (one, two) if part is not None)
     planar = None
     if cause is not None:
-        solution = failed(ANALYTIC_METHOD, cause)
+        solution = failed(METHOD, cause)
     else:
         pieces = _pieces(ascent, found)
         plane = _plane(ascent, pieces)
@@ -511,7 +512,7 @@ def _solution(ascent: Ascent, plane: Plane, pieces: Sequence[_Piece]) -> Solutio
         lacking = f"propellant: {last.end_mass_kg:,.0f} kg are left of the vehicle"
     cause = infeasible(lacking) or APPROXIMATION
     return Solution(
-        ANALYTIC_METHOD,
+        METHOD,
         **cause._asdict(),
         jettison_times_s=(math.nan if ascent.jettisoned else last.start_s,),
         t_meco_s=last.end_s,
