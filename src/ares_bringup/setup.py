@@ -46,10 +46,8 @@ setup(
             "ares = ares_bringup.__main__:main",
             "judge = ares_bringup.__main__:judge",
         ],
-        "ares_bringup.optimize": ["analytic = ares_bringup.commands.analytic:optimize_analytic"],
         "ares_bringup.verbs": [
             "faults = ares_bringup.faults.verb:faults",
-            "reproduce = ares_bringup.verbs.thesis:reproduce",
         ],
     },
 )

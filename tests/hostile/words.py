@@ -29,7 +29,7 @@ _WORK = (
     "ares_bringup.fly._fly_in_process",
     "ares_bringup.fly._fly_in_processes",
     "ares_bringup.commands.optimize.solve",
-    "ares_bringup.commands.analytic.solve_analytic",
+    "ares_thesis.commands.analytic.solve_analytic",
     "ares_bringup.commands.montecarlo.choose",
     "ares_bringup.commands.montecarlo._fly_alone",
     "ares_bringup.commands.aborts.MapMaker",

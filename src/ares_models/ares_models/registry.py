@@ -6,8 +6,8 @@ A package offers a guidance law, a method of the optimizer or a verb of the comm
 """
 
 from functools import cache
-from importlib.metadata import EntryPoint, EntryPoints, entry_points
-from typing import TypeVar
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, TypeVar
 
 _Part = TypeVar("_Part")
 
@@ -19,7 +19,8 @@ def registered(group: str) -> dict[str, EntryPoint]:
 
 
 @cache
-def _installed() -> EntryPoints:
+def _installed() -> Any:
+    """Read the entry points of every installed package, once."""
     return entry_points()
 
 

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The off-line optimizer: direct, indirect and analytic solutions of the ascent."""
+"""The off-line optimizer: direct and indirect solutions of the ascent."""
