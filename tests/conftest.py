@@ -23,9 +23,9 @@ from ares_msgs.msg import FlightEvent, FlightMember, NavState
 from ares_node.heartbeat import is_heartbeat
 from ares_node.node import FlightNode
 from ares_node.qos import EVENTS, FLIGHT, FLIGHT_MEMBER, MEMBERS, reliable
-from ares_node.testing import own_words, ros_context, ros_domain, ros_environment, spin_until
-from ares_studies.pages.testing import SIZES
 from ares_thesis.commands.reproduce import PAGE
+from ares_trials.testing.pages import SIZES
+from ares_trials.testing.ros import own_words, ros_context, ros_domain, ros_environment, spin_until
 
 __all__ = ["graph", "ros_context", "ros_domain", "ros_environment"]
 

@@ -14,17 +14,17 @@ import numpy as np
 import pytest
 
 from ares_bringup.commands.cli import main
-from ares_bringup.faults import tampering
-from ares_bringup.faults.campaign import as_object, chosen, spread
-from ares_bringup.faults.control import Control
-from ares_bringup.faults.rows import ROWS
-from ares_bringup.faults.scene import MARK, Flown, marked
-from ares_bringup.faults.signals import slowed
-from ares_bringup.faults.trial import Class, Trial, judge, run
 from ares_bringup.held import shared_memory
 from ares_bringup.keeper import Keeper
 from ares_bringup.options import CannotStart
-from ares_node.testing import own_words
+from ares_trials.faults import tampering
+from ares_trials.faults.campaign import as_object, chosen, spread
+from ares_trials.faults.control import Control
+from ares_trials.faults.rows import ROWS
+from ares_trials.faults.scene import MARK, Flown, marked
+from ares_trials.faults.signals import slowed
+from ares_trials.faults.trial import Class, Trial, judge, run
+from ares_trials.testing.ros import own_words
 
 CONTROL = Control(begin_s=155.9, jettison_s=434.0, cutoff_s=767.1, mass_kg=174117.5)
 

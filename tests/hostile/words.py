@@ -33,7 +33,7 @@ _WORK = (
     "ares_bringup.commands.montecarlo.choose",
     "ares_bringup.commands.montecarlo._fly_alone",
     "ares_bringup.commands.aborts.MapMaker",
-    "ares_bringup.faults.campaign.fly_all",
+    "ares_trials.faults.campaign.fly_all",
     "ares_bringup.audience.follow",
     "os.execv",
 )

@@ -267,7 +267,7 @@ def test_a_verb_says_what_is_kept(tmp_path, number, files, kept):
 
 def test_faults_say_how_many_were_flown(monkeypatch, capfd):
     from ares_bringup.commands import interrupts
-    from ares_bringup.faults import campaign
+    from ares_trials.faults import campaign
 
     def fly_three(tasks, seed, _workers, done):
         for name, number in tasks[:3]:

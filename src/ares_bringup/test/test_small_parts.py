@@ -21,8 +21,8 @@ from ares_bringup.fly import law_that_flew, node_parameters
 from ares_bringup.options import CannotStart, FlyOptions, domain_id
 from ares_bringup.params_file import node_values
 from ares_bringup.summary import FlightSummary
-from ares_bringup.testing import made_up_status
 from ares_bringup.watch import Watch
+from ares_trials.testing.flights import made_up_status
 
 
 @pytest.mark.parametrize("text", ["233", "-1", "one", "1.5", "\u0663"])

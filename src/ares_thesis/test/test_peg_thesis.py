@@ -13,11 +13,11 @@ from ares_guidance.guess import JettisonPlan, OfflineTrajectory
 from ares_guidance.law import Law, LawSettings
 from ares_guidance.laws import make_law
 from ares_guidance.registry import law_names
-from ares_guidance.testing import step_anew
 from ares_models.arrays import NAVIGATION
 from ares_models.mission import load_mission
 from ares_thesis.peg.arrays import LAW_PEG_THESIS
 from ares_thesis.peg.law import Pins, ThesisPeg
+from ares_trials.testing.laws import step_anew
 
 #: The optimum of the default mission.
 PLAN = JettisonPlan(

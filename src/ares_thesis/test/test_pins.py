@@ -10,8 +10,8 @@ from ares_guidance.law import LawSettings
 from ares_models.mission import load_mission
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import fly_compiled, fly_stepwise, ready_law
-from ares_studies.testing import assert_within, errors
 from ares_thesis.pins import CONVERGED, pin_study, wrong_thrust_study
+from ares_trials.testing.arrivals import assert_within, errors
 from ares_vehicle_sim.arrays import JETTISON_DONE
 from ares_vehicle_sim.dispersions import Dispersions
 from ares_vehicle_sim.simulator import Simulator

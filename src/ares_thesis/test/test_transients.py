@@ -10,7 +10,6 @@ from ares_models.mission import load_mission
 from ares_optimizer.solution import OptimizerError
 from ares_optimizer.solve import solve
 from ares_studies.closed_loop import fly_compiled
-from ares_studies.testing import assert_within, errors
 from ares_thesis.transients import (
     PLAIN,
     WITH_TRANSIENTS,
@@ -19,6 +18,7 @@ from ares_thesis.transients import (
     transient_mission,
     transient_study,
 )
+from ares_trials.testing.arrivals import assert_within, errors
 
 OTIS_S = 784.0
 OTIS_KG = 166_630.0

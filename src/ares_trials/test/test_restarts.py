@@ -9,7 +9,7 @@ import pytest
 from ares_guidance.laws import make_law
 from ares_models.mission import load_mission
 from ares_studies.closed_loop import arc_plan
-from ares_studies.restarts import Restarts
+from ares_trials.restarts import Restarts
 from ares_vehicle_sim.arrays import ARC_ENDED, IGNITION, JETTISON_DONE
 from ares_vehicle_sim.simulator import Simulator
 

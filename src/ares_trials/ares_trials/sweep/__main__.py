@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole sweep: every input, everything done with it. Exit status 1: something broke.
 
-python -m ares_bringup.sweep
+python -m ares_trials.sweep
 """
 
 import sys
 import time
 
-from ares_bringup.sweep.attempts import ACTIONS
-from ares_bringup.sweep.plan import all_inputs, tasks, warm_up
-from ares_bringup.sweep.pool import attempt_all
+from ares_trials.sweep.attempts import ACTIONS
+from ares_trials.sweep.plan import all_inputs, tasks, warm_up
+from ares_trials.sweep.pool import attempt_all
 
 
 def main() -> int:

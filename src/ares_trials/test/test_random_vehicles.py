@@ -5,7 +5,7 @@ import pytest
 
 from ares_guidance.laws import check_law
 from ares_models.mission import load_mission
-from ares_studies.random_vehicles import fly_as_planned, random_mission, solvable
+from ares_trials.random_vehicles import fly_as_planned, random_mission, solvable
 from ares_vehicle_sim.arrays import DEPLETION
 
 #: Beside PEG's own loss: the most that it may be short of the optimum.

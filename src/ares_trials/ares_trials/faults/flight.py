@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The flight of one trial, as `ares fly --json` flies it: python -m ares_bringup.faults.flight.
+"""The flight of one trial, as `ares fly --json` flies it: python -m ares_trials.faults.flight.
 
 The one argument is a JSON object: `options` of FlyOptions, `modules` in place of the nodes' own.
 """

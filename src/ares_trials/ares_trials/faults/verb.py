@@ -20,6 +20,6 @@ def faults(
     as_json: TablesOrJson = False,
 ) -> None:
     """Inject faults into real flights, say what they came to. Exit status 1: one was wrong."""
-    from ares_bringup.faults.campaign import faults as fly_faults
+    from ares_trials.faults.campaign import faults as fly_faults
 
     raise typer.Exit(fly_faults(n, seed, rows or (), workers, as_json))

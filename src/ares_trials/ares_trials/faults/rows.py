@@ -8,15 +8,15 @@ from typing import Any
 
 from numpy.random import Generator
 
-from ares_bringup.faults import acts, signals
-from ares_bringup.faults.scene import Flown, Scene
 from ares_bringup.keeper import OPTIMIZER, SIMULATOR
 from ares_node.membership import Role, State
+from ares_trials.faults import acts, signals
+from ares_trials.faults.scene import Flown, Scene
 
 #: Of a simulator that shall not wait long for answers that were lost on purpose.
 IMPATIENT = {SIMULATOR: ("-p", "command_timeout_s:=0.1")}
 RECORDED = {"record": True, "bag": "bag"}
-FALSE_OPTIMIZER = {OPTIMIZER: "ares_bringup.faults.false_optimizer"}
+FALSE_OPTIMIZER = {OPTIMIZER: "ares_trials.faults.false_optimizer"}
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Row:
     modules: Mapping[str, str] = field(default_factory=dict)
     drawn: str = ""
     after: Callable[[Scene, Flown], str] = lambda _scene, _flown: ""
-    program: str = "ares_bringup.faults.flight"
+    program: str = "ares_trials.faults.flight"
     alone: Callable[[Generator], str] | None = None
 
 
@@ -279,7 +279,7 @@ ROWS = (
         (),
         (0,),
         unaffected=True,
-        program="ares_bringup.faults.by_hand",
+        program="ares_trials.faults.by_hand",
     ),
     *(
         Row(

@@ -15,7 +15,7 @@ from itertools import chain
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from ares_bringup.sweep.attempts import BROKEN, REFUSED, attempt
+from ares_trials.sweep.attempts import BROKEN, REFUSED, attempt
 
 #: CPU time in s that one attempt may take; more is a hang, however busy the machine is.
 CPU_LIMIT_S = 60

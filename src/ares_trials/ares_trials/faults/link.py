@@ -5,7 +5,7 @@ In lock-step it is counted in flight time: the simulator waits until the link ha
 there by then, so a flight is the same on every machine, at any pace. In real time (`wall`) it is
 counted by the clock on the wall. Nothing overtakes: reliable DDS keeps the order too.
 
-python -m ares_bringup.faults.link --ros-args ... puts it into a flight of other processes.
+python -m ares_trials.faults.link --ros-args ... puts it into a flight of other processes.
 """
 
 import sys
@@ -19,12 +19,12 @@ from numpy.random import Generator
 from rclpy.node import Node
 
 from ares_bringup.discovery import apply_discovery_settings
-from ares_bringup.faults.relay import Relay
 from ares_msgs.msg import ThrustCommand
 from ares_node.membership import State
 from ares_node.node import FlightNode
 from ares_node.parameters import Parameter
 from ares_node.run import run_node
+from ares_trials.faults.relay import Relay
 
 #: Wall time in s between looks at what is due.
 LOOK_PERIOD = 0.0005

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulator and guidance as started by hand: python -m ares_bringup.faults.by_hand.
+"""Simulator and guidance as started by hand: python -m ares_trials.faults.by_hand.
 
 Neither is told a flight. A simulator that ends is started again, as another flight, and what that
 one comes to is printed as one JSON object.

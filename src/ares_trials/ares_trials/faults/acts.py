@@ -20,10 +20,6 @@ from ares_bags.errors import BagError
 from ares_bags.reader import open_bag
 from ares_bags.repair import repair
 from ares_bags.verify import verify
-from ares_bringup.faults import tampering
-from ares_bringup.faults.control import Control
-from ares_bringup.faults.relay import Channel
-from ares_bringup.faults.scene import Flown, Scene
 from ares_bringup.keeper import GUIDANCE, OPTIMIZER, RECORDER, SIMULATOR
 from ares_msgs.msg import FlightEvent, FlightMember, ThrustCommand
 from ares_node.membership import Role, State
@@ -40,6 +36,10 @@ from ares_node.qos import (
     THRUST_COMMAND,
 )
 from ares_node.time import ns_from_seconds, ns_from_stamp, stamp_from_seconds
+from ares_trials.faults import tampering
+from ares_trials.faults.control import Control
+from ares_trials.faults.relay import Channel
+from ares_trials.faults.scene import Flown, Scene
 
 #: What is done to a scene of a flight like the control, drawn by a generator.
 Act = Callable[[Scene, Control, Generator], None]

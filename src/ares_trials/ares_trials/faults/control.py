@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Self
 
-from ares_bringup.faults.scene import Scene
 from ares_bringup.options import CannotStart
 from ares_bringup.summary import Outcome
+from ares_trials.faults.scene import Scene
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,9 @@ from rclpy.node import Node
 from ares_bags.errors import BagError
 from ares_bags.reader import open_bag
 from ares_bags.repair import repair
-from ares_bags.testing import (
+from ares_msgs.msg import FlightEvent, NavState
+from ares_node.qos import DIAGNOSTIC, EVENTS, FLIGHT, NAMESPACE
+from ares_trials.testing.bags import (
     DIAGNOSTICS,
     EVENT,
     NAV,
@@ -31,8 +33,6 @@ from ares_bags.testing import (
     nav_state,
     report,
 )
-from ares_msgs.msg import FlightEvent, NavState
-from ares_node.qos import DIAGNOSTIC, EVENTS, FLIGHT, NAMESPACE
 
 #: Navigation states a second: paced as the clock goes, ten times as fast, in lock-step.
 RATES = (10.0, 100.0, 1500.0)

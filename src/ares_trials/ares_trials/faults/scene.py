@@ -25,13 +25,13 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from ares_bringup.discovery import apply_discovery_settings
-from ares_bringup.faults.relay import GUIDANCE_ARGUMENTS, SIMULATOR_ARGUMENTS, Relay
 from ares_bringup.fly import MODULES
 from ares_bringup.held import all_pids, clear, shared_memory
 from ares_bringup.keeper import GUIDANCE, SIMULATOR
 from ares_node.domains import claimed_domain
 from ares_node.key import new_key
 from ares_node.membership import AGREED, Role
+from ares_trials.faults.relay import GUIDANCE_ARGUMENTS, SIMULATOR_ARGUMENTS, Relay
 
 #: Names the processes of a trial in their environment.
 MARK = "ARES_FAULT_TRIAL"
@@ -106,7 +106,7 @@ class Scene:
         options: Mapping[str, Any] | None = None,
         arguments: Mapping[str, Sequence[str]] | None = None,
         modules: Mapping[str, str] | None = None,
-        program: str = "ares_bringup.faults.flight",
+        program: str = "ares_trials.faults.flight",
         relay: Callable[[Node], Relay] = Relay,
     ) -> None:
         """Nothing runs yet.

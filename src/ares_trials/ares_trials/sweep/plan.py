@@ -7,13 +7,13 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from ares_bringup.sweep.attempts import ACTIONS, DISPERSIONS, MISSION
-from ares_bringup.sweep.inputs import Input, inputs, to_yaml
-from ares_bringup.sweep.pool import Task
 from ares_models.input_file import InputKind, read_input
 from ares_models.mission import MISSION as MISSION_FILE
 from ares_models.mission import Mission
 from ares_models.mission_parts import Part
+from ares_trials.sweep.attempts import ACTIONS, DISPERSIONS, MISSION
+from ares_trials.sweep.inputs import Input, inputs, to_yaml
+from ares_trials.sweep.pool import Task
 from ares_vehicle_sim.dispersions import DISPERSIONS as DISPERSIONS_FILE
 from ares_vehicle_sim.dispersions import Dispersions
 

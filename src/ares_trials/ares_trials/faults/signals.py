@@ -20,9 +20,9 @@ from numpy.random import Generator
 
 from ares_bags.errors import BagError
 from ares_bags.verify import verify
-from ares_bringup.faults.scene import MARK, leftovers, marked
 from ares_bringup.held import SHARED, all_pids, shared_memory
 from ares_node.domains import claimed_domain
+from ares_trials.faults.scene import MARK, leftovers, marked
 
 #: Time in s for a command to end after a signal, as the machine gives it; see `Given`.
 END_WITHIN = 2.0

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator
 
-from ares_bringup.faults.relay import Tamper
 from ares_models.mission import load_mission
+from ares_trials.faults.relay import Tamper
 
 #: Acceleration that is no true one, m/s2.
 DRIFT = 0.2

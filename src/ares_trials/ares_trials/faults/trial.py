@@ -8,9 +8,9 @@ from zlib import crc32
 
 import numpy as np
 
-from ares_bringup.faults.control import Control, undisturbed
-from ares_bringup.faults.rows import ROWS, Row
-from ares_bringup.faults.scene import Flown, Scene
+from ares_trials.faults.control import Control, undisturbed
+from ares_trials.faults.rows import ROWS, Row
+from ares_trials.faults.scene import Flown, Scene
 
 #: Ends of a flight that has diverged, or come to none.
 DIVERGED = ("impact", "incomplete", "interrupted", "time_limit")

@@ -14,7 +14,7 @@ from ares_optimizer.plan import last_begin, length_bounds, spent, with_lengths
 from ares_optimizer.request import Heating, Request
 from ares_optimizer.rival import fixed_burns_fall_short
 from ares_optimizer.solve import solve
-from ares_studies.random_vehicles import random_coasting_mission
+from ares_trials.random_vehicles import random_coasting_mission
 
 #: Of the last burn, s: what is left where the other burns reach the target by themselves.
 NOTHING_S = 0.1

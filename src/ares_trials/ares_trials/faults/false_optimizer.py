@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """An optimizer that is wrong: nonsense, or a plan for another vehicle.
 
-python -m ares_bringup.faults.false_optimizer --ros-args ... -p kind:=nonsense -p seed:=7
+python -m ares_trials.faults.false_optimizer --ros-args ... -p kind:=nonsense -p seed:=7
 """
 
 import sys

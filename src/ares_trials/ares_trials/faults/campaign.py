@@ -19,11 +19,11 @@ from rich.table import Table
 
 from ares_bringup.commands.interrupts import grant, tell
 from ares_bringup.crew import CLOSE_TIMEOUT
-from ares_bringup.faults.control import Control, undisturbed
-from ares_bringup.faults.rows import ROWS
-from ares_bringup.faults.trial import Class, Trial, run
 from ares_bringup.held import all_pids, clear, shared_memory
 from ares_bringup.options import CannotStart
+from ares_trials.faults.control import Control, undisturbed
+from ares_trials.faults.rows import ROWS
+from ares_trials.faults.trial import Class, Trial, run
 
 T = TypeVar("T")
 

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Aids of tests and benchmarks; nothing else uses them."""
