@@ -6,11 +6,7 @@ What is on a page is tested beside what makes it; the live page in test_live_pag
 
 import pytest
 
-<<<<<<< HEAD
 from ares_trials.testing.pages import FIGURES, illegible
-=======
-from ares_trials.testing.pages import FIGURES, SIZES, THEMES, illegible
->>>>>>> 22408a8 (Move what tries the product to a package of its own, ares_trials)
 
 PAGES = ("page_of_one", "page_of_two", "page_of_many", "page_of_map", "page_of_thesis")
 

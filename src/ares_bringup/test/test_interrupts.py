@@ -265,24 +265,6 @@ def test_a_verb_says_what_is_kept(tmp_path, number, files, kept):
     assert [name for name in files if not (tmp_path / name).exists()] == []
 
 
-def test_faults_say_how_many_were_flown(monkeypatch, capfd):
-    from ares_bringup.commands import interrupts
-    from ares_trials.faults import campaign
-
-    def fly_three(tasks, seed, _workers, done):
-        for name, number in tasks[:3]:
-            done(campaign.Trial(name, seed, number, campaign.Class.SURVIVED.value))
-        raise interrupts.Interrupted
-
-    monkeypatch.setattr(interrupts, "GRACE", interrupts.GRACE)
-    monkeypatch.setattr(interrupts, "_told", [])
-    monkeypatch.setattr(campaign, "fly_all", fly_three)
-    assert campaign.faults(8, 1, (), 1, False) == 130
-    assert capfd.readouterr() == ("", "ares: interrupted; 3 of 8 faults were flown, none is kept\n")
-    # its flights are ended by then
-    assert interrupts.GRACE >= campaign.CLOSE_TIMEOUT
-
-
 def test_a_flight_that_had_not_begun_prints_no_summary(monkeypatch, capsys):
     from ares_bringup import fly
     from ares_bringup.commands.cli import main

@@ -135,7 +135,7 @@ def killed_recording(
     finally:
         process.kill()
         process.wait()
-        source.destroy_node()  # type: ignore[no-untyped-call]
+        source.destroy_node()
     return _compare(bag, source.sent, killed_at)
 
 

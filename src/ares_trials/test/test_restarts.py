@@ -10,7 +10,7 @@ from ares_guidance.laws import make_law
 from ares_models.mission import load_mission
 from ares_studies.closed_loop import arc_plan
 from ares_trials.restarts import Restarts
-from ares_vehicle_sim.arrays import ARC_ENDED, IGNITION, JETTISON_DONE
+from ares_vehicle_sim.arrays import ARC_ENDED, IGNITION
 from ares_vehicle_sim.simulator import Simulator
 
 #: s that must be left.
@@ -38,16 +38,6 @@ def test_a_flight_arrives_whenever_its_guidance_begins_anew(mission, law):
     assert restarts.arrives
     # over the whole flight, and behind starts, ends of arcs and jettisons
     assert arrive(restarts, restarts.times(10), [0.1, 20.0]) >= 20
-
-
-def test_the_law_of_the_thesis_begins_anew_from_an_analytic_plan_or_as_peg():
-    restarts = Restarts(load_mission("ares_v"), "peg_thesis")
-    dropped = restarts.events["time"][restarts.events["type"] == JETTISON_DONE][0]
-    lost = [200.0, 345.0, float(dropped) + 1.0]
-    ends = list(restarts.fly(lost, [5.0]))
-    assert all(end.arrived for end in ends)
-    # behind the jettison it has nothing to aim at
-    assert [len(end.reasons) for end in ends] == [0, 0, 1]
 
 
 def test_a_plan_is_asked_for_again_in_a_coast_and_in_the_burn_behind_it():
