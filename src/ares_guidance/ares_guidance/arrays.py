@@ -271,32 +271,6 @@ AVOID = np.dtype(
     align=True,
 )
 
-THESIS_MEMORY = np.dtype(
-    [
-        # the plan: the jettison, and how it is flown to
-        ("planned", np.int64),  # 0: there is none, the law is plain PEG
-        ("target", TARGET),  # the jettison's; its plane is set when a mode begins
-        ("part_two", np.float64),  # s from the jettison to cut-off
-        # m/s: start to staging, staging to jettison, jettison to cut-off
-        ("delta_v", np.float64, (3,)),
-        ("plane", np.int64),  # PLANE_*: what modes 1 and 2 hold
-        ("split_at_staging", np.int64),  # 0: mode 1 goes on to the jettison
-        ("early_rules", GUIDANCE_SETTINGS),  # of modes 1 and 2
-        ("late_rules", GUIDANCE_SETTINGS),  # of mode 3
-        ("early_arcs", ARC, (MAX_SEGMENTS,)),  # the mission's, without the last tail-off
-        # the flight
-        ("mode", np.int64),  # 1, 2, 3; 0: not begun
-        ("jettison_time", np.float64),  # predicted; nan: not yet
-        # the last solution of the mode before, which stays when the new mode finds none
-        ("fallback", np.int64),  # 1: there is one
-        ("fallback_jettison_time", np.float64),
-        ("fallback_reference_time", np.float64),
-        ("fallback_direction", np.float64, (3,)),
-        ("fallback_direction_rate", np.float64, (3,)),
-    ],
-    align=True,
-)
-
 #: Primer at the reference, its rate, time to go.
 TURN_UNKNOWNS = 7
 
@@ -492,13 +466,16 @@ GUIDANCE_STATE = np.dtype(
         ("segment_count", np.int64),
         ("turn", TURN_WORK),
         ("optimal", OPTIMAL_MEMORY),
-        ("thesis", THESIS_MEMORY),
         ("plan", PLAN),
         ("leg", LEG),
         ("avoid", AVOID),
     ],
     align=True,
 )
+
+
+#: `LawKind.memory` of a law that keeps nothing but GUIDANCE_STATE between states.
+NO_MEMORY = np.dtype([("none", np.int64)])
 
 
 class OnboardArrays(NamedTuple):
@@ -509,16 +486,19 @@ class OnboardArrays(NamedTuple):
         settings: shape (1,), dtype GUIDANCE_SETTINGS.
         state: shape (1,), dtype GUIDANCE_STATE; all zero before the first step.
         steering: shape (1,), dtype STEERING, the answer.
+        memory: shape (1,), of the law's own dtype; all zero before the first step, unless the
+            law puts a plan there.
     """
 
     navigation: NDArray[Any]
     settings: NDArray[Any]
     state: NDArray[Any]
     steering: NDArray[Any]
+    memory: NDArray[Any]
 
 
 class Onboard(NamedTuple):
-    """The same as kernels hand it to one another, as records."""
+    """The same as kernels hand it to one another, as records; the law's own memory goes apart."""
 
     navigation: Record
     settings: Record
@@ -526,11 +506,22 @@ class Onboard(NamedTuple):
     steering: Record
 
 
-def blank_onboard(settings: NDArray[Any]) -> OnboardArrays:
-    """Before a flight: nothing known, nothing answered."""
+def blank_onboard(settings: NDArray[Any], memory: np.dtype[Any] = NO_MEMORY) -> OnboardArrays:
+    """Lay out what is on board before a flight: nothing known, nothing answered.
+
+    Args:
+        settings: shape (1,), dtype GUIDANCE_SETTINGS.
+        memory: the law's own.
+    """
     steering = np.zeros(1, STEERING)
     steering["cutoff_time"] = np.nan
     steering["jettison"] = -1
     steering["jettison_time"] = np.nan
     steering["arc_end_times"] = np.nan
-    return OnboardArrays(np.zeros(1, NAVIGATION), settings, np.zeros(1, GUIDANCE_STATE), steering)
+    return OnboardArrays(
+        np.zeros(1, NAVIGATION),
+        settings,
+        np.zeros(1, GUIDANCE_STATE),
+        steering,
+        np.zeros(1, memory),
+    )

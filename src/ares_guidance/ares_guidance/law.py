@@ -16,6 +16,7 @@ from ares_guidance.arrays import (
     HEATING_MODELLED,
     LAW_PEG,
     MAX_SEGMENTS,
+    NO_MEMORY,
     PHASE_CONVERGING,
     PHASE_IDLE,
     OnboardArrays,
@@ -203,11 +204,15 @@ class LawKind:
     Attributes:
         name: what it is chosen by.
         code: `law` of GuidanceStatus; from 128 for laws of other packages.
-        step: kernel with the arguments of `kernels.cycle.guidance_step`.
+        step: kernel with the arguments of `kernels.cycle.guidance_step`; of a law with a memory of
+            its own with that behind them.
         build: makes the law from arrays and settings; None: it is a plain `Law`.
         needs_trajectory: it cannot start from the navigation state alone.
         holds_attitude: it aims burns in held attitude.
         meets_place: it flies to a place on an orbit whose perigee is named too.
+        memory: what the law keeps between navigation states besides GUIDANCE_STATE; all zero
+            when a flight begins, and not touched when navigation is acquired anew: the phase of
+            GUIDANCE_STATE is then PHASE_IDLE.
     """
 
     name: str
@@ -217,6 +222,7 @@ class LawKind:
     needs_trajectory: bool = False
     holds_attitude: bool = False
     meets_place: bool = False
+    memory: np.dtype[Any] = NO_MEMORY
 
 
 #: The law of the shared cycle as it stands.
@@ -289,9 +295,10 @@ def why_no_plan(law: str, arrays: MissionArrays, reason: str) -> str:
 
 @cache
 def guarded(kind: LawKind) -> Callable[..., None]:
-    """The step of a law between navigation gate and monitors; arguments as of `kind.step`."""
+    """Return the step of a law between navigation gate and monitors: `guarded_step` of its own."""
+    place = "guidance_step" if kind.memory == NO_MEMORY else "step_law"
     step: Callable[..., None] = specialised(
-        "ares_guidance.kernels.guarded", f"of_{kind.name}", guidance_step=kind.step
+        "ares_guidance.kernels.guarded", f"of_{kind.name}", **{place: kind.step}
     ).guarded_step
     return step
 
@@ -356,7 +363,7 @@ class Law:
 
     def _begin(self) -> None:
         """Put the state of before a flight on board, with the plan."""
-        self.onboard = blank_onboard(self._settings)
+        self.onboard = blank_onboard(self._settings, self.kind.memory)
         if self._arc_plan is not None:
             self.state["plan"] = self._arc_plan.record(self._arrays)[0]
 
@@ -436,6 +443,11 @@ class Law:
     def state(self) -> Any:
         """What the law thinks, record GUIDANCE_STATE."""
         return self.onboard.state[0]
+
+    @property
+    def memory(self) -> Any:
+        """The law's own memory, a record."""
+        return self.onboard.memory[0]
 
     @property
     def steering(self) -> NDArray[np.void]:

@@ -164,7 +164,7 @@ def test_every_law_can_be_told_of_a_trajectory(ares_v):
     for name in law_names():
         law = make_law(name, arrays)
         law.start_from(trajectory())
-        told = law.state["thesis"]["planned"] if name == "peg_thesis" else law.state["seeded"]
+        told = law.memory["planned"] if name == "peg_thesis" else law.state["seeded"]
         assert told == 1
 
 
@@ -217,14 +217,14 @@ def test_a_cycle_is_still_a_cycle(ares_v):
 
 def test_modes_follow_staging_and_jettison(ares_v):
     law = planned(ares_v)
-    assert law.state["thesis"]["mode"] == 0
+    assert law.memory["mode"] == 0
     law.step(navigation(ares_v))
-    assert law.state["thesis"]["mode"] == 1
+    assert law.memory["mode"] == 1
     step_anew(law, after_staging(ares_v))
-    assert law.state["thesis"]["mode"] == 2
+    assert law.memory["mode"] == 2
     assert law.steering[0]["jettison_time"] == pytest.approx(416.64, abs=0.3)
     step_anew(law, after_staging(ares_v, time=416.7, mass=278_367.0, jettisoned=1))
-    assert law.state["thesis"]["mode"] == 3
+    assert law.memory["mode"] == 3
     assert law.steering[0]["jettison"] == -1
     assert math.isnan(law.steering[0]["jettison_time"])
     # from 416.7 s on 2,059.6 m/s along the velocity
@@ -236,14 +236,14 @@ def test_mode_one_can_go_on_through_staging(ares_v):
     law = planned(ares_v, split_at_staging=False)
     law.step(navigation(ares_v))
     step_anew(law, after_staging(ares_v))
-    assert law.state["thesis"]["mode"] == 1
+    assert law.memory["mode"] == 1
 
 
 @pytest.mark.parametrize(("plane", "moved"), [("mode", True), ("flight", False), ("free", False)])
 def test_the_plane_is_that_of_the_state_in_which_the_mode_begins(ares_v, plane, moved):
     law = planned(ares_v, plane=plane)
     law.step(navigation(ares_v))
-    target = law.state["thesis"]["target"]
+    target = law.memory["target"]
     first = float(target["ascending_node"])
     step_anew(
         law, after_staging(ares_v, velocity=after_staging(ares_v)["velocity"] + [0.0, 0.0, 50.0])
@@ -266,7 +266,7 @@ def test_a_mode_two_that_would_only_hold_keeps_what_mode_one_found(ares_v):
     assert law.converged
     before = law.steering.copy()
     step_anew(law, after_staging(ares_v))
-    assert law.state["thesis"]["mode"] == 2
+    assert law.memory["mode"] == 2
     assert law.state["phase"] == PHASE_HOLD
     assert law.steering[0]["direction"] == pytest.approx(before[0]["direction"], abs=0.0)
     assert law.steering[0]["jettison_time"] == pytest.approx(

@@ -13,7 +13,7 @@ from ares_models.kernels.records import mission_records
 
 @inlined
 def onboard_records(onboard: OnboardArrays) -> Onboard:
-    """Records of what is on board."""
+    """Return the records of what is on board, but the law's own memory."""
     return Onboard(
         onboard.navigation[0], onboard.settings[0], onboard.state[0], onboard.steering[0]
     )
@@ -22,4 +22,4 @@ def onboard_records(onboard: OnboardArrays) -> Onboard:
 @kernel
 def answer(mission: MissionArrays, onboard: OnboardArrays) -> None:
     """One step of the law; arguments as of :func:`ares_guidance.kernels.cycle.guidance_step`."""
-    guarded_step(mission_records(mission), onboard_records(onboard))
+    guarded_step(mission_records(mission), onboard_records(onboard), onboard.memory[0])

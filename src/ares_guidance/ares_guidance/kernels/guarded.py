@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What every law is flown in: nothing gets in that is not navigation, nor out what breaks a rule.
 
-`guidance_step` is PEG's; each law has a copy of this module with its own step.
+`guidance_step` is PEG's; each law has a copy of this module with its own step, a law with a memory
+of its own in place of `step_law`.
 """
 
 from ares_guidance.arrays import (
@@ -32,18 +33,25 @@ def begin_anew(state: Record) -> None:
     state.engines.mass = 0.0
     state.thrust_ratio = 0.0
     state.optimal.solved = 0
-    state.thesis.mode = 0
-    state.thesis.fallback = 0
     state.leg.count = 0
     state.avoid.mode = 0
     state.avoid.next_time = 0.0
 
 
 @kernel
-def guarded_step(mission: MissionRecords, onboard: Onboard) -> None:
+def step_law(mission: MissionRecords, onboard: Onboard, memory: Record) -> None:  # noqa: ARG001
+    """Take one step of a law that has no memory of its own; arguments as of `guarded_step`."""
+    guidance_step(mission, onboard)
+
+
+@kernel
+def guarded_step(mission: MissionRecords, onboard: Onboard, memory: Record) -> None:
     """Answer one navigation state; one that is refused with the last answer, which goes on in time.
 
-    Args: as in :func:`ares_guidance.kernels.cycle.guidance_step`.
+    Args:
+        mission: as in :func:`ares_guidance.kernels.cycle.guidance_step`; so the next.
+        onboard: what is on board. Changed.
+        memory: the law's own. Changed.
     """
     state = onboard.state
     watch = state.navigation
@@ -59,7 +67,7 @@ def guarded_step(mission: MissionRecords, onboard: Onboard) -> None:
         begin_anew(state)
     if mission.environment.area_count > 0:
         hand_back(onboard)
-    guidance_step(mission, onboard)
+    step_law(mission, onboard, memory)
     guarded = mission.environment.area_count > 0
     if state.left.count == 0:
         if guarded:

@@ -106,6 +106,7 @@ def fly_many(
         room.vehicle.plant[0] = blank.vehicle.plant[0]
         room.onboard.state[0] = blank.onboard.state[0]
         room.onboard.steering[0] = blank.onboard.steering[0]
+        room.onboard.memory[0] = blank.onboard.memory[0]
         vary(variations[k], nominal, true, loop.vehicle.plant)
         room.vehicle.plant[0].failure = failures[k % failures.shape[0]]
         begin_flight(loop.true, loop.vehicle.plant)

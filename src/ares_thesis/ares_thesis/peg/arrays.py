@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers of law `peg_thesis`."""
+"""Numbers and memory of law `peg_thesis`."""
+
+import numpy as np
+
+from ares_guidance.arrays import GUIDANCE_SETTINGS, MAX_SEGMENTS
+from ares_models.arrays import ARC, TARGET
 
 #: `law` of GuidanceStatus.
 LAW_PEG_THESIS = 2
@@ -8,3 +13,29 @@ LAW_PEG_THESIS = 2
 PLANE_OF_MODE = 0
 PLANE_OF_FLIGHT = 1
 PLANE_FREE = 2
+
+THESIS_MEMORY = np.dtype(
+    [
+        # the plan: the jettison, and how it is flown to
+        ("planned", np.int64),  # 0: there is none, the law is plain PEG
+        ("target", TARGET),  # the jettison's; its plane is set when a mode begins
+        ("part_two", np.float64),  # s from the jettison to cut-off
+        # m/s: start to staging, staging to jettison, jettison to cut-off
+        ("delta_v", np.float64, (3,)),
+        ("plane", np.int64),  # PLANE_*: what modes 1 and 2 hold
+        ("split_at_staging", np.int64),  # 0: mode 1 goes on to the jettison
+        ("early_rules", GUIDANCE_SETTINGS),  # of modes 1 and 2
+        ("late_rules", GUIDANCE_SETTINGS),  # of mode 3
+        ("early_arcs", ARC, (MAX_SEGMENTS,)),  # the mission's, without the last tail-off
+        # the flight
+        ("mode", np.int64),  # 1, 2, 3; 0: not begun
+        ("jettison_time", np.float64),  # predicted; nan: not yet
+        # the last solution of the mode before, which stays when the new mode finds none
+        ("fallback", np.int64),  # 1: there is one
+        ("fallback_jettison_time", np.float64),
+        ("fallback_reference_time", np.float64),
+        ("fallback_direction", np.float64, (3,)),
+        ("fallback_direction_rate", np.float64, (3,)),
+    ],
+    align=True,
+)

@@ -22,6 +22,7 @@ from ares_guidance.arrays import (
     ERROR_TIME_TO_GO_JUMP,
     PHASE_CONVERGING,
     PHASE_HOLD,
+    PHASE_IDLE,
     PHASE_TRACKING,
     Onboard,
 )
@@ -88,11 +89,10 @@ def hold_plane(nav: Record, memory: Record) -> None:
 
 
 @kernel
-def keep_fallback(onboard: Onboard) -> None:
+def keep_fallback(onboard: Onboard, memory: Record) -> None:
     """Remember the solution in force, with the jettison as its end."""
     state = onboard.state
     steering = onboard.steering
-    memory = state.thesis
     good = state.phase == PHASE_TRACKING or state.phase == PHASE_HOLD
     memory.fallback = 1 if good else 0
     memory.fallback_jettison_time = memory.jettison_time
@@ -102,11 +102,10 @@ def keep_fallback(onboard: Onboard) -> None:
 
 
 @kernel
-def fly_fallback(onboard: Onboard) -> None:
+def fly_fallback(onboard: Onboard, memory: Record) -> None:
     """Hold the remembered solution to the jettison."""
     state = onboard.state
     steering = onboard.steering
-    memory = state.thesis
     steering.cutoff_time = memory.fallback_jettison_time
     steering.reference_time = memory.fallback_reference_time
     store(steering.direction, load(memory.fallback_direction))
@@ -116,20 +115,20 @@ def fly_fallback(onboard: Onboard) -> None:
 
 
 @kernel
-def begin_mode(mission: MissionRecords, onboard: Onboard, mode: int) -> None:
+def begin_mode(mission: MissionRecords, onboard: Onboard, mode: int, memory: Record) -> None:
     """Start a mode: its target, and Eq. 6.1 for its first velocity-to-go.
 
     Args:
         mission: of the mode; so the next.
         onboard: what is on board. Changed.
         mode: 1, 2 or 3.
+        memory: record THESIS_MEMORY. Changed.
     """
     nav = onboard.navigation
     state = onboard.state
-    memory = state.thesis
     memory.fallback = 0
     if mode == 2 and memory.mode == 1:
-        keep_fallback(onboard)
+        keep_fallback(onboard, memory)
     state.stale_cycles = 0
     state.solution.tail_gain = 0.0
     state.next_cycle_time = nav.time
@@ -138,7 +137,7 @@ def begin_mode(mission: MissionRecords, onboard: Onboard, mode: int) -> None:
     if memory.fallback == 1 and memory.jettison_time - nav.time <= onboard.settings.hold_time:
         # so late that the mode would only hold
         memory.mode = mode
-        fly_fallback(onboard)
+        fly_fallback(onboard, memory)
         return
     speed = memory.delta_v[mode - 1]
     if mode == 1:
@@ -155,7 +154,7 @@ def begin_mode(mission: MissionRecords, onboard: Onboard, mode: int) -> None:
 
 
 @kernel
-def fly_mode(mission: MissionRecords, onboard: Onboard, mode: int) -> None:
+def fly_mode(mission: MissionRecords, onboard: Onboard, mode: int, memory: Record) -> None:
     """One step of a mode, to the end of that mode.
 
     Args: as in :func:`begin_mode`.
@@ -163,8 +162,8 @@ def fly_mode(mission: MissionRecords, onboard: Onboard, mode: int) -> None:
     state = onboard.state
     steering = onboard.steering
     now = onboard.navigation.time
-    if mode != state.thesis.mode:
-        begin_mode(mission, onboard, mode)
+    if mode != memory.mode:
+        begin_mode(mission, onboard, mode, memory)
     elif (
         state.phase == PHASE_CONVERGING and steering.cutoff_time - now <= onboard.settings.hold_time
     ):
@@ -191,7 +190,7 @@ def fly_mode(mission: MissionRecords, onboard: Onboard, mode: int) -> None:
 
 
 @kernel
-def fly_to_jettison(mission: MissionRecords, onboard: Onboard, mode: int) -> None:
+def fly_to_jettison(mission: MissionRecords, onboard: Onboard, mode: int, memory: Record) -> None:
     """One step of mode 1 or 2; the "cut-off" on board is then turned into a jettison.
 
     Args: as in :func:`begin_mode`.
@@ -200,15 +199,14 @@ def fly_to_jettison(mission: MissionRecords, onboard: Onboard, mode: int) -> Non
     rules = onboard.settings
     state = onboard.state
     steering = onboard.steering
-    memory = state.thesis
     steering.cutoff_time = memory.jettison_time if memory.mode > 0 else math.nan
-    fly_mode(mission, onboard, mode)
+    fly_mode(mission, onboard, mode, memory)
     if (
         state.phase <= PHASE_TRACKING
         and memory.fallback == 1
         and abs(steering.cutoff_time - memory.fallback_jettison_time) > rules.time_to_go_jump_limit
     ):
-        fly_fallback(onboard)
+        fly_fallback(onboard, memory)
         state.error = ERROR_TIME_TO_GO_JUMP
     memory.jettison_time = steering.cutoff_time
     if math.isfinite(memory.jettison_time):
@@ -221,7 +219,7 @@ def fly_to_jettison(mission: MissionRecords, onboard: Onboard, mode: int) -> Non
 
 
 @kernel
-def step_by_modes(mission: MissionRecords, onboard: Onboard) -> None:
+def step_by_modes(mission: MissionRecords, onboard: Onboard, memory: Record) -> None:
     """Answer one navigation state, mode by mode; without a plan, by the shared cycle.
 
     In modes 1 and 2 the cycle's "cut-off" is the jettison; that of the engine is expected
@@ -230,17 +228,22 @@ def step_by_modes(mission: MissionRecords, onboard: Onboard) -> None:
     Args:
         mission: as guidance believes it; with a plan two stages and one jettison.
         onboard: what is on board; settings are those of the shared cycle. Changed.
+        memory: record THESIS_MEMORY. Changed.
     """
     nav = onboard.navigation
     state = onboard.state
-    memory = state.thesis
     set_aim(mission, state)
     if memory.planned == 0:
         guidance_step(aimed_by_plan(mission, state), onboard)
         return
+    if state.phase == PHASE_IDLE:
+        # the flight begins, or navigation is acquired anew
+        memory.mode = 0
+        memory.fallback = 0
     mode = mode_of(nav, mission.arcs, memory)
     if mode == 3:
-        fly_mode(aimed_by_plan(mission, state), by_rules(onboard, memory.late_rules), mode)
+        late = by_rules(onboard, memory.late_rules)
+        fly_mode(aimed_by_plan(mission, state), late, mode, memory)
     else:
         early = mission_to_jettison(mission, memory)
-        fly_to_jettison(early, by_rules(onboard, memory.early_rules), mode)
+        fly_to_jettison(early, by_rules(onboard, memory.early_rules), mode, memory)

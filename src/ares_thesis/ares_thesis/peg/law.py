@@ -17,7 +17,13 @@ from ares_models.arrays import (
     MissionArrays,
 )
 from ares_models.kernels.targets import names
-from ares_thesis.peg.arrays import LAW_PEG_THESIS, PLANE_FREE, PLANE_OF_FLIGHT, PLANE_OF_MODE
+from ares_thesis.peg.arrays import (
+    LAW_PEG_THESIS,
+    PLANE_FREE,
+    PLANE_OF_FLIGHT,
+    PLANE_OF_MODE,
+    THESIS_MEMORY,
+)
 from ares_thesis.peg.kernels import step_by_modes
 
 #: Planes that modes 1 and 2 can hold.
@@ -126,7 +132,7 @@ class ThesisPeg(Law):
         if plan is None:
             return
         arrays = self._arrays
-        memory = self.state["thesis"]
+        memory = self.memory
         memory["planned"] = 1
         memory["part_two"] = plan.cutoff_time_s - plan.jettison_time_s
         memory["delta_v"] = plan.delta_v_m_s
@@ -155,4 +161,11 @@ def _rules(settings: LawSettings) -> tuple[Any, Any]:
     return early, late
 
 
-LAW = LawKind("peg_thesis", LAW_PEG_THESIS, step_by_modes, ThesisPeg, needs_trajectory=True)
+LAW = LawKind(
+    "peg_thesis",
+    LAW_PEG_THESIS,
+    step_by_modes,
+    ThesisPeg,
+    needs_trajectory=True,
+    memory=THESIS_MEMORY,
+)
