@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ares_optimizer.indirect.closed_form import gravity_table
 from ares_optimizer.solution import Solution
 from ares_studies.pages.parts import (
     BESIDE,
@@ -19,6 +18,7 @@ from ares_studies.pages.parts import (
     power,
     word,
 )
+from ares_thesis.closed_form import gravity_table
 from ares_thesis.reproduce import printed
 from ares_thesis.reproduce.sources import Sources
 from ares_thesis.transients import mass_after_full_flow
