@@ -12,7 +12,8 @@ from ares_bringup.usage import answer
 
 # registered in this order, in which the help lists them
 from ares_bringup.verbs import bags, files, flights, graph, studies  # noqa: F401
-from ares_bringup.verbs.app import BadInput, add_registered_verbs, app, one_line
+from ares_bringup.verbs.app import VERBS, BadInput, add_registered_verbs, app, one_line
+from ares_models.registry import registered
 from ares_node.entry import OutputError
 
 __all__ = ["app", "main"]
@@ -55,7 +56,7 @@ def _run(argv: Sequence[str] | None) -> int:
     words = list(sys.argv[1:] if argv is None else argv)
     try:
         # help is the library's: it lists the laws that are installed
-        if (said := answer(words)) and said.refusal:
+        if (said := answer(words, tuple(registered(VERBS)))) and said.refusal:
             print(f"ares: {one_line(said.refusal)}", file=sys.stderr)
             return said.status
         status = app(args=words, prog_name="ares", standalone_mode=False)
