@@ -249,7 +249,7 @@ def write(names: list[str]) -> None:
     time.sleep(600.0)
 
 
-cli.answer = lambda _words: None
+cli.answer = lambda *_: None
 sys.exit(cli.main(["write", *sys.argv[1:]]))
 """
 

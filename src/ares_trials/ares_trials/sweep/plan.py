@@ -106,7 +106,7 @@ _KINDS: Mapping[str, InputKind] = {MISSION: MISSION_FILE, DISPERSIONS: DISPERSIO
 def bases(kind: str) -> dict[str, dict[str, Any]]:
     """Good files of a kind, as plain data by name."""
     file = _KINDS[kind]
-    folder = resources.files("ares_bringup").joinpath("sweep")
+    folder = resources.files("ares_trials").joinpath("sweep")
     paths = {name: file.find(name) for name in file.shipped()}
     paths |= {name: Path(str(folder.joinpath(f"{name}.yaml"))) for name in _OWN[kind]}
     found = {name: read_input(path, file)[0] for name, path in paths.items()}
